@@ -1,0 +1,25 @@
+"""The two errors a user meets: bad input, and a run that had to stop."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """A scene, argument or file that otwarp cannot accept.
+
+    The message is one line that names the file, prim, attribute or argument, its value and the allowed range.
+    The command line prints it and exits with code 2.
+    """
+
+
+class SimulationError(RuntimeError):
+    """A run that stopped because its state was no longer physical; the last good frame is kept.
+
+    Attributes:
+        world: Index of the world that failed.
+        body: Prim path of the body that failed.
+        step: Step at which it failed.
+    """
+
+    def __init__(self, reason: str, *, world: int, body: str, step: int, time: float):
+        super().__init__(f"{reason}: world {world}, body {body}, step {step} (t = {time:.6g} s); last good frame kept")
+        self.world, self.body, self.step, self.time = world, body, step, time

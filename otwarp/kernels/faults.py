@@ -1,0 +1,42 @@
+"""Codes by which the device tells the host that a body's state is no longer physical."""
+
+import enum
+
+import warp as wp
+
+from otwarp.kernels.types import ReadoutData
+
+
+class Fault(enum.IntEnum):
+    """Why a body stopped."""
+
+    NONE = 0
+    NON_FINITE = 1
+    OVERLAP = 2
+    OVERFLOW = 3
+
+
+FAULT_TEXT = {
+    Fault.NON_FINITE: "the state became non-finite (time step too large, or forces out of range)",
+    Fault.OVERLAP: "spheres overlap by more than half the smaller radius (time step too large, or driven too hard)",
+    Fault.OVERFLOW: "more contacts at once than the solver holds",
+}
+
+OVERLAP_LIMIT = wp.constant(0.5)
+"""Overlap, relative to the smaller radius, above which Hertz contact means nothing and the run stops."""
+
+
+@wp.func
+def finite(v: wp.vec3) -> bool:
+    """Whether all components are finite."""
+    total = v[0] + v[1] + v[2]
+    return total - total == 0.0
+
+
+@wp.func
+def raise_fault(readout: ReadoutData, world: int, body: int, code: int, step: wp.int64):
+    """Record the first fault of a body."""
+    if readout.fault[world, body] == 0:
+        readout.fault[world, body] = code
+        readout.fault_step[world, body] = step
+        wp.atomic_add(readout.fault_count, 0, 1)

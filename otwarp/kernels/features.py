@@ -1,0 +1,79 @@
+"""What a scene needs: the feature set from which a step is composed, and why each term is in or out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+MAX_WORLD_BODIES = 24
+"""Bodies that may touch above which neighbours are found by a grid instead of by trying all pairs in one thread."""
+
+MAX_CONTACTS = 64
+"""Contacts a world can carry at once when one thread owns it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Features:
+    """The terms one step is made of.
+
+    Attributes:
+        driver: `solo`, one thread owns one body for many steps (bodies do not touch each other); `world`, one thread
+            owns a world for many steps; `grid`, one thread per body and step, neighbours from a hash grid.
+        bodies, traps: How many of each in a world.
+        trap_models: Force models in use, keys of `TRAP_TERMS`.
+        moving_traps: Traps follow key frames.
+        speed_limits: Some trap has a finite speed limit.
+        spheres, rigid: There are lone spheres; there are bodies with rotation.
+        brownian, gravity: Whether the terms act.
+        flow: Profile of the background flow, or None.
+        obstacles: Shapes of obstacles that something can hit.
+        moving_obstacles: Some of them move.
+        pairs: Bodies can touch each other.
+        escapes: Traps hold spheres that can escape.
+    """
+
+    driver: Literal["solo", "world", "grid"] = "solo"
+    bodies: int = 1
+    traps: int = 0
+    trap_models: tuple[str, ...] = ()
+    moving_traps: bool = False
+    speed_limits: bool = False
+    spheres: bool = True
+    rigid: bool = False
+    brownian: bool = True
+    gravity: bool = False
+    flow: str | None = None
+    obstacles: tuple[str, ...] = ()
+    moving_obstacles: bool = False
+    pairs: bool = False
+    escapes: bool = False
+
+    @property
+    def contacts(self) -> bool:
+        """Whether anything can touch anything."""
+        return self.pairs or bool(self.obstacles)
+
+    def terms(self) -> list[tuple[str, bool, str]]:
+        """(term, compiled in, why) for every optional term, in the order in which the step applies them."""
+        yes_no = (
+            ("harmonic trap", any("harmonic" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("piecewise trap", any("piecewise" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("moving traps", self.moving_traps, "traps have time samples", "no trap has time samples"),
+            ("trap speed limit", self.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
+            ("rotation, 6×6 mobility", self.rigid, "a body has several spheres", "all bodies are lone spheres"),
+            ("lone-sphere mobility", self.spheres, "a body is a lone sphere", "no body is a lone sphere"),
+            ("Brownian noise", self.brownian, "ot:scene:brownian and temperature > 0", "switched off or 0 K"),
+            ("gravity", self.gravity, "ot:scene:gravity", "ot:scene:gravity is false"),
+            ("flow", self.flow is not None, f"{self.flow} flow", "no OtFlowAPI, or its flow is zero"),
+            (
+                "obstacle contact",
+                bool(self.obstacles),
+                "shapes: " + ", ".join(self.obstacles),
+                "no obstacle, or nothing that collides",
+            ),
+            ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
+            ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
+            ("neighbour grid", self.driver == "grid", f"more than {MAX_WORLD_BODIES} bodies may touch", "few bodies"),
+            ("escape detection", self.escapes, "traps have a finite reach", "no trap with a finite reach holds a sphere"),
+        )
+        return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

@@ -1,0 +1,184 @@
+"""Optical traps: where they are, and the force each exerts on a sphere.
+
+A force term has the signature `(traps, world, trap, displacement, radius) -> force per mW`, with `displacement` the
+vector from the trap's equilibrium point to the sphere's centre. A new model is one function and one line of
+`TRAP_TERMS`.
+"""
+
+import warp as wp
+
+from otwarp.kernels.keyframes import find_key, key_weight
+from otwarp.kernels.types import ControlData, TrapData, world_row
+
+
+@wp.func
+def piecewise_ratio(
+    d2: float, stiffness: float, threshold: float, inverse_square: float, offset: float, cutoff: float
+) -> float:
+    """f(d)/d of the paper's piecewise law (eq. 1): K below the threshold, (A/d² + C)/d up to the cutoff, 0 beyond.
+
+    `d2` is the squared distance [µm²]; the result is in pN/µm per mW.
+    """
+    ratio = stiffness
+    if d2 >= threshold * threshold:
+        ratio = (inverse_square / d2 + offset) / wp.sqrt(d2)
+    if d2 >= cutoff * cutoff:
+        ratio = 0.0
+    return ratio
+
+
+@wp.func
+def harmonic_ratio(d2: float, stiffness: float, cutoff: float) -> float:
+    """f(d)/d of a linear spring that ends at the cutoff [pN/µm per mW]."""
+    return wp.where(d2 < cutoff * cutoff, stiffness, 0.0)
+
+
+@wp.func
+def law_scale(traps: TrapData, trap: int, radius: float) -> float:
+    """Factor on distances for a sphere of `radius`: ray optics makes the force a function of d/r."""
+    fitted = traps.law_radius[trap]
+    scale = float(1.0)
+    if fitted > 0.0:
+        scale = fitted / radius
+    return scale
+
+
+@wp.func
+def harmonic_isotropic(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+    """F = −K·d per mW inside the cutoff, equal in all directions."""
+    s = law_scale(traps, trap, radius)
+    k = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
+    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
+    return (-s * harmonic_ratio(s * s * wp.dot(displacement, displacement), k, cutoff)) * displacement
+
+
+@wp.func
+def harmonic_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+    """F = −K_r·ρ − K_z·z per mW, each inside its own cutoff."""
+    s = law_scale(traps, trap, radius)
+    axis = traps.axis[trap]
+    z = wp.dot(displacement, axis)
+    across = displacement - z * axis
+    k = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
+    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
+    kz = traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap]
+    cutoff_z = traps.axial_cutoff[world_row(traps.axial_cutoff.shape[0], world), trap]
+    reach = wp.max(cutoff, cutoff_z)
+    force = wp.vec3(0.0)
+    if s * s * wp.dot(displacement, displacement) < reach * reach:
+        f_r = harmonic_ratio(s * s * wp.dot(across, across), k, cutoff)
+        f_z = harmonic_ratio(s * s * z * z, kz, cutoff_z)
+        force = (-s * f_r) * across - (s * f_z * z) * axis
+    return force
+
+
+@wp.func
+def piecewise_isotropic(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+    """The paper's eq. 1, directed to the trap and equal in all directions, per mW."""
+    s = law_scale(traps, trap, radius)
+    ratio = piecewise_ratio(
+        s * s * wp.dot(displacement, displacement),
+        traps.stiffness[world_row(traps.stiffness.shape[0], world), trap],
+        traps.threshold[world_row(traps.threshold.shape[0], world), trap],
+        traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap],
+        traps.offset[world_row(traps.offset.shape[0], world), trap],
+        traps.cutoff[world_row(traps.cutoff.shape[0], world), trap],
+    )
+    return (-s * ratio) * displacement
+
+
+@wp.func
+def piecewise_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+    """Eq. 1 with separate curves across and along the beam, per mW; zero beyond the larger cutoff."""
+    s = law_scale(traps, trap, radius)
+    axis = traps.axis[trap]
+    z = wp.dot(displacement, axis)
+    across = displacement - z * axis
+    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
+    cutoff_z = traps.axial_cutoff[world_row(traps.axial_cutoff.shape[0], world), trap]
+    reach = wp.max(cutoff, cutoff_z)
+    force = wp.vec3(0.0)
+    if s * s * wp.dot(displacement, displacement) < reach * reach:
+        f_r = piecewise_ratio(
+            s * s * wp.dot(across, across),
+            traps.stiffness[world_row(traps.stiffness.shape[0], world), trap],
+            traps.threshold[world_row(traps.threshold.shape[0], world), trap],
+            traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap],
+            traps.offset[world_row(traps.offset.shape[0], world), trap],
+            cutoff,
+        )
+        f_z = piecewise_ratio(
+            s * s * z * z,
+            traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap],
+            traps.axial_threshold[world_row(traps.axial_threshold.shape[0], world), trap],
+            traps.axial_inverse_square[world_row(traps.axial_inverse_square.shape[0], world), trap],
+            traps.axial_offset[world_row(traps.axial_offset.shape[0], world), trap],
+            cutoff_z,
+        )
+        force = (-s * f_r) * across - (s * f_z * z) * axis
+    return force
+
+
+TRAP_TERMS: dict[str, tuple[int, wp.Function]] = {
+    "harmonic_isotropic": (0, harmonic_isotropic),
+    "harmonic_split": (1, harmonic_split),
+    "piecewise_isotropic": (2, piecewise_isotropic),
+    "piecewise_split": (3, piecewise_split),
+}
+"""Force models by name: the key stored in `TrapData.model`, and the term."""
+
+
+def trap_force_term(models: tuple[str, ...]) -> wp.Function:
+    """One force function for the models a scene uses: the term itself, or a branch on the trap's model."""
+    key, head = TRAP_TERMS[models[0]]
+    if len(models) == 1:
+        return head
+    rest = trap_force_term(models[1:])
+
+    @wp.func
+    def either(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+        force = wp.vec3(0.0)
+        if traps.model[trap] == wp.static(key):
+            force = head(traps, world, trap, displacement, radius)
+        else:
+            force = rest(traps, world, trap, displacement, radius)
+        return force
+
+    return either
+
+
+@wp.func
+def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """Commanded focus [µm] and power [mW] of a trap that only the control moves."""
+    p = control.trap_position[world_row(control.trap_position.shape[0], world), trap]
+    return wp.vec4(p[0], p[1], p[2], control.trap_power[world_row(control.trap_power.shape[0], world), trap])
+
+
+@wp.func
+def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """Commanded focus [µm] and power [mW] of a trap, from the scene's key frames where `follow` says so."""
+    command = commanded_still(traps, control, world, trap, time)
+    follow = control.follow[trap]
+    first = traps.key_start[trap]
+    last = traps.key_start[trap + 1] - 1
+    if follow != 0 and last > first:
+        key = find_key(traps.key_time, first, last, time)
+        w = key_weight(traps.key_time, key, time)
+        value = (1.0 - w) * traps.key_value[key] + w * traps.key_value[key + 1]
+        if (follow & 1) != 0:
+            command = wp.vec4(value[0], value[1], value[2], command[3])
+        if (follow & 2) != 0:
+            command = wp.vec4(command[0], command[1], command[2], value[3])
+    return command
+
+
+@wp.func
+def limited_focus(traps: TrapData, world: int, trap: int, now: wp.vec3, wanted: wp.vec3, dt: float) -> wp.vec3:
+    """Focus after one step towards `wanted`, no faster than the trap's speed limit."""
+    limit = traps.speed_limit[world_row(traps.speed_limit.shape[0], world), trap] * dt
+    way = wanted - now
+    distance = wp.length(way)
+    result = wanted
+    if distance > limit:
+        result = now + (limit / distance) * way
+    return result

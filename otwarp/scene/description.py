@@ -1,0 +1,346 @@
+"""What a scene says, as plain frozen dataclasses in internal units (µm, s, pN, mW, K).
+
+Quaternions are (x, y, z, w). Positions of bodies, traps and obstacles are in world coordinates (µm); offsets of
+spheres are in the frame of the body's prim. Nothing here knows USD or Warp.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
+
+
+def _same(a: object, b: object) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(np.asarray(a), np.asarray(b))
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return a == b
+
+
+class _ByValue:
+    """Equality field by field, arrays included; fields declared `compare=False` do not count."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields if f.compare)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Track(_ByValue):
+    """Time samples, interpolated linearly in between and held constant outside.
+
+    Attributes:
+        times: (n,) seconds from the start of the run, strictly increasing; n = 1 means constant.
+        values: (n, k) samples.
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def constant(cls, value: object) -> Track:
+        """A track that never changes; `value` is a scalar or a vector."""
+        return cls(times=np.zeros(1), values=np.atleast_1d(np.asarray(value, dtype=float))[None, :])
+
+    @property
+    def animated(self) -> bool:
+        """Whether the value changes at all."""
+        return len(self.times) > 1 and bool(np.any(self.values != self.values[0]))
+
+    def at(self, time: float) -> np.ndarray:
+        """(k,) value at `time` [s]."""
+        return np.array([np.interp(time, self.times, column) for column in self.values.T])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Medium:
+    """The liquid: refractive index [1], dynamic viscosity [Pa·s], temperature [K], density [pN·s²/µm⁴]."""
+
+    refractive_index: float = 1.33
+    viscosity: float = 0.00089
+    temperature: float = 298.15
+    density: float = 997e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How the scene is to be stepped.
+
+    Attributes:
+        accuracy: Wanted relative error of stationary variances; the time step follows from it.
+        time_step: Explicit time step [s], or None to let otwarp choose.
+        integrator: Name of the time integrator.
+        brownian: Whether thermal noise acts.
+        gravity: Whether weight minus buoyancy acts (along −Z).
+        duration: Length of the authored run [s].
+        frames_per_second: Rate at which frames are recorded [1/s].
+    """
+
+    accuracy: float = 0.01
+    time_step: float | None = None
+    integrator: str = "eulerMaruyama"
+    brownian: bool = True
+    gravity: bool = False
+    duration: float = 1.0
+    frames_per_second: float = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrapLaw:
+    """One force curve F(d) of a trap (the paper's eq. 1), restoring towards the trap.
+
+    F(d) = stiffness·d for d < threshold; inverse_square/d² + offset for threshold ≤ d < cutoff; 0 beyond.
+    A harmonic law uses `stiffness` and `cutoff` alone. F holds at `power` and scales in proportion to the trap's.
+    With `radius` > 0 the law was fitted for a sphere of that radius, and another radius r feels F(d·radius/r): the
+    similarity of ray optics, where the force depends on d/r alone.
+
+    Attributes:
+        stiffness: pN/µm.
+        threshold: µm.
+        inverse_square: pN·µm².
+        offset: pN.
+        cutoff: µm (may be inf).
+        power: mW.
+        radius: µm, 0 to leave distances unscaled.
+    """
+
+    stiffness: float
+    threshold: float = float("inf")
+    inverse_square: float = 0.0
+    offset: float = 0.0
+    cutoff: float = float("inf")
+    power: float = 20.0
+    radius: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trap(_ByValue):
+    """An optical trap.
+
+    Attributes:
+        prim: Path of its prim.
+        position: Track of the focus, (n, 3) µm.
+        power: Track of the power, (n, 1) mW.
+        orientation: Rotation of the trap's frame; the beam travels along its +Z.
+        wavelength: Vacuum wavelength [µm].
+        numerical_aperture: NA of the objective.
+        polarization: One of the tokens of the vocabulary.
+        model: Force model, a token of the vocabulary.
+        radial, axial: Force curves across and along the beam; `axial` is None when one isotropic curve serves.
+        equilibrium: Where the force vanishes, µm from the focus along the beam; d is measured from there.
+        hand: Which hand moves it.
+        speed_limit: Fastest the focus may move [µm/s], inf for none.
+        holds: Prim path of the sphere this trap is meant to hold, or None: the nearest trapped sphere at the start.
+    """
+
+    prim: str
+    position: Track
+    power: Track
+    orientation: Quat = IDENTITY
+    wavelength: float = 1.064
+    numerical_aperture: float = 1.25
+    polarization: str = "circular"
+    model: str = "piecewise"
+    radial: TrapLaw
+    axial: TrapLaw | None = None
+    equilibrium: float = 0.0
+    hand: Literal["none", "left", "right"] = "none"
+    speed_limit: float = float("inf")
+    holds: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """Elastic and adhesive surface: Young's modulus [pN/µm² = Pa], Poisson ratio, adhesion [pN/µm], its range [µm]."""
+
+    youngs_modulus: float = 1e6
+    poisson_ratio: float = 0.4
+    adhesion: float = 0.0
+    adhesion_range: float = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere:
+    """One sphere of a body: offset in the body's frame [µm], radius [µm], and what acts on it."""
+
+    prim: str
+    offset: Vec3 = (0.0, 0.0, 0.0)
+    radius: float
+    refractive_index: float = 1.52
+    trapped: bool = True
+    collides: bool = True
+    drag: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A rigid body made of spheres: a microrobot, a bead, or a cell (one sphere).
+
+    Attributes:
+        prim: Path of its prim; for an instance, the path of its PointInstancer.
+        instance: Index within a PointInstancer, or None.
+        kind: `robot` (OtBodyAPI) or `cell` (OtCellAPI).
+        position, orientation: Pose of the prim at the start.
+        spheres: Its spheres.
+        density: pN·s²/µm⁴.
+        material: Contact surface.
+        mobility: Override of the computed geometric mobility, 36 numbers row by row about the prim's origin in the
+            prim's frame at unit viscosity [1/µm, 1/µm², 1/µm³], or None.
+        warning_force: Contact force above which the user is warned [pN], inf for none.
+    """
+
+    prim: str
+    instance: int | None = None
+    kind: Literal["robot", "cell"] = "robot"
+    position: Vec3 = (0.0, 0.0, 0.0)
+    orientation: Quat = IDENTITY
+    spheres: tuple[Sphere, ...]
+    density: float = 1190e-12
+    material: Material = field(default_factory=Material)
+    mobility: tuple[float, ...] | None = None
+    warning_force: float = float("inf")
+
+    @property
+    def name(self) -> str:
+        """Readable unique name: the prim path, with the index of an instance."""
+        return self.prim if self.instance is None else f"{self.prim}[{self.instance}]"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Obstacle(_ByValue):
+    """A rigid obstacle or wall, at rest or moving along time samples.
+
+    Attributes:
+        prim: Path of its prim.
+        shape: plane, box, sphere, cylinder, capsule or mesh.
+        position: Track of its origin, (n, 3) µm.
+        orientation: Track of its rotation, (n, 4) quaternions, same times as `position`. The local +Z axis is the
+            normal of a plane and the axis of a cylinder or capsule (other USD axes are folded into the rotation).
+        size: box: half extents (x, y, z); sphere: (radius, 0, 0); cylinder and capsule: (radius, half height of
+            the straight part, 0); plane and mesh: zeros [µm].
+        vertices: (n, 3) µm, mesh only, scale applied.
+        triangles: (m, 3) vertex indices, mesh only.
+    """
+
+    prim: str
+    shape: Literal["plane", "box", "sphere", "cylinder", "capsule", "mesh"]
+    position: Track
+    orientation: Track
+    size: Vec3 = (0.0, 0.0, 0.0)
+    vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int32))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flow:
+    """Background flow along the local +X of its prim, varying along the local +Z.
+
+    kind `uniform`: u = speed; `shear`: u = shear_rate·z; `poiseuille`: u = speed·(1 − (z/half_height)²) between the
+    plates at z = ±half_height, 0 outside. Speed is in µm/s (at the centre line for `poiseuille`), rate in 1/s.
+    """
+
+    prim: str
+    kind: Literal["uniform", "shear", "poiseuille"]
+    origin: Vec3 = (0.0, 0.0, 0.0)
+    orientation: Quat = IDENTITY
+    speed: float = 0.0
+    shear_rate: float = 0.0
+    half_height: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """The microscope: objective and condenser NA, illumination wavelength [µm], pixel [µm], focus height [µm]."""
+
+    prim: str
+    numerical_aperture: float = 1.45
+    condenser_aperture: float = 0.6
+    wavelength: float = 0.6328
+    pixel_size: float = 0.065
+    focus: float = 0.0
+    noise: float = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """The task: bring `cell` to `position`.
+
+    Attributes:
+        prim: Path of the goal's prim.
+        position: Where the cell is wanted [µm].
+        cell: Prim path of the cell.
+        robots: Prim paths of the robots that carry it.
+        tolerance: Delivered when the cell is this close [µm].
+        lost_distance: A robot is lost when any of its traps is this far from the sphere it holds [µm].
+        cell_lost_distance: The cell is lost when this far from the midpoint of its robots [µm].
+        distance_warning: Warning line of the robot–trap distance [µm].
+    """
+
+    prim: str
+    position: Vec3
+    cell: str
+    robots: tuple[str, ...]
+    tolerance: float
+    lost_distance: float
+    cell_lost_distance: float
+    distance_warning: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene(_ByValue):
+    """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
+
+    `file` is where it was read from (not part of equality).
+    """
+
+    file: Path | None = field(default=None, compare=False)
+    root: str = "/World"
+    medium: Medium = field(default_factory=Medium)
+    settings: Settings = field(default_factory=Settings)
+    traps: tuple[Trap, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    flow: Flow | None = None
+    camera: Camera | None = None
+    goal: Goal | None = None
+
+    @classmethod
+    def load(cls, file: str | Path, *, duration: float | None = None) -> Scene:
+        """Read a USD stage.
+
+        Args:
+            file: Path of a `.usda`, `.usdc` or `.usd` file.
+            duration: Length of the run [s] that the time samples must cover, instead of the authored one.
+
+        Raises:
+            InputError: Anything in the file that cannot be accepted, in one line.
+        """
+        from otwarp.scene.load import load_scene
+
+        return load_scene(Path(file), duration=duration)
+
+    def with_trap_speed(self, factor: float) -> Scene:
+        """The same scene with its traps played `factor` times faster, and the run shortened to match."""
+        traps = tuple(
+            dataclasses.replace(
+                t,
+                position=dataclasses.replace(t.position, times=t.position.times / factor),
+                power=dataclasses.replace(t.power, times=t.power.times / factor),
+            )
+            for t in self.traps
+        )
+        settings = dataclasses.replace(self.settings, duration=self.settings.duration / factor)
+        return dataclasses.replace(self, traps=traps, settings=settings)

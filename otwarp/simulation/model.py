@@ -1,0 +1,231 @@
+"""The model: constants of a scene on a device, its feature set, and its time step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike
+
+from otwarp.errors import InputError
+from otwarp.hydrodynamics.mobility import BodyMobility
+from otwarp.kernels.features import MAX_WORLD_BODIES, Features
+from otwarp.kernels.types import ModelData
+from otwarp.scene.description import Scene
+from otwarp.simulation.device import pick_device
+from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.pack_traps import (
+    equilibrium_point,
+    law_reach,
+    model_name,
+    pack_flow,
+    pack_medium,
+    pack_traps,
+    rotate,
+    trap_parameters,
+)
+from otwarp.simulation.parameters import expand_all
+from otwarp.simulation.timescales import TimeScales, time_scales
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Model:
+    """Constants of a scene on a device. Made by `Model.build`; nothing in it changes during a run.
+
+    Attributes:
+        scene: What it was built from.
+        worlds: Number of worlds W.
+        seed: Key of the random streams.
+        device: Where the arrays live.
+        features: Terms the step is made of.
+        values: Parameters in force, `(1|W, …)` float64, by the names of `parameters.PARAMETERS`.
+        overrides: Those of them that the user gave.
+        reference: (B, 3) reference point (centre of diffusion) of each body in its prim's frame [µm].
+        held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body.
+        scales: Time scales and the time step.
+        data: The kernels' view.
+        meshes: Obstacle meshes, kept alive for the kernels.
+    """
+
+    scene: Scene
+    worlds: int
+    seed: int
+    device: wp.Device
+    features: Features
+    values: dict[str, np.ndarray]
+    overrides: dict[str, np.ndarray]
+    reference: np.ndarray
+    held: tuple[tuple[int, int], ...]
+    scales: TimeScales
+    data: ModelData
+    meshes: list[wp.Mesh]
+
+    @property
+    def time_step(self) -> float:
+        """Time step [s]."""
+        return self.scales.time_step
+
+    @classmethod
+    def build(
+        cls,
+        scene: Scene,
+        *,
+        worlds: int = 1,
+        seed: int = 0,
+        device: str | wp.Device | None = None,
+        time_step: float | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
+    ) -> Model:
+        """Pack a scene for a device.
+
+        Args:
+            worlds: Independent copies of the scene, at least 1.
+            seed: 0 … 2³² − 1.
+            device: `"cpu"`, `"cuda:0"` or None for the best available.
+            time_step: Explicit step [s] instead of the scene's or the chosen one.
+            parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
+
+        Raises:
+            InputError: Anything out of range.
+        """
+        if worlds < 1:
+            raise InputError(f"worlds is {worlds}; allowed: 1 or more")
+        if not 0 <= seed < 2**32:
+            raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
+        if not scene.bodies:
+            raise InputError(f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+        place = pick_device(device)
+        moves = mobilities(scene)
+        overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
+        values = {**_scene_values(scene), **overrides}
+        features = _features(scene, values)
+        scales = time_scales(
+            scene,
+            moves,
+            values,
+            contacts=features.contacts,
+            wanted=time_step if time_step is not None else scene.settings.time_step,
+        )
+        held = _held(scene)
+        data = ModelData()
+        data.time_step = wp.float64(scales.time_step)
+        data.seed = wp.uint32(seed)
+        data.bodies = len(scene.bodies)
+        data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
+        data.traps = pack_traps(scene, values, _held_geometry(scene, held, moves), place)
+        data.body = pack_bodies(scene, moves, place)
+        data.contact = pack_contact(scene, moves, features.contacts, place)
+        data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), place)
+        data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], place)
+        return cls(
+            scene=scene,
+            worlds=worlds,
+            seed=seed,
+            device=place,
+            features=features,
+            values=values,
+            overrides=overrides,
+            reference=np.array([m.reference for m in moves]).reshape(-1, 3),
+            held=held,
+            scales=scales,
+            data=data,
+            meshes=meshes,
+        )
+
+    def start_position(self) -> np.ndarray:
+        """(B, 3) reference points of the bodies at the start [µm]."""
+        place = np.array([b.position for b in self.scene.bodies]).reshape(-1, 3)
+        return place + rotate(self.start_orientation(), self.reference)
+
+    def start_orientation(self) -> np.ndarray:
+        """(B, 4) orientations of the bodies at the start."""
+        return np.array([b.orientation for b in self.scene.bodies]).reshape(-1, 4)
+
+    def prim_position(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
+        """(..., B, 3) origins of the bodies' prims from reference points and orientations [µm]."""
+        return position - rotate(orientation, self.reference)
+
+
+def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
+    """All parameters as the scene authors them, one row."""
+    return {
+        "medium_viscosity": np.array([scene.medium.viscosity]),
+        "medium_temperature": np.array([scene.medium.temperature]),
+        "flow_speed": np.array([scene.flow.speed if scene.flow else 0.0]),
+        "flow_shear_rate": np.array([scene.flow.shear_rate if scene.flow else 0.0]),
+        **trap_parameters(scene),
+    }
+
+
+def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
+    """The terms this scene needs."""
+    bodies, traps = scene.bodies, scene.traps
+    colliding = sum(any(s.collides for s in b.spheres) for b in bodies)
+    pushed = any(s.trapped for b in bodies for s in b.spheres)
+    # sorted, so that scenes with the same models share one compiled step
+    models = tuple(sorted({model_name(t) for t in traps})) if pushed else ()
+    obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
+    pairs = colliding > 1
+    limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))
+    flow = scene.flow
+    moving = flow is not None and bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
+    driver = "solo"
+    if pairs or obstacles or limits:
+        driver = "world" if len(bodies) <= MAX_WORLD_BODIES else "grid"
+    return Features(
+        driver=driver,
+        bodies=len(bodies),
+        traps=len(traps) if models else 0,
+        trap_models=models,
+        moving_traps=bool(models) and any(t.position.animated or t.power.animated for t in traps),
+        speed_limits=limits,
+        spheres=not all(is_rigid(b) for b in bodies),
+        rigid=any(is_rigid(b) for b in bodies),
+        brownian=scene.settings.brownian and bool(np.any(values["medium_temperature"] > 0.0)),
+        gravity=scene.settings.gravity,
+        flow=flow.kind if flow and moving else None,
+        obstacles=obstacles,
+        moving_obstacles=bool(obstacles)
+        and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
+        pairs=pairs,
+        escapes=bool(models)
+        and any(math.isfinite(max(t.radial.cutoff, t.axial.cutoff if t.axial else 0.0)) for t in traps),
+    )
+
+
+def _held(scene: Scene) -> tuple[tuple[int, int], ...]:
+    """(body, sphere) each trap holds: the one it names, else the nearest trapped sphere within reach at the start."""
+    by_prim = {s.prim: (b, i) for b, body in enumerate(scene.bodies) for i, s in enumerate(body.spheres)}
+    rows = [
+        (b, i, s.radius, np.array(body.position) + rotate(np.array(body.orientation), np.array(s.offset)))
+        for b, body in enumerate(scene.bodies)
+        for i, s in enumerate(body.spheres)
+        if s.trapped
+    ]
+    held = []
+    for trap in scene.traps:
+        if trap.holds is not None:
+            held.append(by_prim[trap.holds])
+            continue
+        anchor = equilibrium_point(trap)
+        near = [(float(np.linalg.norm(x - anchor)), b, i, r) for b, i, r, x in rows]
+        gap, b, i, r = min(near, default=(math.inf, -1, -1, 1.0))
+        held.append((b, i) if gap <= law_reach(trap, r) else (-1, -1))
+    return tuple(held)
+
+
+def _held_geometry(
+    scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]
+) -> list[tuple[int, np.ndarray, float]]:
+    """Per trap: body, offset of the held sphere from the body's reference point, distance at which it has escaped."""
+    out = []
+    for trap, (b, i) in zip(scene.traps, held, strict=True):
+        if b < 0:
+            out.append((-1, np.zeros(3), math.inf))
+        else:
+            sphere = scene.bodies[b].spheres[i]
+            out.append((b, np.array(sphere.offset) - moves[b].reference, law_reach(trap, sphere.radius)))
+    return out

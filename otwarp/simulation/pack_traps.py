@@ -1,0 +1,127 @@
+"""Traps, medium and flow of a scene as the arrays that kernels read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import warp as wp
+
+from otwarp.kernels.traps import TRAP_TERMS
+from otwarp.kernels.types import FlowData, MediumData, TrapData
+from otwarp.scene.description import Scene, Trap
+from otwarp.simulation.arrays import device_array
+from otwarp.units import BOLTZMANN
+
+LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
+
+_HANDS = {"none": 0, "left": 1, "right": 2}
+
+
+def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by quaternions (..., 4) in (x, y, z, w)."""
+    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    t = 2.0 * np.cross(q[..., :3], v)
+    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+
+
+def model_name(trap: Trap) -> str:
+    """Key of the trap's force model in `TRAP_TERMS`."""
+    return f"{trap.model}_{'isotropic' if trap.axial is None else 'split'}"
+
+
+def beam_axis(trap: Trap) -> np.ndarray:
+    """(3,) direction in which the beam travels."""
+    return rotate(np.array(trap.orientation), np.array([0.0, 0.0, 1.0]))
+
+
+def equilibrium_point(trap: Trap, time: float = 0.0) -> np.ndarray:
+    """(3,) point where the trap's force vanishes at `time` [µm]."""
+    return trap.position.at(time) + trap.equilibrium * beam_axis(trap)
+
+
+def law_reach(trap: Trap, radius: float) -> float:
+    """Distance from the equilibrium point beyond which a sphere of `radius` feels nothing [µm]."""
+    cutoff = max(trap.radial.cutoff, trap.axial.cutoff if trap.axial else 0.0)
+    return cutoff * radius / trap.radial.radius if trap.radial.radius > 0.0 else cutoff
+
+
+def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
+    """Per-trap parameters of the scene in the form of `parameters.expand`: (1, T) and (1, T, 3), forces per mW."""
+    traps = scene.traps
+    out = {
+        "trap_position": np.array([[t.position.values[0] for t in traps]]).reshape(1, len(traps), 3),
+        "trap_power": np.array([[t.power.values[0, 0] for t in traps]]),
+        "trap_speed_limit": np.array([[t.speed_limit for t in traps]]),
+    }
+    for prefix, laws in (("trap_", [t.radial for t in traps]), ("trap_axial_", [t.axial or t.radial for t in traps])):
+        for name in LAW_FIELDS:
+            per_power = name not in ("threshold", "cutoff")
+            column = [getattr(law, name) / (law.power if per_power else 1.0) for law in laws]
+            out[prefix + name] = np.array([column], dtype=float)
+    return out
+
+
+def pack_traps(
+    scene: Scene, values: Mapping[str, np.ndarray], held: list[tuple[int, np.ndarray, float]], device: wp.Device
+) -> TrapData:
+    """Trap constants; `values` holds the `(1|W, T)` parameters, `held` (body, offset, reach) per trap."""
+    traps = scene.traps
+    data = TrapData()
+    # curves along the beam and speed limits take memory only where some trap has one
+    split = any(t.axial for t in traps)
+    limits = bool(np.any(np.isfinite(values["trap_speed_limit"])))
+    for name in LAW_FIELDS:
+        setattr(data, name, device_array(values[f"trap_{name}"], wp.float32, device, ndim=2))
+        axial = values[f"trap_axial_{name}"] if split else np.zeros((0, 0))
+        setattr(data, f"axial_{name}", device_array(axial, wp.float32, device, ndim=2))
+    data.speed_limit = device_array(
+        values["trap_speed_limit"] if limits else np.zeros((0, 0)), wp.float32, device, ndim=2
+    )
+    data.model = device_array([TRAP_TERMS[model_name(t)][0] for t in traps], wp.int32, device)
+    data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
+    data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
+    data.law_radius = device_array([t.radial.radius for t in traps], wp.float32, device)
+    data.hand = device_array([_HANDS[t.hand] for t in traps], wp.int32, device)
+    data.held_body = device_array([b for b, _, _ in held], wp.int32, device)
+    data.held_offset = device_array([o for _, o, _ in held], wp.vec3, device)
+    data.held_range = device_array([r for _, _, r in held], wp.float32, device)
+    _pack_keys(data, traps, device)
+    return data
+
+
+def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: wp.Device) -> None:
+    """Key frames of position and power on the union of their times, animated traps only."""
+    start, times, keys = [0], [], []
+    for trap in traps:
+        if trap.position.animated or trap.power.animated:
+            union = np.union1d(trap.position.times, trap.power.times)
+            times.append(union)
+            keys.append(np.array([[*trap.position.at(t), *trap.power.at(t)] for t in union]))
+            start.append(start[-1] + len(union))
+        else:
+            start.append(start[-1])
+    data.key_start = device_array(start, wp.int32, device)
+    data.key_time = device_array(np.concatenate([np.zeros(0), *times]), wp.float64, device)
+    data.key_value = device_array(np.concatenate([np.zeros((0, 4)), *keys]), wp.vec4, device)
+
+
+def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: wp.Device) -> MediumData:
+    """Thermal energy and viscosity from (1|W,) arrays."""
+    data = MediumData()
+    data.thermal_energy = device_array(BOLTZMANN * temperature, wp.float32, device)
+    data.viscosity = device_array(viscosity, wp.float32, device)
+    return data
+
+
+def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: wp.Device) -> FlowData:
+    """Flow constants; arrays of length 0 without a flow."""
+    data = FlowData()
+    empty = np.zeros(0)
+    data.speed = device_array(speed if scene.flow else empty, wp.float32, device)
+    data.shear_rate = device_array(shear_rate if scene.flow else empty, wp.float32, device)
+    if scene.flow:
+        data.origin = wp.vec3(*scene.flow.origin)
+        data.rotation = wp.quat(*scene.flow.orientation)
+        data.half_height = scene.flow.half_height
+    return data
