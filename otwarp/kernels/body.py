@@ -125,7 +125,7 @@ def rigid_move_term(f: Features) -> wp.Function:
     """`(model, world, b, pose, wrench, step) -> Move` of a rigid body, mobility M = L Lᵀ in the body frame.
 
     (Δx, Δθ) = M (F, T) dt/η + √(2 k_B T dt/η) L ξ + flow. About the centre of diffusion this Euler–Maruyama step
-    needs no drift correction (Brenner 1967, doi:10.1016/0021-9797(67)90241-1).
+    needs no drift correction (Brenner 1967, J. Colloid Interface Sci. 23, 407).
     """
     flow_at = FLOW_TERMS[f.flow] if f.flow else None
 

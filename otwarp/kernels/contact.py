@@ -85,6 +85,8 @@ def pair_law(contact: ContactData, a: int, b: int, radius: float, overlap: float
         if contact.adhesion[b] > adhesion:
             adhesion = contact.adhesion[b]
             reach = contact.adhesion_range[b]
+        elif contact.adhesion[b] == adhesion:
+            reach = wp.max(reach, contact.adhesion_range[b])
     return hertz_dmt(overlap, radius, compliance, adhesion, reach)
 
 

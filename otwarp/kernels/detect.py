@@ -38,9 +38,7 @@ def new_contact_term(f: Features) -> wp.Function:
         model: ModelData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, arm_a: wp.vec3, arm_b: wp.vec3,
         normal: wp.vec3, radius: float, overlap: float,
     ) -> Contact:  # fmt: skip
-        scale = wp.float32(model.time_step) / model.medium.viscosity[
-            world_row(model.medium.viscosity.shape[0], world)
-        ]
+        scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         law = pair_law(model.contact, a, b, radius, overlap)
         c = Contact()
         c.a = a
@@ -136,7 +134,9 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
                 # the body's bounding sphere against the true shape, before its spheres one by one
                 near = distance_to(model.obstacles, o, centre, bound)[3] < bound
             if near:
-                motion = moving_pose(model.obstacles, o, time + model.time_step).position - wall.position
+                motion = wp.vec3(0.0)
+                if wp.static(f.moving_obstacles):
+                    motion = moving_pose(model.obstacles, o, time + model.time_step).position - wall.position
                 for i in range(model.contact.start[a], model.contact.start[a + 1]):
                     s = model.contact.sphere[i]
                     arm = wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))

@@ -77,9 +77,7 @@ def make_solo_step(f: Features) -> wp.Kernel:
             if wp.static(f.rigid):
                 pose.rotation = rotate_by(pose.rotation, move.angular)
             if wp.static(f.escapes):
-                note_escapes(
-                    model, control, state, readout, world, b, pose, step + wp.int64(1), time + model.time_step
-                )
+                note_escapes(model, control, state, readout, world, b, pose, step + wp.int64(1), time + model.time_step)
         state.position[world, b] = pose.position
         if wp.static(f.rigid):
             state.orientation[world, b] = pose.rotation

@@ -74,6 +74,11 @@ class Features:
             ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
             ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
             ("neighbour grid", self.driver == "grid", f"more than {MAX_WORLD_BODIES} bodies may touch", "few bodies"),
-            ("escape detection", self.escapes, "traps have a finite reach", "no trap with a finite reach holds a sphere"),
+            (
+                "escape detection",
+                self.escapes,
+                "traps have a finite reach",
+                "no trap with a finite reach holds a sphere",
+            ),
         )
         return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

@@ -181,7 +181,9 @@ def wall_term(f: Features) -> wp.Function:
             wall = pose_at(model.obstacles, o, time)
             away = wp.length(pose.position - wall.position)
             if away < model.body.bound[a] + grid.reach + model.obstacles.bound[o]:
-                motion = moving_pose(model.obstacles, o, time + model.time_step).position - wall.position
+                motion = wp.vec3(0.0)
+                if wp.static(f.moving_obstacles):
+                    motion = moving_pose(model.obstacles, o, time + model.time_step).position - wall.position
                 for i in range(model.contact.start[a], model.contact.start[a + 1]):
                     s = model.contact.sphere[i]
                     arm = wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))

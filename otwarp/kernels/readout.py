@@ -57,9 +57,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         held = model.traps.held_body[trap]
         if held >= 0:
             anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
-            distance = wp.length(
-                sphere_position(model, state, world, held, model.traps.held_offset[trap]) - anchor
-            )
+            distance = wp.length(sphere_position(model, state, world, held, model.traps.held_offset[trap]) - anchor)
         out.distance[world, trap] = distance
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import zlib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 import warp as wp
@@ -66,6 +68,26 @@ def save(sim: Simulation, path: Path) -> Path:
     return path
 
 
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What a checkpoint says about its run, and its arrays; InputError if it is none."""
+    try:
+        with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as table:
+            stored = {k: table[k] for k in table.files}
+        about = json.loads(str(stored.pop("about")))
+        if about["format"] != FORMAT:
+            raise InputError(f"{path} has checkpoint format {about['format']}; allowed: {FORMAT}")
+        missing = {"scene", "digest", "duration", "worlds", "seed", "time_step", "step"} - set(about)
+        if missing:
+            raise KeyError(*sorted(missing))
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"checkpoint {path} cannot be read: {error.strerror or error}") from error
+    except (BadZipFile, ValueError, KeyError, TypeError, EOFError, NotImplementedError, zlib.error) as error:
+        raise InputError(f"{path} is not a readable otwarp checkpoint: {' '.join(str(error).split())}") from error
+    return about, stored
+
+
 def restore(path: Path, *, device: str | None = None, threads: int | None = None) -> Simulation:
     """Make the simulation that `save` wrote.
 
@@ -74,14 +96,7 @@ def restore(path: Path, *, device: str | None = None, threads: int | None = None
     """
     from otwarp.simulation.simulation import Simulation
 
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            stored = {k: file[k] for k in file.files}
-        about = json.loads(str(stored.pop("about")))
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path} is not a readable otwarp checkpoint: {error}") from error
-    if about.get("format") != FORMAT:
-        raise InputError(f"{path} has checkpoint format {about.get('format')}; allowed: {FORMAT}")
+    about, stored = _read(path)
     scene = Scene.load(about["scene"], duration=about["duration"])
     if scene_digest(scene) != about["digest"]:
         raise InputError(f"scene {about['scene']} has changed since checkpoint {path} was written")
@@ -96,6 +111,8 @@ def restore(path: Path, *, device: str | None = None, threads: int | None = None
         threads=threads,
     )
     for name, array in _arrays(sim).items():
+        if name not in stored or stored[name].shape[: array.ndim] != array.shape:
+            raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} is missing or misshapen")
         if array.size:
             array.assign(stored[name])
     sim.state.step = about["step"]

@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
+from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.features import MAX_WORLD_BODIES, Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
-from otwarp.simulation.device import pick_device
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
     equilibrium_point,
@@ -96,7 +96,9 @@ class Model:
         if not 0 <= seed < 2**32:
             raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
         if not scene.bodies:
-            raise InputError(f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+            raise InputError(
+                f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim"
+            )
         place = pick_device(device)
         moves = mobilities(scene)
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))

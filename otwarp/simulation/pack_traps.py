@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import warp as wp
 
+from otwarp.errors import InputError
 from otwarp.kernels.traps import TRAP_TERMS
 from otwarp.kernels.types import FlowData, MediumData, TrapData
 from otwarp.scene.description import Scene, Trap
@@ -65,8 +66,18 @@ def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
 def pack_traps(
     scene: Scene, values: Mapping[str, np.ndarray], held: list[tuple[int, np.ndarray, float]], device: wp.Device
 ) -> TrapData:
-    """Trap constants; `values` holds the `(1|W, T)` parameters, `held` (body, offset, reach) per trap."""
+    """Trap constants; `values` holds the `(1|W, T)` parameters, `held` (body, offset, reach) per trap.
+
+    Raises:
+        InputError: Curves across and along the beam that were fitted for spheres of different radii.
+    """
     traps = scene.traps
+    for trap in traps:
+        if trap.axial and trap.axial.radius != trap.radial.radius:
+            raise InputError(
+                f"{scene.file or scene.root}: prim {trap.prim}: ot:trapLaw:axial:radius = {trap.axial.radius:g} µm; "
+                f"allowed: that of the radial curve, {trap.radial.radius:g} µm"
+            )
     data = TrapData()
     # curves along the beam and speed limits take memory only where some trap has one
     split = any(t.axial for t in traps)

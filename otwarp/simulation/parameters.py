@@ -19,6 +19,7 @@ class Parameter:
         per_trap: Whether it has one value per trap.
         width: Components of one value.
         low: Least allowed value; `strict` excludes it.
+        infinite: Whether inf is a value: no limit.
         unit: Internal unit, for messages and help.
     """
 
@@ -26,6 +27,7 @@ class Parameter:
     width: int = 1
     low: float = -np.inf
     strict: bool = False
+    infinite: bool = False
     unit: str = ""
 
 
@@ -36,17 +38,17 @@ PARAMETERS: dict[str, Parameter] = {
     "flow_shear_rate": Parameter(False, unit="1/s"),
     "trap_position": Parameter(True, width=3, unit="µm"),
     "trap_power": Parameter(True, low=0.0, unit="mW"),
-    "trap_speed_limit": Parameter(True, low=0.0, strict=True, unit="µm/s"),
+    "trap_speed_limit": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm/s"),
     "trap_stiffness": Parameter(True, low=0.0, unit="pN/µm per mW"),
-    "trap_threshold": Parameter(True, low=0.0, strict=True, unit="µm"),
+    "trap_threshold": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
     "trap_inverse_square": Parameter(True, unit="pN·µm² per mW"),
     "trap_offset": Parameter(True, unit="pN per mW"),
-    "trap_cutoff": Parameter(True, low=0.0, strict=True, unit="µm"),
+    "trap_cutoff": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
     "trap_axial_stiffness": Parameter(True, low=0.0, unit="pN/µm per mW"),
-    "trap_axial_threshold": Parameter(True, low=0.0, strict=True, unit="µm"),
+    "trap_axial_threshold": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
     "trap_axial_inverse_square": Parameter(True, unit="pN·µm² per mW"),
     "trap_axial_offset": Parameter(True, unit="pN per mW"),
-    "trap_axial_cutoff": Parameter(True, low=0.0, strict=True, unit="µm"),
+    "trap_axial_cutoff": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
 }
 """Everything that `Simulation(..., parameters={name: values})` accepts."""
 
@@ -77,10 +79,12 @@ def expand(name: str, values: ArrayLike, *, worlds: int, traps: int) -> np.ndarr
             f"parameter {name} has shape {array.shape}; allowed: {wanted}{' followed by 3' if tail else ''} "
             f"with worlds = {worlds}, traps = {traps}"
         )
-    if np.any(np.isnan(array)) or np.any(array < spec.low) or (spec.strict and np.any(array <= spec.low)):
-        bad = array[np.isnan(array) | (array < spec.low) | (spec.strict & (array <= spec.low))].ravel()[0]
-        bound = f"{'>' if spec.strict else '≥'} {spec.low:g}"
-        raise InputError(f"parameter {name} has the value {bad:g}; allowed: {bound} {spec.unit}")
+    outside = (array <= spec.low) if spec.strict else (array < spec.low)
+    outside |= np.isnan(array) | (np.isinf(array) & (not spec.infinite))
+    if np.any(outside):
+        bound = f"{'>' if spec.strict else '≥'} {spec.low:g}" if np.isfinite(spec.low) else "finite"
+        bound += "" if spec.infinite or bound == "finite" else ", finite"
+        raise InputError(f"parameter {name} has the value {array[outside].ravel()[0]:g}; allowed: {bound} {spec.unit}")
     return np.ascontiguousarray(np.broadcast_to(array.reshape(array.shape or (1,)), (*shape, *tail)))
 
 

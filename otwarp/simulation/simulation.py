@@ -13,6 +13,7 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.faults import FAULT_TEXT, Fault
 from otwarp.kernels.step import make_step
 from otwarp.scene.description import Scene
+from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper, GridStepper
@@ -145,13 +146,8 @@ class Simulation:
         return self.model.prim_position(position, orientation), orientation
 
     def memory(self) -> int:
-        """Bytes of device memory held by State, Control, Readout and the model's parameter tables."""
-        groups = (self.state, self.control, self._readout)
-        arrays = [v for g in groups for v in vars(g).values() if isinstance(v, wp.array)]
-        data = self.model.data
-        for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow):
-            arrays += [v for v in (getattr(part, name) for name in part._cls.vars) if isinstance(v, wp.array)]
-        return sum(a.capacity for a in arrays)
+        """Bytes of device memory held by the model's tables, State, Control and Readout."""
+        return device_bytes(self.model, self.state, self.control, self._readout)
 
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint from which `Simulation.restore` continues bit for bit; see `checkpoint.save`."""

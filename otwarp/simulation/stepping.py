@@ -22,6 +22,14 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def load(kernel: wp.Kernel, device: wp.Device) -> None:
+    """Compile and load the variant of a kernel that launches will use: one thread per block on the CPU.
+
+    Warp keeps one binary per block size, and the one it makes by default serves CUDA alone.
+    """
+    kernel.module.load(device, 1 if device.is_cpu else None)
+
+
 class FusedStepper:
     """Launches the `solo` or `world` kernel; on the CPU the worlds are shared out over threads.
 
@@ -37,7 +45,7 @@ class FusedStepper:
         self.spans = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
         # compile and load once, before threads may race for it
         assert step.fused is not None
-        step.fused.module.load(model.device)
+        load(step.fused, model.device)
         self.pool = ThreadPoolExecutor(chunks) if chunks > 1 else None
 
     def _launch(self, span: tuple[int, int], first_step: int, steps: int) -> None:
@@ -74,7 +82,7 @@ class GridStepper:
         self.scratch = self._allocate()
         self.table = self._grid()
         for kernel in step.kernels:
-            kernel.module.load(model.device)
+            load(kernel, model.device)
         self.place()
         self.graph = self._capture()
 
@@ -140,9 +148,10 @@ class GridStepper:
         wp.launch(tick, dim=1, inputs=[self.scratch], device=device)
 
     def _capture(self) -> wp.Graph:
-        tick.module.load(self.model.device)
+        load(tick, self.model.device)
         with wp.ScopedCapture(device=self.model.device) as capture:
             self._one_step()
+        assert capture.graph is not None
         return capture.graph
 
     def advance(self, first_step: int, steps: int) -> None:

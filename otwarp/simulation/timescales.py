@@ -20,9 +20,6 @@ STABLE_PRODUCT = 2.0
 TRAVEL_FRACTION = 0.1
 """Largest displacement per step of anything that collides, relative to the smallest colliding radius."""
 
-SAMPLES_PER_RUN = 1000
-"""Steps of a run whose forces set no time scale at all (free diffusion)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScales:
@@ -36,7 +33,7 @@ class TimeScales:
         time_step: Step in use.
         largest_stable: Largest stable step, inf without traps.
         variance_error: Predicted relative error of stationary variances, rate·dt/2 to first order.
-        chosen_by: What decided the step.
+        chosen_by: What decided the step; never longer than a frame.
     """
 
     trap_relaxation: float | None
@@ -140,11 +137,10 @@ def time_scales(
         "trap relaxation and wanted accuracy": 2.0 * scene.settings.accuracy / rate if rate > 0.0 else math.inf,
         "diffusion of the smallest colliding sphere": diffusion or math.inf,
         "fastest prescribed motion": travel or math.inf,
+        "frame interval": 1.0 / scene.settings.frames_per_second,
     }
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
-    if math.isinf(step):
-        step, chosen_by = scene.settings.duration / SAMPLES_PER_RUN, "no force sets a time scale"
     stable = STABLE_PRODUCT / rate if rate > 0.0 else math.inf
     if wanted is not None:
         if not 0.0 < wanted < stable:

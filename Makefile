@@ -1,0 +1,41 @@
+# Two commands set a fresh machine up: `make demo` and `make test`. Python 3.11+ and make are all they need.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test validate lint scenes schema clean help
+
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "otwarp needs Python 3.11 or newer")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+demo: $(READY)  ## run the cell delivery, draw it, say where to look
+	$(BIN)/otwarp run scenes/cell_delivery.usda --out out/cell_delivery
+	$(BIN)/otwarp preview out/cell_delivery --frame 240 --forces -o out/cell_delivery/frame.png
+
+test: $(READY)  ## run the tests (a few minutes on two cores)
+	$(BIN)/python -m pytest -n 2
+
+validate: $(READY)  ## run the long statistical tests as well
+	$(BIN)/python -m pytest -n 2 --validate
+
+lint: $(READY)  ## formatting, lint and types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+
+scenes: $(READY)  ## author the shipped scenes anew
+	$(BIN)/python -m scenes.author
+
+schema: $(READY)  ## write the USD schema and docs/scene.md from the vocabulary
+	$(BIN)/python -m otwarp.scene.schema
+
+clean:  ## remove the environment and results
+	rm -rf $(VENV) out

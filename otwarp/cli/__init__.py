@@ -1,0 +1,1 @@
+"""Command line: one thin command per capability, each also one Python call."""

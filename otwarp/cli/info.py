@@ -1,0 +1,91 @@
+"""`otwarp info`: what a scene holds and how it will be stepped."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from otwarp.cli.options import device_option, json_option, scene_argument, time_step_option, worlds_option
+
+
+@click.command()
+@scene_argument
+@worlds_option
+@time_step_option
+@device_option
+@json_option
+def info(scene: Path, worlds: int, time_step: float | None, device: str | None, as_json: bool) -> None:
+    """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
+    from otwarp.scene.description import Scene
+    from otwarp.simulation.info import describe
+
+    about = describe(Scene.load(scene), worlds=worlds, time_step=time_step, device=device)
+    if as_json:
+        click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        _print(about)
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return "–"
+    for unit, factor in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
+        if seconds * factor >= 1.0:
+            return f"{seconds * factor:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def _print(about: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    # a pipe or file has no width of its own: do not cut names there
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    root = about["root"].rstrip("/") + "/"
+    console.print(f"[bold]{about['scene']}[/bold]: {about['duration']:g} s at {about['frames_per_second']:g} frames/s")
+    bodies = Table("body", "kind", "spheres", "trapped", "collide", "D_t (µm²/s)", "D_r (rad²/s)", title="Bodies")
+    for row in about["bodies"]:
+        bodies.add_row(
+            row["name"].removeprefix(root),
+            row["kind"] if row["count"] == 1 else f"{row['count']} × {row['kind']}",
+            *(str(row[k]) for k in ("spheres", "trapped", "colliding")),
+            f"{row['translational_diffusion']:.4g}",
+            f"{row['rotational_diffusion']:.4g}",
+        )
+    console.print(bodies)
+    if about["traps"]:
+        traps = Table("trap", "model", "power (mW)", "k_r (pN/µm)", "k_z (pN/µm)", "reach (µm)", "holds", title="Traps")
+        for row in about["traps"]:
+            traps.add_row(
+                row["name"].removeprefix(root),
+                row["model"].replace("_", " "),
+                f"{row['power']:g}",
+                f"{row['radial_stiffness']:.4g}",
+                f"{row['axial_stiffness']:.4g}",
+                "∞" if row["reach"] is None else f"{row['reach']:.4g}",
+                (row["holds"] or "–").removeprefix(root),
+            )
+        console.print(traps)
+    scales = about["time_scales"]
+    table = Table("quantity", "value", title="Time scales", show_header=False)
+    for name, value in (
+        ("fastest relaxation in the traps", _time(scales["trap_relaxation"])),
+        ("… of body", scales["stiffest_body"] or "–"),
+        ("diffusion over 0.1 of the smallest colliding radius", _time(scales["diffusion"])),
+        ("prescribed motion over the same distance", _time(scales["travel"])),
+        ("largest stable step", _time(scales["largest_stable"])),
+        ("time step", f"{_time(scales['time_step'])}  ({scales['chosen_by']})"),
+        ("predicted error of stationary variances", f"{100.0 * scales['variance_error']:.2g} %"),
+        ("steps of the run", f"{about['steps']:,}"),
+    ):
+        table.add_row(name, value)
+    console.print(table)
+    terms = Table("term", "compiled", "why", title=f"Terms of the step (driver: {about['driver']})")
+    for row in about["terms"]:
+        terms.add_row(row["term"], "[green]in[/green]" if row["compiled"] else "[dim]out[/dim]", row["why"])
+    console.print(terms)
+    console.print(f"Memory for {about['worlds']} world(s) on {about['device']}: {about['memory'] / 1024:,.1f} KiB")

@@ -1,0 +1,76 @@
+"""The `otwarp` command: finds the subcommand, and turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+import otwarp
+from otwarp.errors import InputError, SimulationError
+
+COMMANDS = {
+    "run": "Simulate a scene and record it.",
+    "info": "Say what a scene holds, how it will be stepped, and why.",
+    "validate": "Check a scene without running it.",
+    "preview": "Draw a scene or a recorded run.",
+}
+"""Subcommands and their one-line help; each lives in the module of its name and is imported when called."""
+
+EXIT_BAD_INPUT = 2
+EXIT_STOPPED = 3
+EXIT_INTERRUPTED = 130
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands by name and imports one only when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        return getattr(importlib.import_module(f"otwarp.cli.{cmd_name}"), cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(otwarp.__version__, prog_name="otwarp")
+def cli() -> None:
+    """Digital twin of an optical-tweezers microrobotics lab.
+
+    Scenes are USD stages; lengths in their files are micrometres. Exit codes: 0 done, 2 bad input, 3 the simulation
+    stopped because its state was no longer physical, 130 interrupted.
+    """
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return the exit code; every error is one line on standard error."""
+    try:
+        result = cli.main(args=arguments, prog_name="otwarp", standalone_mode=False)
+        return result if isinstance(result, int) else 0
+    except click.ClickException as error:
+        return _fail(error.format_message(), EXIT_BAD_INPUT)
+    except InputError as error:
+        return _fail(str(error), EXIT_BAD_INPUT)
+    except SimulationError as error:
+        return _fail(str(error), EXIT_STOPPED)
+    except (KeyboardInterrupt, click.Abort):
+        return _fail("interrupted", EXIT_INTERRUPTED)
+
+
+def _fail(message: str, code: int) -> int:
+    print("otwarp: " + " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

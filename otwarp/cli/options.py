@@ -1,0 +1,26 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+scene_argument = click.argument("scene", type=click.Path(path_type=Path))
+
+device_option = click.option("--device", metavar="NAME", help="cpu, cuda:0, …; default: the best available.")
+
+seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Key of the random numbers.")
+
+worlds_option = click.option(
+    "--worlds", type=int, default=1, show_default=True, help="Independent copies of the scene, each with its own noise."
+)
+
+time_step_option = click.option(
+    "--time-step",
+    type=float,
+    metavar="SECONDS",
+    help="Time step; default: the scene's, or chosen from its wanted accuracy.",
+)
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")

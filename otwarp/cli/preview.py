@@ -1,0 +1,71 @@
+"""`otwarp preview`: draw a scene or a recorded run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from otwarp.cli.options import device_option
+from otwarp.errors import InputError
+
+
+def _size(context: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
+    try:
+        width, height = (int(n) for n in value.lower().split("x"))
+    except ValueError as error:
+        raise InputError(f"--size is {value!r}; allowed: WIDTHxHEIGHT, such as 1280x720") from error
+    return width, height
+
+
+@click.command()
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="PNG to write; default: NAME.png in this folder.")
+@click.option("--frame", type=int, help="Frame of the run or of the stage's time codes; default: the first.")
+@click.option("--time", type=float, metavar="SECONDS", help="Instead of a frame: seconds from the start.")
+@click.option("--movie", type=click.Path(path_type=Path), metavar="GIF", help="Write a movie of the whole run.")
+@click.option("--camera", metavar="PRIM", help="Camera prim; default: the stage's first camera.")
+@click.option("--forces", is_flag=True, help="Draw recorded force arrows.")
+@click.option(
+    "--style",
+    type=click.Choice(["dark", "light", "white"]),
+    default="dark",
+    show_default=True,
+    help="Background: for a dark slide, a light one, or print.",
+)
+@click.option("--size", default="1280x720", callback=_size, show_default=True, help="Picture size in pixels.")
+@device_option
+def preview(
+    path: Path,
+    out: Path | None,
+    frame: int | None,
+    time: float | None,
+    movie: Path | None,
+    camera: str | None,
+    forces: bool,
+    style: str,
+    size: tuple[int, int],
+    device: str | None,
+) -> None:
+    """Draw PATH, a USD stage or the output folder of `otwarp run`, through the stage's own camera.
+
+    Needs neither a display nor a GPU.
+    """
+    from otwarp.preview.draw import preview as draw
+
+    if out is None and movie is None:
+        out = Path(f"{path.stem if path.is_file() else path.resolve().name}.png")
+    written = draw(
+        path,
+        out,
+        frame=frame,
+        time=time,
+        size=size,
+        camera=camera,
+        movie=movie,
+        forces=forces,
+        style=style,
+        device=device,
+    )
+    for file in written:
+        click.echo(f"wrote {file}")

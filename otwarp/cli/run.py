@@ -1,0 +1,126 @@
+"""`otwarp run`: simulate a scene and record it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from otwarp.cli.options import (
+    device_option,
+    json_option,
+    scene_argument,
+    seed_option,
+    time_step_option,
+    worlds_option,
+)
+from otwarp.errors import InputError
+
+
+@click.command()
+@scene_argument
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: out/SCENE."
+)
+@worlds_option
+@seed_option
+@click.option("--duration", type=float, metavar="SECONDS", help="Simulated time; default: the scene's.")
+@click.option("--fps", type=float, help="Recorded frames per simulated second; default: the scene's.")
+@click.option(
+    "--trap-speed", type=float, default=1.0, show_default=True, help="Play the traps' time samples this much faster."
+)
+@click.option("--forces", is_flag=True, help="Write force arrows into the USD recording.")
+@click.option("--record-worlds", type=int, metavar="N", help="Worlds kept in run.nc; default: all.")
+@click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
+@click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
+@time_step_option
+@device_option
+@json_option
+def run(
+    scene: Path,
+    out: Path | None,
+    worlds: int,
+    seed: int,
+    duration: float | None,
+    fps: float | None,
+    trap_speed: float,
+    forces: bool,
+    record_worlds: int | None,
+    checkpoint: Path | None,
+    resume: Path | None,
+    time_step: float | None,
+    device: str | None,
+    as_json: bool,
+) -> None:
+    """Simulate SCENE and record it.
+
+    The results are run.usda (opens in usdview, Blender, Isaac Sim), run.nc (netCDF for Python, MATLAB, …),
+    summary.json and figure.png.
+    """
+    from otwarp.record.run import record_run
+    from otwarp.scene.description import Scene
+
+    if not trap_speed > 0.0:
+        raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0")
+    # the traps are sped up after loading, so the samples must cover the stretched time
+    loaded = Scene.load(scene, duration=None if duration is None else duration * trap_speed)
+    if trap_speed != 1.0:
+        loaded = loaded.with_trap_speed(trap_speed)
+    folder = out or Path("out") / scene.stem
+    with _progress_bar(loaded.settings.duration) as progress:
+        summary = record_run(
+            loaded,
+            folder,
+            worlds=worlds,
+            seed=seed,
+            device=device,
+            time_step=time_step,
+            frames_per_second=fps,
+            recorded_worlds=record_worlds,
+            forces=forces,
+            checkpoint=checkpoint,
+            resume=resume,
+            progress=progress,
+        )
+    if as_json:
+        click.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        _print(summary, folder)
+
+
+@contextmanager
+def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None] | None]:
+    """A bar with the real-time factor on standard error, or nothing when that is not a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("simulating"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f}/{task.total:.2f} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("run", total=duration, speed="")
+
+        def update(simulated: float, wall: float) -> None:
+            bar.update(task, completed=simulated, speed=f"{simulated / max(wall, 1e-9):.1f}× real time")
+
+        yield update
+
+
+def _print(summary: dict[str, Any], folder: Path) -> None:
+    click.echo(summary["text"])
+    click.echo(f"look at   {folder / 'figure.png'}")
+    click.echo(f"open      {folder / 'run.usda'}   (usdview, Blender, Isaac Sim)")
+    click.echo(f"analyse   {folder / 'run.nc'}   (xarray, MATLAB)")
+    click.echo(f"summary   {folder / 'summary.json'}")

@@ -1,0 +1,58 @@
+"""Starting Warp without a word on the terminal, and choosing a device."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+
+import warp as wp
+
+from otwarp.errors import InputError
+
+_NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver"
+
+
+def start_warp() -> None:
+    """Initialise Warp quietly; harmless when it runs already.
+
+    Without an NVIDIA driver the native library writes a line straight to the process's standard error, past Python
+    and past `wp.config.log_level`. File descriptor 2 is therefore held back during start-up; whatever else was
+    written there is passed on.
+    """
+    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+    if wp._src.context.runtime is not None:
+        return
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as held:
+        os.dup2(held.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            held.seek(0)
+            for line in held:
+                if not line.startswith(_NO_DRIVER):
+                    os.write(2, line)
+
+
+def pick_device(name: str | wp.Device | None) -> wp.Device:
+    """The named device, or for None the first CUDA device if there is one, else the CPU.
+
+    Raises:
+        InputError: No such device; the message lists those there are.
+    """
+    start_warp()
+    if isinstance(name, wp.Device):
+        return name
+    known = [d.alias for d in wp.get_devices()]
+    if name is None:
+        return wp.get_device("cuda:0" if "cuda:0" in known else "cpu")
+    if name not in known and name != "cuda":
+        raise InputError(f"device is {name!r}; allowed: {', '.join(known)}")
+    try:
+        return wp.get_device(name)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"device is {name!r}; allowed: {', '.join(known)}") from error
