@@ -1,0 +1,128 @@
+"""Reads a USD stage into a `Scene`: one pass that sorts the prims, then one reader for each kind."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from otwarp.errors import InputError
+from otwarp.scene.attributes import check_prim
+from otwarp.scene.description import Body, Obstacle, Scene
+from otwarp.scene.overlap import check_overlaps
+from otwarp.scene.read_bodies import read_cell, read_instances, read_robot
+from otwarp.scene.read_environment import read_camera, read_flow, read_goal, read_medium, read_settings
+from otwarp.scene.read_obstacles import read_obstacle
+from otwarp.scene.read_traps import check_holds, read_trap
+from otwarp.scene.source import Source, open_stage, quiet_usd, usd_reason
+
+_BODIES = ("OtBodyAPI", "OtCellAPI")
+
+
+def load_scene(path: Path, *, duration: float | None = None) -> Scene:
+    """Read a USD file.
+
+    Args:
+        path: A `.usda`, `.usdc`, `.usd` or `.usdz` file with `metersPerUnit` authored and Z up.
+        duration: Length of the run [s] that the time samples must cover, instead of the authored one.
+
+    Returns:
+        The scene in internal units (µm, s, pN, mW, K), bodies, traps and obstacles in stage order.
+
+    Raises:
+        InputError: Anything in the file that cannot be accepted, in one line.
+    """
+    stage = open_stage(path)
+    return dataclasses.replace(read_scene(stage, file=str(path), duration=duration), file=path)
+
+
+def read_scene(stage: Usd.Stage, *, file: str, duration: float | None = None) -> Scene:
+    """Read an open stage; `file` is what errors name. See `load_scene`."""
+    with quiet_usd():
+        try:
+            return _read(Source(stage, file), duration)
+        except Tf.ErrorException as error:  # anything else that USD finds wrong while it is read
+            raise InputError(f"{file}: contents = {usd_reason(error)}: must be a valid stage") from None
+
+
+class _Sorted:
+    """The prims of a stage by what they are."""
+
+    def __init__(self, source: Source):
+        self.traps: list[Usd.Prim] = []
+        self.bodies: list[Usd.Prim] = []
+        self.obstacles: list[Usd.Prim] = []
+        self.single: dict[str, list[Usd.Prim]] = {"OtFlowAPI": [], "OtCameraAPI": [], "OtGoalAPI": []}
+        every = list(Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+        prototypes = _prototypes(every)
+        for prim in every:
+            check_prim(source.file, prim, source.applied(prim))
+            if not any(prim.GetPath().HasPrefix(path) for path in prototypes):
+                self._put(source, prim)
+
+    def _put(self, source: Source, prim: Usd.Prim) -> None:
+        applied = source.applied(prim)
+        body = _enclosing(source, prim)
+        if "OtSceneAPI" in applied and prim != source.stage.GetDefaultPrim():
+            raise source.bad(prim, "apiSchemas", "OtSceneAPI", "on the default prim")
+        if "OtSphereAPI" in applied and (body is None or not source.has(body, "OtBodyAPI")):
+            raise source.bad(prim, "apiSchemas", "OtSphereAPI", "below a prim with OtBodyAPI")
+        for schema, prims in self.single.items():
+            if schema in applied:
+                prims.append(prim)
+        if "OtTrapAPI" in applied:
+            self.traps.append(prim)
+        if any(schema in applied for schema in _BODIES) or prim.IsA(UsdGeom.PointInstancer):
+            if body is not None:
+                raise source.bad(prim, "apiSchemas", prim.GetName(), f"outside the body {body.GetPath()}")
+            self.bodies.append(prim)
+        elif "PhysicsCollisionAPI" in applied and body is None and "OtSphereAPI" not in applied and _solid(prim):
+            self.obstacles.append(prim)
+
+
+def _prototypes(prims: list[Usd.Prim]) -> list[Sdf.Path]:
+    instancers = [UsdGeom.PointInstancer(prim) for prim in prims if prim.IsA(UsdGeom.PointInstancer)]
+    return [path for instancer in instancers for path in instancer.GetPrototypesRel().GetForwardedTargets()]
+
+
+def _enclosing(source: Source, prim: Usd.Prim) -> Usd.Prim | None:
+    parent = prim.GetParent()
+    while parent and not parent.IsPseudoRoot():
+        if any(source.has(parent, schema) for schema in _BODIES):
+            return parent
+        parent = parent.GetParent()
+    return None
+
+
+def _solid(prim: Usd.Prim) -> bool:
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    return not enabled or enabled.Get() is not False
+
+
+def _read(source: Source, duration: float | None) -> Scene:
+    root = source.stage.GetDefaultPrim()
+    found = _Sorted(source)
+    medium = read_medium(source, root)
+    settings = read_settings(source, root, duration)
+    bodies: list[Body] = []
+    for prim in found.bodies:
+        if prim.IsA(UsdGeom.PointInstancer):
+            bodies += read_instances(source, prim)
+        else:
+            bodies.append(read_robot(source, prim) if source.has(prim, "OtBodyAPI") else read_cell(source, prim))
+    traps = [read_trap(source, prim, medium, settings.duration) for prim in found.traps]
+    check_holds(source, traps, bodies)
+    obstacles: list[Obstacle] = [read_obstacle(source, prim) for prim in found.obstacles]
+    check_overlaps(source.file, bodies, obstacles)
+    return Scene(
+        root=str(root.GetPath()),
+        medium=medium,
+        settings=settings,
+        traps=tuple(traps),
+        bodies=tuple(bodies),
+        obstacles=tuple(obstacles),
+        flow=read_flow(source, found.single["OtFlowAPI"]),
+        camera=read_camera(source, found.single["OtCameraAPI"]),
+        goal=read_goal(source, found.single["OtGoalAPI"], bodies),
+    )

@@ -1,0 +1,74 @@
+"""What authored prims look like: materials, display colours, extents, and the drawn beam of a trap."""
+
+from __future__ import annotations
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+Color = tuple[float, float, float]
+
+
+class Looks:
+    """Materials of a stage, one per colour and opacity, below `{root}/Looks`."""
+
+    def __init__(self, stage: Usd.Stage, root: str):
+        self._stage, self._root = stage, root
+
+    def bind(self, prim: Usd.Prim, color: Color, opacity: float) -> None:
+        """Bind a UsdPreviewSurface of this colour to `prim`."""
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(self._material(color, opacity))
+
+    def paint(self, prim: Usd.Prim, color: Color, opacity: float) -> None:
+        """Author display colour and opacity on a gprim, for viewers that ignore materials, and its extent."""
+        gprim = UsdGeom.Gprim(prim)
+        gprim.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([Gf.Vec3f(*color)]))
+        gprim.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set(Vt.FloatArray([opacity]))
+        author_extent(prim)
+
+    def _material(self, color: Color, opacity: float) -> UsdShade.Material:
+        name = "Color_" + "".join(f"{round(255 * channel):02x}" for channel in (*color, opacity))
+        path = Sdf.Path(f"{self._root}/Looks/{name}")
+        if self._stage.GetPrimAtPath(path):
+            return UsdShade.Material(self._stage.GetPrimAtPath(path))
+        UsdGeom.Scope.Define(self._stage, path.GetParentPath())
+        material = UsdShade.Material.Define(self._stage, path)
+        shader = UsdShade.Shader.Define(self._stage, path.AppendChild("Surface"))
+        shader.CreateIdAttr("UsdPreviewSurface")
+        shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
+        shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(opacity)
+        shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.45)
+        surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+        material.CreateSurfaceOutput().ConnectToSource(surface)
+        return material
+
+
+def author_extent(prim: Usd.Prim) -> None:
+    """Author the extent that USD computes for a boundable prim."""
+    boundable = UsdGeom.Boundable(prim)
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode.Default())
+    if extent:
+        boundable.CreateExtentAttr(extent)
+
+
+def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opacity: float) -> None:
+    """Draw a trap: a small sphere at the focus and two translucent cones that meet there.
+
+    A symbol, not the beam's true profile: 8 µm long, with a half angle of 15° instead of the objective's 60° or so,
+    so that several beams can be told apart. The cones keep the default purpose, which usdview,
+    Blender and Isaac Sim all show.
+    """
+    path = trap.GetPath()
+    marker = UsdGeom.Sphere.Define(stage, path.AppendChild("Focus"))
+    marker.CreateRadiusAttr(0.15)
+    looks.paint(marker.GetPrim(), color, 1.0)
+    looks.bind(marker.GetPrim(), color, 1.0)
+    height, radius = 4.0, 1.07
+    for name, side in (("BeamBelow", -1.0), ("BeamAbove", 1.0)):
+        cone = UsdGeom.Cone.Define(stage, path.AppendChild(name))
+        cone.CreateAxisAttr(UsdGeom.Tokens.z)
+        cone.CreateHeightAttr(height)
+        cone.CreateRadiusAttr(radius)
+        cone.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(0.0, 0.0, side * height / 2))
+        if side > 0.0:  # a USD cone points along +Z: turn the upper one over
+            cone.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(0.0, 1.0, 0.0, 0.0))
+        looks.paint(cone.GetPrim(), color, opacity)
+        looks.bind(cone.GetPrim(), color, opacity)

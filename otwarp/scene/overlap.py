@@ -1,0 +1,130 @@
+"""Refuses scenes whose bodies start inside each other or inside an obstacle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from otwarp.scene.attributes import bad
+from otwarp.scene.description import Body, Obstacle
+from otwarp.scene.transforms import rotation_matrix
+
+OVERLAP_TOLERANCE = 0.1
+"""Allowed overlap at the start, relative to the smaller radius."""
+
+_LARGE = 4.0
+"""Spheres larger than this times the median are compared with all others instead of through the grid."""
+
+_HALF_SPACE = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
+
+
+def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
+    """Check colliding spheres of different bodies, and each of them against analytic obstacles, at the start.
+
+    Raises:
+        InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
+    """
+    owners, centres, radii = _colliding(bodies)
+    if not len(owners):
+        return
+    a, b = candidate_pairs(centres, radii)
+    other = owners[a] != owners[b]
+    a, b = a[other], b[other]
+    depth = radii[a] + radii[b] - np.linalg.norm(centres[a] - centres[b], axis=1)
+    excess = depth - OVERLAP_TOLERANCE * np.minimum(radii[a], radii[b])
+    if len(excess) and excess.max() > 0.0:
+        worst = int(excess.argmax())
+        first, second = bodies[owners[a[worst]]].name, bodies[owners[b[worst]]].name
+        limit = OVERLAP_TOLERANCE * min(radii[a[worst]], radii[b[worst]])
+        raise bad(file, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
+    for obstacle in obstacles:
+        if obstacle.shape == "mesh":
+            continue
+        depth = radii - signed_distance(obstacle, centres)
+        excess = depth - OVERLAP_TOLERANCE * radii
+        worst = int(excess.argmax())
+        if excess[worst] > 0.0:
+            limit = f"at most {OVERLAP_TOLERANCE * radii[worst]:g} µm at the start"
+            name = bodies[owners[worst]].name
+            raise bad(file, name, f"overlap with {obstacle.prim}", f"{depth[worst]:g} µm", limit)
+
+
+def _colliding(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    owners, centres, radii = [], [], []
+    for index, body in enumerate(bodies):
+        turn = None if len(body.spheres) == 1 and not any(body.spheres[0].offset) else rotation_matrix(_array(body))
+        for sphere in body.spheres:
+            if sphere.collides:
+                owners.append(index)
+                radii.append(sphere.radius)
+                centres.append(body.position if turn is None else turn @ np.array(sphere.offset) + body.position)
+    return np.array(owners, dtype=int), np.array(centres, dtype=float).reshape(-1, 3), np.array(radii, dtype=float)
+
+
+def _array(body: Body) -> np.ndarray:
+    return np.array(body.orientation)
+
+
+def candidate_pairs(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index pairs (a, b) that hold every touching pair once: a cell grid for the many, brute force for the few large.
+
+    Args:
+        centres: (n, 3).
+        radii: (n,).
+    """
+    large = np.flatnonzero(radii > _LARGE * np.median(radii))
+    small = np.flatnonzero(radii <= _LARGE * np.median(radii))
+    pairs = [np.empty((2, 0), dtype=int)]
+    if len(small) > 1:
+        pairs.append(small[_grid_pairs(centres[small], 2.0 * float(radii[small].max()))])
+    for index in large:
+        near = np.linalg.norm(centres - centres[index], axis=1) < radii + radii[index]
+        near[large[large <= index]] = False
+        found = np.flatnonzero(near)
+        pairs.append(np.stack([np.full_like(found, index), found]))
+    a, b = np.concatenate(pairs, axis=1)
+    return a, b
+
+
+def _grid_pairs(centres: np.ndarray, size: float) -> np.ndarray:
+    cells = np.floor((centres - centres.min(axis=0)) / size).astype(np.int64)
+    shape = cells.max(axis=0) + 3
+    key = ((cells[:, 0] + 1) * shape[1] + cells[:, 1] + 1) * shape[2] + cells[:, 2] + 1
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    rank = np.arange(len(key))
+    found = [_expand(order, rank, rank + 1, np.searchsorted(ordered, ordered, side="right"))]
+    for i, j, k in _HALF_SPACE:
+        wanted = ordered + (i * shape[1] + j) * shape[2] + k
+        first, last = np.searchsorted(ordered, wanted, side="left"), np.searchsorted(ordered, wanted, side="right")
+        found.append(_expand(order, rank, first, last))
+    return np.concatenate(found, axis=1)
+
+
+def _expand(order: np.ndarray, rank: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    count = last - first
+    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.stack([order[np.repeat(rank, count)], order[np.repeat(first, count) + offset]])
+
+
+def signed_distance(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
+    """Distance (n,) of points (n, 3) from the surface of an analytic obstacle at the start, negative inside [µm]."""
+    turn = rotation_matrix(obstacle.orientation.at(0.0))
+    local = (points - obstacle.position.at(0.0)) @ turn  # inverse rotation of row vectors
+    across, along = np.hypot(local[:, 0], local[:, 1]), local[:, 2]
+    radius, half = obstacle.size[0], obstacle.size[1]
+    if obstacle.shape == "plane":
+        return along
+    if obstacle.shape == "sphere":
+        return np.linalg.norm(local, axis=1) - radius
+    if obstacle.shape == "capsule":
+        return np.hypot(across, along - np.clip(along, -half, half)) - radius
+    if obstacle.shape == "cylinder":
+        return _corner(np.stack([across - radius, np.abs(along) - half], axis=1))
+    return _corner(np.abs(local) - np.array(obstacle.size))
+
+
+def _corner(excess: np.ndarray) -> np.ndarray:
+    """Distance from a box given how far each coordinate lies beyond it."""
+    return np.linalg.norm(np.maximum(excess, 0.0), axis=1) + np.minimum(excess.max(axis=1), 0.0)

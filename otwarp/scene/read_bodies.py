@@ -1,0 +1,160 @@
+"""Reads rigid bodies: robots made of spheres, single cells, and instanced cells."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import mobility_shift, read_values
+from otwarp.scene.description import Body, Material, Sphere
+from otwarp.scene.source import Source, quat, vec3
+
+
+def read_robot(source: Source, prim: Usd.Prim) -> Body:
+    """Read one prim with OtBodyAPI and the OtSphereAPI spheres below it.
+
+    Raises:
+        InputError: No sphere, a nested body, or a sphere that is scaled unevenly.
+    """
+    values = read_values(source.file, prim, vocabulary.BODY)
+    position, rotation, scale = source.pose(prim)
+    spheres = []
+    for child in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
+        if child != prim and (source.has(child, "OtBodyAPI") or source.has(child, "OtCellAPI")):
+            raise source.bad(child, "apiSchemas", "a body", f"outside the body {prim.GetPath()}")
+        if source.has(child, "OtSphereAPI"):
+            spheres.append(_sphere(source, child, prim, scale))
+    if not spheres:
+        raise source.bad(prim, "OtSphereAPI", "(no sphere below)", "on at least one Sphere below the body")
+    return Body(
+        prim=str(prim.GetPath()),
+        kind="robot",
+        position=vec3(position),
+        orientation=quat(rotation),
+        spheres=tuple(spheres),
+        density=values["density"],
+        material=Material(youngs_modulus=values["youngs_modulus"], poisson_ratio=values["poisson_ratio"]),
+        mobility=mobility_shift(tuple(values["mobility"]), -1) if len(values["mobility"]) else None,
+        warning_force=values["warning_force"],
+    )
+
+
+def _sphere(source: Source, prim: Usd.Prim, body: Usd.Prim, body_scale: np.ndarray) -> Sphere:
+    _require_sphere(source, prim, "OtSphereAPI")
+    # Through the frame of the body, not the world, so that offsets are exact wherever the body is.
+    offset = source.relative(prim, body)[3, :3] * body_scale
+    scale = source.uniform(prim, source.pose(prim)[2])
+    values = read_values(source.file, prim, vocabulary.SPHERE)
+    return Sphere(
+        prim=str(prim.GetPath()), offset=vec3(offset), radius=source.geometry(prim, "radius") * scale, **values
+    )
+
+
+def read_cell(source: Source, prim: Usd.Prim) -> Body:
+    """Read one Sphere with OtCellAPI.
+
+    Raises:
+        InputError: Not a Sphere, or scaled unevenly.
+    """
+    position, rotation, scale = source.pose(prim)
+    radius = _cell_radius(source, prim) * source.uniform(prim, scale)
+    fields = _cell_fields(source, prim)
+    sphere = Sphere(prim=str(prim.GetPath()), radius=radius, **fields.pop("sphere"))
+    return Body(
+        prim=str(prim.GetPath()), position=vec3(position), orientation=quat(rotation), spheres=(sphere,), **fields
+    )
+
+
+def _cell_radius(source: Source, prim: Usd.Prim) -> float:
+    _require_sphere(source, prim, "OtCellAPI")
+    return source.geometry(prim, "radius")
+
+
+def _cell_fields(source: Source, prim: Usd.Prim) -> dict[str, Any]:
+    values = read_values(source.file, prim, vocabulary.CELL)
+    names = ("youngs_modulus", "poisson_ratio", "adhesion", "adhesion_range")
+    return {
+        "kind": "cell",
+        "density": values["density"],
+        "warning_force": values["warning_force"],
+        "material": Material(**{name: values[name] for name in names}),
+        "sphere": {"refractive_index": values["refractive_index"], "trapped": bool(values["trapped"])},
+    }
+
+
+def _require_sphere(source: Source, prim: Usd.Prim, schema: str) -> None:
+    if not prim.IsA(UsdGeom.Sphere):
+        raise source.bad(prim, "apiSchemas", schema, f"on a Sphere, not a {prim.GetTypeName() or 'typeless prim'}")
+
+
+def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
+    """Read a PointInstancer whose prototypes are cells; one without cells is scenery and gives nothing.
+
+    Raises:
+        InputError: A prototype that holds a robot or several cells, bad indices, or an uneven scale.
+    """
+    instancer = UsdGeom.PointInstancer(prim)
+    prototypes = [source.stage.GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()]
+    cells = [_prototype_cell(source, prim, prototype) for prototype in prototypes]
+    if not any(cells):
+        return []
+    indices = np.array(instancer.GetProtoIndicesAttr().Get(source.start) or [], dtype=int)
+    if indices.size and (indices.min() < 0 or indices.max() >= len(prototypes)):
+        raise source.bad(prim, "protoIndices", f"{indices.min()} … {indices.max()}", f"in [0, {len(prototypes) - 1}]")
+    code = Usd.TimeCode(source.start)
+    local = np.array(
+        instancer.ComputeInstanceTransformsAtTime(
+            code, code, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        )
+    )
+    if len(local) != len(indices):
+        raise source.bad(prim, "positions", f"{len(local)} instances", f"as many as protoIndices, {len(indices)}")
+    shown = np.array(list(instancer.ComputeMaskAtTime(code)) or [True] * len(indices))
+    world = source.matrix(prim)
+    bodies: dict[int, Body] = {}
+    for kind, (prototype, cell) in enumerate(zip(prototypes, cells, strict=True)):
+        chosen = np.flatnonzero((indices == kind) & shown)
+        if cell is not None and len(chosen):
+            inner = source.relative(cell, prototype.GetParent())
+            bodies |= _instances(source, prim, cell, chosen, inner @ local[chosen] @ world)
+    return [bodies[index] for index in sorted(bodies)]
+
+
+def _prototype_cell(source: Source, instancer: Usd.Prim, prototype: Usd.Prim) -> Usd.Prim | None:
+    if not prototype:
+        raise source.bad(instancer, "prototypes", "(a path without a prim)", "paths of prims")
+    found = []
+    for prim in Usd.PrimRange(prototype, Usd.TraverseInstanceProxies()):
+        if source.has(prim, "OtBodyAPI") or source.has(prim, "OtTrapAPI"):
+            raise source.bad(prim, "apiSchemas", ", ".join(source.applied(prim)), "outside a PointInstancer")
+        if source.has(prim, "OtCellAPI"):
+            found.append(prim)
+    if len(found) > 1:
+        raise source.bad(instancer, "prototypes", f"{len(found)} cells in {prototype.GetPath()}", "one cell each")
+    return found[0] if found else None
+
+
+def _instances(
+    source: Source, instancer: Usd.Prim, cell: Usd.Prim, chosen: np.ndarray, matrices: np.ndarray
+) -> dict[int, Body]:
+    if not np.isfinite(matrices).all():
+        raise source.bad(instancer, "positions", "not finite", "finite")
+    positions, rotations, scales = source.split(instancer, matrices)
+    sizes = np.abs(scales)
+    worst = int(np.argmax((sizes.max(axis=1) - sizes.min(axis=1)) / sizes.max(axis=1)))
+    source.uniform(instancer, scales[worst])
+    radii = _cell_radius(source, cell) * sizes[:, 0]
+    fields = _cell_fields(source, cell)
+    surface = fields.pop("sphere")
+    path, proto = str(instancer.GetPath()), str(cell.GetPath())
+    spheres = {radius: (Sphere(prim=proto, radius=radius, **surface),) for radius in set(radii.tolist())}
+    rows = zip(chosen.tolist(), positions.tolist(), rotations.tolist(), radii.tolist(), strict=True)
+    return {
+        index: Body(
+            prim=path, instance=index, position=vec3(place), orientation=quat(turn), spheres=spheres[radius], **fields
+        )
+        for index, place, turn, radius in rows
+    }

@@ -1,0 +1,107 @@
+"""Reads what surrounds the bodies: medium and settings, flow, camera, goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pxr import Usd, UsdGeom
+
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import read_values
+from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Settings
+from otwarp.scene.source import Source, quat, vec3
+
+
+def read_medium(source: Source, root: Usd.Prim) -> Medium:
+    """The liquid, from OtSceneAPI on the default prim."""
+    values = read_values(source.file, root, vocabulary.SCENE)
+    names = ("refractive_index", "viscosity", "temperature", "density")
+    return Medium(**{name: values[name] for name in names})
+
+
+def read_settings(source: Source, root: Usd.Prim, duration: float | None) -> Settings:
+    """How to step, from OtSceneAPI, and the length of the run, from the stage's time codes.
+
+    Raises:
+        InputError: Time codes that end before they start, or a frame rate that is not positive.
+    """
+    values = read_values(source.file, root, vocabulary.SCENE)
+    stage = source.stage
+    frames = stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else source.rate
+    if not (math.isfinite(frames) and frames > 0.0):
+        raise source.bad("/", "framesPerSecond", frames, "in (0, inf)")
+    if duration is not None and not (math.isfinite(duration) and duration > 0.0):
+        raise source.bad("/", "duration", duration, "in (0, inf) s")
+    if duration is None:
+        authored = stage.HasAuthoredTimeCodeRange()
+        duration = (stage.GetEndTimeCode() - source.start) / source.rate if authored else Settings.duration
+        if not (math.isfinite(duration) and duration > 0.0):
+            raise source.bad("/", "endTimeCode", stage.GetEndTimeCode(), f"in ({source.start:g}, inf)")
+    return Settings(
+        accuracy=values["accuracy"],
+        time_step=values["time_step"] or None,
+        integrator=values["integrator"],
+        brownian=bool(values["brownian"]),
+        gravity=bool(values["gravity"]),
+        duration=duration,
+        frames_per_second=frames,
+    )
+
+
+def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
+    """The background flow, if any.
+
+    Raises:
+        InputError: More than one, or plates without a distance.
+    """
+    prim = _at_most_one(source, prims, "OtFlowAPI")
+    if prim is None:
+        return None
+    values = read_values(source.file, prim, vocabulary.FLOW)
+    if values["kind"] == "poiseuille" and values["half_height"] == 0.0:  # negative is out of the table's range
+        raise source.bad(prim, "ot:flow:halfHeight", values["half_height"], "in (0, inf) m for poiseuille")
+    position, rotation, _ = source.pose(prim)
+    return Flow(prim=str(prim.GetPath()), origin=vec3(position), orientation=quat(rotation), **values)
+
+
+def read_camera(source: Source, prims: Sequence[Usd.Prim]) -> Camera | None:
+    """The microscope, if any.
+
+    Raises:
+        InputError: More than one, or not on a Camera.
+    """
+    prim = _at_most_one(source, prims, "OtCameraAPI")
+    if prim is None:
+        return None
+    if not prim.IsA(UsdGeom.Camera):
+        raise source.bad(prim, "apiSchemas", "OtCameraAPI", f"on a Camera, not a {prim.GetTypeName()}")
+    return Camera(prim=str(prim.GetPath()), **read_values(source.file, prim, vocabulary.CAMERA))
+
+
+def read_goal(source: Source, prims: Sequence[Usd.Prim], bodies: Sequence[Body]) -> Goal | None:
+    """The task, if any.
+
+    Raises:
+        InputError: More than one, or its relationships do not name one cell and at least one robot of the scene.
+    """
+    prim = _at_most_one(source, prims, "OtGoalAPI")
+    if prim is None:
+        return None
+    values = read_values(source.file, prim, vocabulary.GOAL)
+    cells = {body.prim for body in bodies if body.kind == "cell" and body.instance is None}
+    robots = {body.prim for body in bodies if body.kind == "robot"}
+    named = values["cell"]
+    if len(named) != 1 or named[0] not in cells:
+        raise source.bad(prim, "ot:goal:cell", ", ".join(named) or "(no target)", "one prim with OtCellAPI")
+    strangers = [path for path in values["robots"] if path not in robots]
+    if strangers or not values["robots"]:
+        raise source.bad(prim, "ot:goal:robots", ", ".join(strangers) or "(no target)", "prims with OtBodyAPI")
+    values |= {"cell": named[0], "robots": tuple(values["robots"])}
+    return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values)
+
+
+def _at_most_one(source: Source, prims: Sequence[Usd.Prim], schema: str) -> Usd.Prim | None:
+    if len(prims) > 1:
+        raise source.bad(prims[1], "apiSchemas", schema, f"on one prim only; {prims[0].GetPath()} has it already")
+    return prims[0] if prims else None

@@ -1,0 +1,102 @@
+"""Reads obstacles: colliders that are no part of a body, at rest or moving along time samples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from otwarp.scene.description import Obstacle
+from otwarp.scene.source import Source, track, vec3
+from otwarp.scene.transforms import multiply
+
+_HALF = float(np.sqrt(0.5))
+_AXES = {"X": (0.0, _HALF, 0.0, _HALF), "Y": (-_HALF, 0.0, 0.0, _HALF), "Z": (0.0, 0.0, 0.0, 1.0)}
+"""Rotation that takes +Z to each axis."""
+
+_CONSTANT = 1e-6
+"""Relative change of a scale that counts as none."""
+
+
+def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
+    """Read one prim with PhysicsCollisionAPI.
+
+    Raises:
+        InputError: A shape that is not supported, a scale it cannot carry, or a scale that changes.
+    """
+    readers = {
+        "Cube": _box,
+        "Sphere": _sphere,
+        "Cylinder": _rod,
+        "Capsule": _rod,
+        "Plane": _plane,
+        "Mesh": _mesh,
+    }
+    kind = str(prim.GetTypeName())
+    if kind not in readers:
+        raise source.bad(prim, "apiSchemas", "PhysicsCollisionAPI", f"on one of {', '.join(readers)}, not {kind}")
+    codes = source.sample_codes(prim)
+    positions, rotations, scales = source.split(prim, source.matrices(prim, codes))
+    if np.abs(scales - scales[0]).max() > _CONSTANT * np.abs(scales[0]).max():
+        raise source.bad(prim, "xformOp:scale", "(time samples that change it)", "constant in time")
+    axis = str(prim.GetAttribute("axis").Get()) if kind in ("Cylinder", "Capsule", "Plane") else "Z"
+    fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
+    turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
+    times = source.seconds(np.array(codes))
+    return Obstacle(
+        prim=str(prim.GetPath()), position=track(times, positions), orientation=track(times, turned), **fields
+    )
+
+
+def _box(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    half = source.geometry(prim, "size") / 2 * np.abs(scale)
+    return {"shape": "box", "size": vec3(half)}
+
+
+def _sphere(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    return {"shape": "sphere", "size": (source.geometry(prim, "radius") * source.uniform(prim, scale), 0.0, 0.0)}
+
+
+def _rod(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    along = "XYZ".index(axis)
+    across = np.delete(np.abs(scale), along)
+    capsule = prim.IsA(UsdGeom.Capsule)
+    uneven = np.ptp(np.abs(scale) if capsule else across) > _CONSTANT * across.max()
+    if uneven:
+        shown = ", ".join(f"{s / source.unit:g}" for s in scale)
+        allowed = "uniform on a capsule" if capsule else "equal across the axis of a cylinder"
+        raise source.bad(prim, "xformOp:scale", f"({shown})", allowed)
+    radius = source.geometry(prim, "radius") * float(across[0])
+    half = source.geometry(prim, "height", positive=not capsule) / 2 * float(abs(scale[along]))
+    return {"shape": "capsule" if capsule else "cylinder", "size": (radius, half, 0.0)}
+
+
+def _plane(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    return {"shape": "plane"}
+
+
+def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    mesh = UsdGeom.Mesh(prim)
+    points = np.array(mesh.GetPointsAttr().Get(source.start) or np.zeros((0, 3)), dtype=float).reshape(-1, 3)
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(source.start) or [], dtype=int)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(source.start) or [], dtype=int)
+    if not len(points) or not len(counts) or not np.isfinite(points).all():
+        raise source.bad(prim, "points", f"{len(points)} points, {len(counts)} faces", "finite, with at least one face")
+    if counts.min() < 3 or counts.sum() != len(corners):
+        raise source.bad(prim, "faceVertexCounts", f"sum {counts.sum()}", f"at least 3 each, in all {len(corners)}")
+    if corners.min() < 0 or corners.max() >= len(points):
+        raise source.bad(prim, "faceVertexIndices", f"{corners.min()} … {corners.max()}", f"in [0, {len(points) - 1}]")
+    triangles = fan(counts, corners)
+    left_handed = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
+    if left_handed != (float(np.prod(scale)) < 0.0):  # keep the outside outside
+        triangles = triangles[:, ::-1]
+    return {"shape": "mesh", "vertices": points * scale, "triangles": np.ascontiguousarray(triangles, dtype=np.int32)}
+
+
+def fan(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Triangles (m, 3) of polygons given by their corner counts and concatenated corner indices, as fans."""
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    face = np.repeat(np.arange(len(counts)), counts - 2)
+    step = np.arange(len(face)) - np.repeat(np.concatenate([[0], np.cumsum(counts - 2)[:-1]]), counts - 2)
+    return np.stack([corners[first[face]], corners[first[face] + step + 1], corners[first[face] + step + 2]], axis=1)

@@ -1,0 +1,113 @@
+"""Reads optical traps: beam, force curves, and the time samples of position and power."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import check_value, internal, read_values
+from otwarp.scene.description import Body, Medium, Track, Trap, TrapLaw
+from otwarp.scene.source import Source, quat, track
+from otwarp.scene.transforms import continuous
+
+TIME_SLACK = 1e-9
+"""How far the samples of a moving trap may fall short of the run [s]: rounding of time codes."""
+
+_TURN = 1e-6
+"""Largest change of a component of a trap's quaternion that counts as no rotation."""
+
+
+def read_trap(source: Source, prim: Usd.Prim, medium: Medium, duration: float) -> Trap:
+    """Read one prim with OtTrapAPI.
+
+    Raises:
+        InputError: NA ≥ medium index, no force curve, time samples that do not cover the run, a trap that turns.
+    """
+    if not prim.IsA(UsdGeom.Xformable):
+        raise source.bad(prim, "apiSchemas", "OtTrapAPI", "on an Xform")
+    values = read_values(source.file, prim, vocabulary.TRAP)
+    if not values["numerical_aperture"] < medium.refractive_index:
+        limit = f"in (0, {medium.refractive_index:g}), below the refractive index of the medium"
+        raise source.bad(prim, "ot:trap:numericalAperture", values["numerical_aperture"], limit)
+    held = values.pop("holds")
+    if len(held) > 1:
+        raise source.bad(prim, "ot:trap:holds", ", ".join(held), "one prim path")
+    position, orientation = _motion(source, prim)
+    power = _power(source, prim, values["power"])
+    for name, samples in (("xformOp:translate", position), ("ot:trap:power", power)):
+        _check_cover(source, prim, name, samples, duration)
+    radial, axial = _laws(source, prim, values["model"])
+    values |= {"position": position, "power": power, "orientation": orientation, "radial": radial, "axial": axial}
+    return Trap(prim=str(prim.GetPath()), holds=held[0] if held else None, **values)
+
+
+def check_holds(source: Source, traps: Sequence[Trap], bodies: Sequence[Body]) -> None:
+    """Refuse a trap whose `holds` does not name a sphere that traps act on.
+
+    Raises:
+        InputError: One line.
+    """
+    spheres = {sphere.prim for body in bodies if body.instance is None for sphere in body.spheres if sphere.trapped}
+    for trap in traps:
+        if trap.holds is not None and trap.holds not in spheres:
+            raise source.bad(trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
+
+
+def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, float, float]]:
+    codes = source.sample_codes(prim)
+    positions, rotations, _ = source.split(prim, source.matrices(prim, codes))
+    if np.abs(continuous(rotations) - rotations[0]).max() > _TURN:
+        raise source.bad(prim, "xformOp:orient", "(time samples that turn)", "constant: a trap may move, not turn")
+    return track(source.seconds(np.array(codes)), positions), quat(rotations[0])
+
+
+def _power(source: Source, prim: Usd.Prim, constant: float) -> Track:
+    name = "ot:trap:power"
+    attribute = prim.GetAttribute(name)
+    codes = attribute.GetTimeSamples() if attribute else []
+    if not codes:
+        return Track.constant(constant)
+    entry = next(a for a in vocabulary.TRAP.attributes if a.name == name)
+    samples = [attribute.Get(code) for code in codes]
+    for sample in samples:
+        check_value(source.file, prim.GetPath(), name, entry, sample)
+    return track(source.seconds(np.array(codes)), np.array([[internal(sample, "power")] for sample in samples]))
+
+
+def _check_cover(source: Source, prim: Usd.Prim, name: str, samples: Track, duration: float) -> None:
+    first, last = float(samples.times[0]), float(samples.times[-1])
+    if samples.animated and (first > TIME_SLACK or last < duration - TIME_SLACK):
+        span = f"time samples from {first:g} s to {last:g} s"
+        raise source.bad(prim, name, span, f"covering the run, [0, {duration:g}] s")
+
+
+def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw, TrapLaw | None]:
+    prefix = vocabulary.TRAP_LAW.name + ":"
+    found = {name.removeprefix(prefix) for name in source.applied(prim) if name.startswith(prefix)}
+    if found not in ({"isotropic"}, {"radial", "axial"}):
+        shown = ", ".join(sorted(found)) or "(none)"
+        raise source.bad(prim, "OtTrapLawAPI", shown, "isotropic alone, or radial and axial together")
+    laws = {name: _law(source, prim, name, model) for name in found}
+    return (laws["isotropic"], None) if "isotropic" in laws else (laws["radial"], laws["axial"])
+
+
+def _law(source: Source, prim: Usd.Prim, instance: str, model: str) -> TrapLaw:
+    raw = read_values(source.file, prim, vocabulary.TRAP_LAW, instance=instance, si=True)
+    length, force = internal(raw["lengthUnit"], "length"), internal(raw["forceUnit"], "force")
+    common = {
+        "stiffness": raw["stiffness"] * force / length,
+        "cutoff": raw["cutoff"] * length,
+        "power": internal(raw["power"], "power"),
+        "radius": raw["radius"] * length,
+    }
+    if model == "harmonic":  # a harmonic trap has no other branch
+        return TrapLaw(**common)
+    return TrapLaw(
+        **common,
+        threshold=raw["threshold"] * length,
+        inverse_square=raw["inverse_square"] * force * length**2,
+        offset=raw["offset"] * force,
+    )

@@ -1,0 +1,169 @@
+"""Everything that can be said about a stage before it runs: errors that stop it, and things worth a warning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from otwarp.errors import InputError
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import read_values
+from otwarp.scene.description import Scene
+from otwarp.scene.load import read_scene
+from otwarp.scene.source import Source, open_stage, quiet_usd
+
+_LIGHTS = ("DistantLight", "DomeLight", "SphereLight", "RectLight", "DiskLight", "CylinderLight")
+_BRANCH = ("threshold", "inverse_square", "offset")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing found: `error` stops a run, `warning` does not; `prim` is a path, or `/` for the stage."""
+
+    severity: Literal["error", "warning"]
+    prim: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.severity}: {self.prim}: {self.message}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What `validate` found in a file."""
+
+    file: Path
+    findings: tuple[Finding, ...]
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings that stop a run."""
+        return tuple(finding for finding in self.findings if finding.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Findings that do not."""
+        return tuple(finding for finding in self.findings if finding.severity == "warning")
+
+    @property
+    def ok(self) -> bool:
+        """Whether the file can be run."""
+        return not self.errors
+
+
+def validate(path: str | Path) -> Report:
+    """Load a stage and run every USD validator on it; bad input becomes an error of the report, not an exception.
+
+    Returns:
+        The report: the loader's error if any, the errors and warnings of USD's own validators, then advice.
+    """
+    path = Path(path)
+    try:
+        stage = open_stage(path)
+    except InputError as error:
+        return Report(file=path, findings=(_from_input_error(path, error),))
+    findings: list[Finding] = []
+    scene = None
+    try:
+        scene = read_scene(stage, file=str(path))
+    except InputError as error:
+        findings.append(_from_input_error(path, error))
+    with quiet_usd():
+        findings += _usd_findings(stage)
+        if scene is not None:
+            findings += _advice(Source(stage, str(path)), scene)
+    return Report(file=path, findings=tuple(findings))
+
+
+def _from_input_error(path: Path, error: InputError) -> Finding:
+    text = str(error).removeprefix(f"{path}: ")
+    prim, _, rest = text.partition(": ")
+    named = prim.startswith("/") and bool(rest)
+    return Finding(severity="error", prim=prim if named else "/", message=rest if named else text)
+
+
+def _usd_findings(stage: Usd.Stage) -> list[Finding]:
+    try:
+        from pxr import UsdValidation
+    except ImportError:
+        message = "this USD has no UsdValidation: its own validators were not run"
+        return [Finding(severity="warning", prim="/", message=message)]
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    findings = []
+    for error in UsdValidation.ValidationContext(validators).Validate(stage):
+        serious = error.GetType() == UsdValidation.ValidationErrorType.Error
+        message = f"{' '.join(error.GetMessage().split())} [{error.GetIdentifier()}]"
+        findings.append(Finding(severity="error" if serious else "warning", prim=_site(error), message=message))
+    return sorted(findings, key=lambda finding: (finding.severity, finding.prim, finding.message))
+
+
+def _site(error: Any) -> str:
+    for site in error.GetSites():
+        if site.IsPrim():
+            return str(site.GetPrim().GetPath())
+        if site.IsProperty():
+            return str(site.GetProperty().GetPath())
+    return "/"
+
+
+def _advice(source: Source, scene: Scene) -> list[Finding]:
+    prims = list(Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    findings = _unused(source, prims)
+    cameras = [prim for prim in prims if prim.IsA(UsdGeom.Camera)]
+    if not cameras:
+        findings.append(Finding(severity="warning", prim="/", message="no camera: viewers choose their own view"))
+    if not any(prim.GetTypeName() in _LIGHTS for prim in prims):
+        findings.append(Finding(severity="warning", prim="/", message="no light: viewers add their own or stay dark"))
+    for prim in cameras:
+        findings += _clipping(source, prim, scene)
+    return findings
+
+
+def _unused(source: Source, prims: list[Usd.Prim]) -> list[Finding]:
+    findings = []
+    prefix = vocabulary.TRAP_LAW.name + ":"
+    for prim in prims:
+        instances = [name.removeprefix(prefix) for name in source.applied(prim) if name.startswith(prefix)]
+        path = str(prim.GetPath())
+        if instances and not source.has(prim, "OtTrapAPI"):
+            message = f"OtTrapLawAPI:{instances[0]} is unused: the prim has no OtTrapAPI"
+            findings.append(Finding(severity="warning", prim=path, message=message))
+            continue
+        if instances and read_values(source.file, prim, vocabulary.TRAP)["model"] == "harmonic":
+            findings += _unused_branch(source, prim, instances)
+    return findings
+
+
+def _unused_branch(source: Source, prim: Usd.Prim, instances: list[str]) -> list[Finding]:
+    defaults = {attribute.field: attribute.default for attribute in vocabulary.TRAP_LAW.attributes}
+    findings = []
+    for instance in instances:
+        values = read_values(source.file, prim, vocabulary.TRAP_LAW, instance=instance, si=True)
+        for field in _BRANCH:
+            if values[field] != defaults[field]:
+                message = f"{field} of the {instance} law is unused: the model is harmonic"
+                findings.append(Finding(severity="warning", prim=str(prim.GetPath()), message=message))
+    return findings
+
+
+def _clipping(source: Source, prim: Usd.Prim, scene: Scene) -> list[Finding]:
+    near, far = UsdGeom.Camera(prim).GetClippingRangeAttr().Get(source.start)
+    points = [body.position for body in scene.bodies] + [tuple(trap.position.values[0]) for trap in scene.traps]
+    path = str(prim.GetPath())
+    if not 0.0 < near < far:
+        return [Finding(severity="warning", prim=path, message=f"clippingRange ({near:g}, {far:g}) is not usable")]
+    if not points:
+        return []
+    position, _, _ = source.pose(prim)
+    forward = -source.matrix(prim)[2, :3] / np.linalg.norm(source.matrix(prim)[2, :3])
+    depth = (np.array(points) - position) @ forward / source.unit
+    if np.any((depth > near) & (depth < far)):
+        return []
+    message = (
+        f"clippingRange ({near:g}, {far:g}) shows no body or trap, which lie {depth.min():g} … {depth.max():g} away"
+    )
+    return [Finding(severity="warning", prim=path, message=message)]

@@ -1,0 +1,85 @@
+"""The copy in metres: the same scene, seen by the same cameras."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from otwarp.errors import InputError
+from otwarp.scene import Scene, export_in_metres
+from otwarp.scene.validate import validate
+from tests.scene.conftest import StageFile
+from tests.scene.test_author import full_builder
+
+RELATIVE = 1e-9
+"""Float64 through a scale of 1e-6 and back, with room."""
+
+
+def assert_close(a: object, b: object, where: str = "scene") -> None:
+    """Compare two scenes number by number."""
+    assert type(a) is type(b), where
+    if dataclasses.is_dataclass(a):
+        for field in dataclasses.fields(a):
+            if field.compare:
+                assert_close(getattr(a, field.name), getattr(b, field.name), f"{where}.{field.name}")
+    elif isinstance(a, tuple):
+        assert isinstance(b, tuple) and len(a) == len(b), where
+        for index, pair in enumerate(zip(a, b, strict=True)):
+            assert_close(*pair, f"{where}[{index}]")
+    elif isinstance(a, float | np.ndarray):
+        assert a == pytest.approx(b, rel=RELATIVE, abs=RELATIVE), where
+    else:
+        assert a == b, where
+
+
+def test_the_scene_stays_the_same(tmp_path: Path) -> None:
+    native = full_builder().save(tmp_path / "scene.usdc")
+    metres = export_in_metres(native, tmp_path / "metres.usda")
+    assert "metersPerUnit = 1\n" in metres.read_text()
+    assert_close(Scene.load(metres), Scene.load(native))
+    assert validate(metres).findings == ()
+
+
+def test_world_lengths_are_metres_and_cameras_see_the_same(tmp_path: Path) -> None:
+    from pxr import Gf, Usd, UsdGeom
+
+    native = full_builder().save(tmp_path / "scene.usda")
+    stages = [Usd.Stage.Open(str(path)) for path in (native, export_in_metres(native, tmp_path / "metres.usda"))]
+    paths = [prim.GetPath() for prim in stages[0].Traverse() if prim.IsA(UsdGeom.Boundable)]
+    assert len(paths) > 10
+    for path in paths:
+        boxes = [UsdGeom.BBoxCache(0.0, ["default"]).ComputeWorldBound(s.GetPrimAtPath(path)) for s in stages]
+        small, large = (np.array(b.ComputeAlignedRange().GetSize()) for b in reversed(boxes))
+        assert small == pytest.approx(1e-6 * large, rel=1e-6)
+    views = [UsdGeom.Camera(s.GetPrimAtPath("/World/View")).GetCamera(0.0) for s in stages]
+    fields = [view.GetFieldOfView(Gf.Camera.FOVHorizontal) for view in views]
+    assert fields[1] == pytest.approx(fields[0], rel=1e-6)
+    assert views[1].focusDistance == pytest.approx(1e-6 * views[0].focusDistance, rel=1e-6)
+    assert views[1].clippingRange.max == pytest.approx(1e-6 * views[0].clippingRange.max, rel=1e-6)
+    eyes = [np.array(view.transform.ExtractTranslation()) for view in views]
+    assert eyes[1] == pytest.approx(1e-6 * eyes[0], rel=1e-9)
+    assert np.linalg.det(np.array(views[1].transform)[:3, :3]) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_reset_stacks_and_scopes(stage_file: StageFile) -> None:
+    path = stage_file.write(
+        ('def Xform "World"', 'def Scope "World"'),
+        (
+            '["xformOp:translate"]\n    }\n\n    def Cube',
+            '["!resetXformStack!", "xformOp:translate"]\n    }\n\n    def Cube',
+        ),
+    )
+    out = export_in_metres(path, stage_file.folder / "metres.usda")
+    assert_close(Scene.load(out), Scene.load(path))
+
+
+def test_bad_files(stage_file: StageFile) -> None:
+    folder = stage_file.folder
+    with pytest.raises(InputError, match=r"none.usda: file = missing"):
+        export_in_metres(folder / "none.usda", folder / "out.usda")
+    with pytest.raises(InputError, match="metersPerUnit = 0"):
+        export_in_metres(stage_file.write(("metersPerUnit = 1e-6", "metersPerUnit = 0")), folder / "out.usda")
+    assert not (folder / "out.usda").exists()
