@@ -1,0 +1,1 @@
+"""The scripts that made the shipped stages: each module has `build() -> SceneBuilder`."""
