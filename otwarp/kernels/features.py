@@ -12,6 +12,10 @@ MAX_CONTACTS = 64
 """Contacts a world can carry at once when one thread owns it."""
 
 
+MAX_BODY_CONTACTS = 24
+"""Contacts one body can carry at once when neighbours come from the grid."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Features:
     """The terms one step is made of.

@@ -1,8 +1,9 @@
 """The body driver: one thread per body and step, neighbours from a hash grid, for scenes with many touching bodies.
 
-A step is three kernels around one grid build: `advance` (free displacement), `touch` (contact forces from the free
-displacements of both partners) and `commit` (apply, and place the spheres for the next build). All steps and worlds
-use the same launches, so a step is captured in a graph; the step counter lives in device memory.
+A step is: `advance` (free displacements), a build of the grid, `find` (each body lists its contacts), a few sweeps of
+`relax` (contact forces from the displacements of both partners) and `commit` (apply, and place the spheres for the
+next build). All steps and worlds use the same launches, so a step is captured in a graph; the step counter lives in
+device memory.
 """
 
 import warp as wp
@@ -18,11 +19,8 @@ from otwarp.kernels.rotation import rotate_by
 from otwarp.kernels.traps import commanded_animated, commanded_still, limited_focus
 from otwarp.kernels.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData
 
-SHARE = wp.constant(4.0)
-"""How many stiff contacts of one body are resolved together without overshoot.
-
-All contacts of a step are solved at once from the free displacements; each takes the share that would leave room for
-this many along the same direction. Both partners compute the same force, so the third law holds to rounding."""
+RELAXATIONS = 8
+"""Sweeps over the contacts in one step (even, because they write to two buffers in turn)."""
 
 
 @wp.struct
@@ -32,12 +30,20 @@ class GridData:
     clock: wp.array(dtype=wp.int64)  # (1) step counter
     linear: wp.array2d(dtype=wp.vec3)  # (W, B) free displacement [µm]
     angular: wp.array2d(dtype=wp.vec3)  # (W, B) free rotation [rad]
-    push_linear: wp.array2d(dtype=wp.vec3)  # (W, B) displacement by contact
-    push_angular: wp.array2d(dtype=wp.vec3)
+    contact: wp.array2d(dtype=Contact)  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it
+    count: wp.array2d(dtype=wp.int32)  # (W, B) how many
     centre: wp.array(dtype=wp.vec3)  # (W·C) centres of the colliding spheres [µm]
     group: wp.array(dtype=wp.int32)  # (W·C) world of each
     largest: float  # radius of the largest colliding sphere [µm]
     reach: float  # longest range of adhesion [µm]
+
+
+@wp.struct
+class PushData:
+    """What the contacts move in a step."""
+
+    linear: wp.array2d(dtype=wp.vec3)  # (W, B) [µm]
+    angular: wp.array2d(dtype=wp.vec3)  # (W, B), (W, 0) without rotation [rad]
 
 
 def make_advance(f: Features) -> wp.Kernel:
@@ -72,51 +78,44 @@ def body_pose_term(f: Features) -> wp.Function:
     return body_pose
 
 
-def free_opening_term(f: Features) -> wp.Function:
-    """`(grid, world, c) -> opening` of a contact's gap by the free displacements of this step [µm]."""
+def opening_term(f: Features) -> wp.Function:
+    """`(grid, push, world, c) -> opening` of a contact's gap by all displacements of this step [µm]."""
 
     @wp.func
-    def free_move_of(grid: GridData, world: int, b: int) -> Move:
-        move = Move(grid.linear[world, b], wp.vec3(0.0))
+    def move_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
+        move = Move(grid.linear[world, b] + push.linear[world, b], wp.vec3(0.0))
         if wp.static(f.rigid):
-            move.angular = grid.angular[world, b]
+            move.angular = grid.angular[world, b] + push.angular[world, b]
         return move
 
     @wp.func
-    def free_opening(grid: GridData, world: int, c: Contact) -> float:
-        opening = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - c.drift
+    def opening(grid: GridData, push: PushData, world: int, c: Contact) -> float:
+        total = along(move_of(grid, push, world, c.a), c.arm_a, c.normal) - c.drift
         if c.b >= 0:
-            opening -= along(free_move_of(grid, world, c.b), c.arm_b, c.normal)
-        return opening
+            total -= along(move_of(grid, push, world, c.b), c.arm_b, c.normal)
+        return total
 
-    return free_opening
-
-
-@wp.struct
-class Push:
-    """Sum over the contacts of one body: displacement, net force [pN], sum of normal forces [pN]."""
-
-    linear: wp.vec3
-    angular: wp.vec3
-    force: wp.vec3
-    load: float
+    return opening
 
 
 @wp.func
-def add_contact(total: Push, c: Contact, opening: float) -> Push:
-    """Solve one contact for its share and add what it does to body a."""
-    load = wp.max((c.force - c.stiffness * opening) / (1.0 + SHARE * c.stiffness * c.give), c.floor)
-    total.linear += load * c.response_a.linear
-    total.angular += load * c.response_a.angular
-    total.force += load * c.normal
-    total.load += wp.abs(load)
-    return total
+def list_contact(
+    readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact, step: wp.int64
+) -> int:
+    """Append a contact that carries a force to its body's list; its first guess is the force at the start."""
+    if c.force == 0.0 and c.stiffness == 0.0:
+        return count
+    if count == grid.contact.shape[1]:
+        raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
+        return count
+    c.load = c.force
+    grid.contact[row, count] = c
+    return count + 1
 
 
 def neighbour_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, table, world, a, pose, total, step) -> Push` by the spheres of other bodies."""
+    """`(model, state, readout, grid, table, world, a, pose, count, step) -> count` of contacts with other bodies."""
     new_contact = new_contact_term(f)
-    free_opening = free_opening_term(f)
     body_pose = body_pose_term(f)
 
     @wp.func
@@ -129,9 +128,9 @@ def neighbour_term(f: Features) -> wp.Function:
         world: int,
         a: int,
         pose: Pose,
-        total: Push,
+        count: int,
         step: wp.int64,
-    ) -> Push:
+    ) -> int:
         spheres = model.contact.sphere.shape[0]
         for i in range(model.contact.start[a], model.contact.start[a + 1]):
             here = grid.centre[world * spheres + i]
@@ -152,16 +151,15 @@ def neighbour_term(f: Features) -> wp.Function:
                     c = new_contact(
                         model, world, a, b, pose, pose_b, arm_a, arm_b, way / distance, ri * rj / (ri + rj), overlap
                     )
-                    total = add_contact(total, c, free_opening(grid, world, c))
-        return total
+                    count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+        return count
 
     return neighbours
 
 
 def wall_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, world, a, pose, total, step) -> Push` by the obstacles."""
+    """`(model, readout, grid, world, a, pose, count, step) -> count` of contacts with obstacles."""
     new_contact = new_contact_term(f)
-    free_opening = free_opening_term(f)
     pose_at = moving_pose if f.moving_obstacles else still_pose
     distance_to = distance_term(f.obstacles)
 
@@ -173,9 +171,9 @@ def wall_term(f: Features) -> wp.Function:
         world: int,
         a: int,
         pose: Pose,
-        total: Push,
+        count: int,
         step: wp.int64,
-    ) -> Push:
+    ) -> int:
         time = wp.float64(step) * model.time_step
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
@@ -198,35 +196,83 @@ def wall_term(f: Features) -> wp.Function:
                             model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, s[3], overlap
                         )
                         c.drift = wp.dot(motion, normal)
-                        total = add_contact(total, c, free_opening(grid, world, c))
-        return total
+                        count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+        return count
 
     return walls
 
 
-def make_touch(f: Features) -> wp.Kernel:
-    """Kernel over (world, body): displacement by contact, and the contact readout."""
+def make_find(f: Features) -> wp.Kernel:
+    """Kernel over (world, body): list the contacts of each body, and what their forces at the start would move."""
     neighbours = neighbour_term(f) if f.pairs else None
     walls = wall_term(f) if f.obstacles else None
     body_pose = body_pose_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def touch(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, table: wp.uint64):
+    def find(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, table: wp.uint64
+    ):
         world, a = wp.tid()
         step = grid.clock[0]
         pose = body_pose(state, world, a)
-        total = Push(wp.vec3(0.0), wp.vec3(0.0), wp.vec3(0.0), float(0.0))
+        count = int(0)
         if wp.static(f.pairs):
-            total = neighbours(model, state, readout, grid, table, world, a, pose, total, step)
+            count = neighbours(model, state, readout, grid, table, world, a, pose, count, step)
         if wp.static(bool(f.obstacles)):
-            total = walls(model, readout, grid, world, a, pose, total, step)
-        grid.push_linear[world, a] = total.linear
+            count = walls(model, readout, grid, world, a, pose, count, step)
+        grid.count[world, a] = count
+        linear = wp.vec3(0.0)
+        angular = wp.vec3(0.0)
+        for i in range(count):
+            c = grid.contact[world * model.bodies + a, i]
+            linear += c.load * c.response_a.linear
+            angular += c.load * c.response_a.angular
+        push.linear[world, a] = linear
         if wp.static(f.rigid):
-            grid.push_angular[world, a] = total.angular
-        readout.contact_force[world, a] = total.force
-        readout.contact_load[world, a] = total.load
+            push.angular[world, a] = angular
 
-    return touch
+    return find
+
+
+def make_relax(f: Features) -> wp.Kernel:
+    """Kernel over (world, body): one Jacobi sweep of backward Euler, λ = max(floor, F − k·s), and the contact readout.
+
+    Every contact is relaxed as if the busier partner's contacts all opened its gap as much as itself: the sweep then
+    never overshoots, whatever the stiffness, and a lone contact is solved at once. Both partners compute the same λ
+    from the same numbers, so the third law holds to rounding. Starting from the forces F leaves alone what moves
+    nothing, such as the forces that squeeze a body from two sides.
+    """
+    opening = opening_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def relax(model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData):
+        world, a = wp.tid()
+        row = world * model.bodies + a
+        count = grid.count[world, a]
+        linear = wp.vec3(0.0)
+        angular = wp.vec3(0.0)
+        force = wp.vec3(0.0)
+        total = float(0.0)
+        for i in range(count):
+            c = grid.contact[row, i]
+            busy = count
+            if c.b >= 0:
+                busy = wp.max(busy, grid.count[world, c.b])
+            wanted = c.force - c.stiffness * opening(grid, before, world, c)
+            load = c.load + (wanted - c.load) / (1.0 + wp.float32(busy) * c.stiffness * c.give)
+            load = wp.max(load, c.floor)
+            grid.contact[row, i].load = load
+            linear += load * c.response_a.linear
+            angular += load * c.response_a.angular
+            force += load * c.normal
+            total += wp.abs(load)
+        after.linear[world, a] = linear
+        if wp.static(f.rigid):
+            after.angular[world, a] = angular
+        readout.contact_force[world, a] = force
+        readout.contact_load[world, a] = total
+
+    return relax
 
 
 def make_commit(f: Features) -> wp.Kernel:
@@ -235,18 +281,25 @@ def make_commit(f: Features) -> wp.Kernel:
     body_pose = body_pose_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def commit(model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData):
+    def commit(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        grid: GridData,
+        push: PushData,
+    ):
         world, b = wp.tid()
         step = grid.clock[0]
         pose = body_pose(state, world, b)
         linear = grid.linear[world, b]
         angular = wp.vec3(0.0)
         if wp.static(f.contacts):
-            linear += grid.push_linear[world, b]
+            linear += push.linear[world, b]
         if wp.static(f.rigid):
             angular = grid.angular[world, b]
             if wp.static(f.contacts):
-                angular += grid.push_angular[world, b]
+                angular += push.angular[world, b]
         if not finite(pose.position + linear + angular):
             raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
         if readout.fault[world, b] == 0:

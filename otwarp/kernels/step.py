@@ -9,7 +9,7 @@ import warp as wp
 
 from otwarp.kernels.drivers import make_solo_step, make_world_step
 from otwarp.kernels.features import Features
-from otwarp.kernels.grid import make_advance, make_commit, make_move_traps, make_touch
+from otwarp.kernels.grid import make_advance, make_commit, make_find, make_move_traps, make_relax
 from otwarp.kernels.readout import make_trap_readout
 
 
@@ -20,7 +20,7 @@ class Step:
     Attributes:
         features: What they were composed from.
         fused: The world drivers' single kernel, or None.
-        move_traps, advance, touch, commit: The body driver's kernels in launch order, None where not needed.
+        move_traps, advance, find, relax, commit: The body driver's kernels in launch order, None where not needed.
         readout: Trap readout kernels (per trap, per sphere, per hand), empty without traps.
     """
 
@@ -28,14 +28,15 @@ class Step:
     fused: wp.Kernel | None = None
     move_traps: wp.Kernel | None = None
     advance: wp.Kernel | None = None
-    touch: wp.Kernel | None = None
+    find: wp.Kernel | None = None
+    relax: wp.Kernel | None = None
     commit: wp.Kernel | None = None
     readout: tuple[wp.Kernel, ...] = ()
 
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All kernels, in launch order."""
-        parts = [self.fused, self.move_traps, self.advance, self.touch, self.commit, *self.readout]
+        parts = [self.fused, self.move_traps, self.advance, self.find, self.relax, self.commit, *self.readout]
         return [k for k in parts if k is not None]
 
 
@@ -51,7 +52,8 @@ def make_step(features: Features) -> Step:
         features=features,
         move_traps=make_move_traps(features) if features.speed_limits else None,
         advance=make_advance(features),
-        touch=make_touch(features) if features.contacts else None,
+        find=make_find(features) if features.contacts else None,
+        relax=make_relax(features) if features.contacts else None,
         commit=make_commit(features),
         readout=readout,
     )

@@ -52,7 +52,7 @@ def author_extent(prim: Usd.Prim) -> None:
 def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opacity: float) -> None:
     """Draw a trap: a small sphere at the focus and two translucent cones that meet there.
 
-    A symbol, not the beam's true profile: 8 µm long, with a half angle of 15° instead of the objective's 60° or so,
+    A symbol, not the beam's true profile: 20 µm long, with a half angle of 12° instead of the objective's 60° or so,
     so that several beams can be told apart. The cones keep the default purpose, which usdview,
     Blender and Isaac Sim all show.
     """
@@ -61,7 +61,7 @@ def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opac
     marker.CreateRadiusAttr(0.15)
     looks.paint(marker.GetPrim(), color, 1.0)
     looks.bind(marker.GetPrim(), color, 1.0)
-    height, radius = 4.0, 1.07
+    height, radius = 10.0, 2.1
     for name, side in (("BeamBelow", -1.0), ("BeamAbove", 1.0)):
         cone = UsdGeom.Cone.Define(stage, path.AppendChild(name))
         cone.CreateAxisAttr(UsdGeom.Tokens.z)

@@ -8,7 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.grid import GridData, place_spheres, tick
+from otwarp.kernels.contact import Contact
+from otwarp.kernels.features import MAX_BODY_CONTACTS
+from otwarp.kernels.grid import RELAXATIONS, GridData, PushData, place_spheres, tick
 from otwarp.kernels.step import Step
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
@@ -80,6 +82,7 @@ class GridStepper:
         self.state, self.control, self.readout = state, control, readout
         self.spheres = model.data.contact.sphere.shape[0]
         self.scratch = self._allocate()
+        self.push = (self._allocate_push(), self._allocate_push())
         self.table = self._grid()
         for kernel in step.kernels:
             load(kernel, model.device)
@@ -93,8 +96,9 @@ class GridStepper:
         data.clock = wp.zeros(1, dtype=wp.int64, device=device)
         data.linear = wp.zeros((w, b), dtype=wp.vec3, device=device)
         data.angular = wp.zeros((w, b if f.rigid else 0), dtype=wp.vec3, device=device)
-        data.push_linear = wp.zeros((w, b if f.contacts else 0), dtype=wp.vec3, device=device)
-        data.push_angular = wp.zeros((w, b if f.contacts and f.rigid else 0), dtype=wp.vec3, device=device)
+        touching = b if f.contacts else 0
+        data.contact = wp.zeros((w * touching, MAX_BODY_CONTACTS), dtype=Contact, device=device)
+        data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
         placed = w * self.spheres if f.pairs else 0
         data.centre = wp.zeros(placed, dtype=wp.vec3, device=device)
         data.group = wp.zeros(placed, dtype=wp.int32, device=device)
@@ -103,6 +107,14 @@ class GridStepper:
         data.largest = max(radii, default=0.0)
         data.reach = max(sticky, default=0.0)
         return data
+
+    def _allocate_push(self) -> PushData:
+        w, f, device = self.model.worlds, self.step.features, self.model.device
+        touching = f.bodies if f.contacts else 0
+        push = PushData()
+        push.linear = wp.zeros((w, touching), dtype=wp.vec3, device=device)
+        push.angular = wp.zeros((w, touching if f.rigid else 0), dtype=wp.vec3, device=device)
+        return push
 
     def _grid(self) -> wp.HashGrid | None:
         if not self.step.features.pairs:
@@ -139,11 +151,15 @@ class GridStepper:
         wp.launch(self.step.advance, dim=each, inputs=[model.data, control, state, self.scratch], device=device)
         if self.table is not None:
             self._build()
-        if self.step.touch is not None:
+        if self.step.find is not None:
             table = wp.uint64(self.table.id if self.table is not None else 0)
-            inputs = [model.data, state, readout, self.scratch, table]
-            wp.launch(self.step.touch, dim=each, inputs=inputs, device=device)
-        inputs = [model.data, control, state, readout, self.scratch]
+            inputs = [model.data, state, readout, self.scratch, self.push[0], table]
+            wp.launch(self.step.find, dim=each, inputs=inputs, device=device)
+            for sweep in range(RELAXATIONS):
+                before, after = self.push[sweep % 2], self.push[1 - sweep % 2]
+                inputs = [model.data, readout, self.scratch, before, after]
+                wp.launch(self.step.relax, dim=each, inputs=inputs, device=device)
+        inputs = [model.data, control, state, readout, self.scratch, self.push[0]]
         wp.launch(self.step.commit, dim=each, inputs=inputs, device=device)
         wp.launch(tick, dim=1, inputs=[self.scratch], device=device)
 

@@ -1,0 +1,39 @@
+"""`python -m benchmarks [--write]`: run all benchmarks, print their tables, and put them into docs/benchmarks.md."""
+
+from __future__ import annotations
+
+from benchmarks import realtime, startup, terms
+from benchmarks.report import PAGE, command, options, put_on_page, save_json
+from otwarp.errors import InputError
+
+BENCHMARKS = {"startup": startup.measure, "realtime": realtime.measure, "terms": terms.measure}
+
+
+def main() -> None:
+    """Command line."""
+    parser = options("Run the benchmarks.", rounds=None)
+    parser.add_argument("--only", choices=list(BENCHMARKS), help="run one of them")
+    parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks.md")
+    arguments = parser.parse_args()
+    rounds = {} if arguments.rounds is None else {"rounds": arguments.rounds}
+    sections = []
+    for name, measure in BENCHMARKS.items():
+        if arguments.only in (None, name):
+            section = measure(arguments.device, **rounds)
+            print(section.markdown(), flush=True)
+            sections.append(section)
+    if arguments.json:
+        save_json(arguments.json, sections)
+    if arguments.write:
+        # written together at the end, so that a benchmark cut off in the middle changes nothing
+        try:
+            page = PAGE.read_text()
+        except OSError as error:
+            raise InputError(f"{PAGE.name} cannot be read: {error.strerror}") from error
+        for section in sections:
+            page = put_on_page(page, section)
+        PAGE.write_text(page)
+
+
+if __name__ == "__main__":
+    command(main)

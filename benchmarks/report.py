@@ -1,0 +1,120 @@
+"""Tables of results: printed, written as JSON, and put between the markers of docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmarks.machine import Machine
+from otwarp.errors import InputError
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table: title, column heads, rows of text, and a note below it."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+
+    def markdown(self) -> str:
+        """The table in Markdown; the first column is text, the others are numbers."""
+        lines = [f"**{self.title}**", "", "| " + " | ".join(self.head) + " |"]
+        lines.append("|---|" + "---:|" * (len(self.head) - 1))
+        lines += ["| " + " | ".join(row) + " |" for row in self.rows]
+        return "\n".join([*lines, "", self.note, ""] if self.note else [*lines, ""])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """What one benchmark found.
+
+    Attributes:
+        name: Module name; with the kind of device it names the markers on the page.
+        kind: `cpu` or `cuda`.
+        machine: Where it was measured.
+        tables: For people.
+        data: The same and more, for programs.
+    """
+
+    name: str
+    kind: str
+    machine: Machine
+    tables: list[Table]
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def markdown(self) -> str:
+        """All tables under a line that says what was run and where."""
+        device = "" if self.kind == "cpu" else " --device cuda:0"
+        head = f"`python -m benchmarks.{self.name}{device}` on {self.machine.text()}."
+        return "\n".join([head, "", *(table.markdown() for table in self.tables)])
+
+    def json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {"device": self.kind, "machine": self.machine.data(), **self.data}
+
+
+def put_on_page(page: str, section: Section) -> str:
+    """Replace what stands between the markers of a section.
+
+    Raises:
+        InputError: The page has no such markers.
+    """
+    key = f"{section.name} {section.kind}"
+    begin, end = f"<!-- begin {key} -->", f"<!-- end {key} -->"
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise InputError(f"docs/benchmarks.md must hold the markers {begin} and {end} once each")
+    before, rest = page.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}\n{section.markdown()}\n{end}{after}"
+
+
+def save_json(file: Path, sections: Sequence[Section]) -> None:
+    """Write the sections' data as one JSON object keyed by benchmark.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    text = json.dumps({s.name: s.json() for s in sections}, indent=1, ensure_ascii=False, allow_nan=False)
+    try:
+        file.write_text(text + "\n")
+    except OSError as error:
+        raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
+
+
+def positive(text: str) -> int:
+    """Argument type of a count.
+
+    Raises:
+        argparse.ArgumentTypeError: Not a whole number of 1 or more.
+    """
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}; allowed: a whole number, 1 or more")
+    return int(text)
+
+
+def options(about: str, *, rounds: int | None) -> argparse.ArgumentParser:
+    """The options that all benchmarks share."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers to FILE")
+    usual = "each benchmark's own" if rounds is None else str(rounds)
+    parser.add_argument("--rounds", type=positive, default=rounds, help=f"repeats of each figure (default: {usual})")
+    return parser
+
+
+def command(main: Callable[[], None]) -> None:
+    """Run a benchmark's `main`; bad input is one line on standard error and exit code 2."""
+    try:
+        main()
+    except InputError as error:
+        print(f"benchmarks: {error}", file=sys.stderr)
+        sys.exit(2)

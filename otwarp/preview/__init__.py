@@ -1,0 +1,1 @@
+"""Headless pictures and movies of a stage or a recorded run: a small ray caster on Warp."""

@@ -1,0 +1,178 @@
+"""A picture or a movie of a stage, or of a recorded run: the one call behind `otwarp preview`."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.preview.annotate import annotate
+from otwarp.preview.image import save_movie, save_png
+from otwarp.preview.render import render
+from otwarp.scene.drawables import open_stage, read_drawables
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+RUN_LAYER = "run.usda"
+"""Root layer of a recorded run, in its folder."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """An open stage and its frames: time code = start + index, index from 0 to count − 1."""
+
+    stage: Usd.Stage
+    name: str
+    start: float
+    count: int
+
+    def time_code(self, frame: int | None, time: float | None) -> float | None:
+        """Time code of a frame index, or of a time [s] from the first frame; None for an unanimated stage.
+
+        Raises:
+            InputError: Both given, or no such frame or time.
+        """
+        if frame is not None and time is not None:
+            raise InputError(f"{self.name}: frame = {frame} and time = {time:g}, only one of them allowed")
+        if frame is not None:
+            if not 0 <= frame < self.count:
+                raise InputError(f"{self.name}: frame = {frame}, allowed [0, {self.count - 1}]")
+            return self.start + frame
+        if time is not None:
+            rate, last = self.stage.GetTimeCodesPerSecond(), self.count - 1
+            if not (math.isfinite(time) and 0.0 <= time * rate <= last + 1e-6):
+                raise InputError(f"{self.name}: time = {time:g} s, allowed [0, {last / rate:g}]")
+            return self.start + time * rate
+        return self.start if self.count > 1 else None
+
+
+def open_film(path: str | Path) -> Film:
+    """Open a stage, or the `run.usda` of the folder of a recorded run.
+
+    Raises:
+        InputError: No such file or folder, no run in the folder, or not USD.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if not (path / RUN_LAYER).is_file():
+            raise InputError(f"{path}: no {RUN_LAYER} in this folder; a USD stage or a run folder is wanted")
+        path = path / RUN_LAYER
+    stage = open_stage(path)
+    start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    animated = stage.HasAuthoredTimeCodeRange() and end > start
+    if not animated:
+        return Film(stage, str(path), 0.0, 1)
+    return Film(stage, str(path), start, math.floor(end - start + 1e-6) + 1)
+
+
+def _picture(
+    film: Film,
+    code: float | None,
+    *,
+    size: tuple[int, int],
+    camera: str | None,
+    forces: bool,
+    device: str | None,
+    samples: int,
+    style: str,
+) -> np.ndarray:
+    purposes = ("default", "render", "guide") if forces else ("default", "render")
+    drawables = read_drawables(film.stage, code, camera=camera, purposes=purposes)
+    width, height = size
+    image = render(drawables, width=width, height=height, samples=samples, style=style, device=device)
+    time = None if code is None else (code - film.start) / film.stage.GetTimeCodesPerSecond()
+    return annotate(image, pixel_size=drawables.view.pixel_size(width, height), time=time)
+
+
+def movie_codes(film: Film, fps: float, most: int) -> list[float]:
+    """Time codes of a movie: in real time at `fps` pictures per second, in time lapse if that takes more than `most`.
+
+    The first and the last picture show the start and, to within a step, the end.
+    """
+    step = max(1.0, film.stage.GetTimeCodesPerSecond() / fps, (film.count - 1) / max(most - 1, 1))
+    return [film.start + step * k for k in range(int((film.count - 1) / step + 1e-9) + 1)]
+
+
+def _frames(
+    film: Film, codes: list[float], progress: Callable[[int, int], None] | None, look: dict[str, Any]
+) -> Iterator[np.ndarray]:
+    for done, code in enumerate(codes):
+        if progress is not None:
+            progress(done, len(codes))
+        yield _picture(film, code, **look)
+    if progress is not None:
+        progress(len(codes), len(codes))
+
+
+def _check_folder(target: str | Path) -> None:
+    """Fail before the long work on a file that can never be written."""
+    folder = Path(target).absolute().parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"{target}: cannot be written (folder {folder} is missing or not writable)")
+
+
+def preview(
+    path: str | Path,
+    out: str | Path | None = None,
+    *,
+    frame: int | None = None,
+    time: float | None = None,
+    size: tuple[int, int] = (1280, 720),
+    camera: str | None = None,
+    movie: str | Path | None = None,
+    fps: float = 20.0,
+    most_frames: int = 150,
+    progress: Callable[[int, int], None] | None = None,
+    forces: bool = False,
+    style: str = "dark",
+    samples: int = 3,
+    device: str | None = None,
+) -> list[Path]:
+    """Draw a stage, or a frame of a recorded run, and write it as PNG; or the whole run as GIF.
+
+    Args:
+        path: USD stage, or folder of a recorded run (holding `run.usda`).
+        out: PNG to write.
+        frame: Frame index: time code counted from the stage's start; the first one without it.
+        time: Seconds from the first frame, instead of `frame`.
+        size: Width and height in pixels.
+        camera: Path or name of a camera; without it the first one of the stage, or one that frames the scene.
+        movie: GIF to write, in real time or, if that took more than `most_frames` pictures, in time lapse.
+        fps: Pictures per second of the movie.
+        most_frames: Largest number of pictures in the movie.
+        progress: Called with (pictures done, pictures in all) while the movie is made.
+        forces: Draw prims of USD purpose `guide` as well, such as force arrows so recorded.
+        style: Background: `dark`, `light` or `white`.
+        samples: Samples per pixel along each side.
+        device: Warp device; None for the best there is.
+
+    Returns:
+        Files written.
+
+    Raises:
+        InputError: Anything in the arguments or files that cannot be accepted, in one line.
+    """
+    if out is None and movie is None:
+        raise InputError("preview: neither a picture (-o FILE.png) nor a movie (--movie FILE.gif) was asked for")
+    film = open_film(path)
+    for target in (out, movie):
+        if target is not None:
+            _check_folder(target)
+    look = {"size": size, "camera": camera, "forces": forces, "style": style, "samples": samples, "device": device}
+    if movie is not None and (film.count < 2 or most_frames < 2):
+        least = min(film.count, most_frames)
+        raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")
+    written: list[Path] = []
+    if out is not None:
+        written.append(save_png(_picture(film, film.time_code(frame, time), **look), out))
+    if movie is not None:
+        save_movie(_frames(film, movie_codes(film, fps, most_frames), progress, look), movie, fps)
+        written.append(Path(movie))
+    return written

@@ -1,0 +1,115 @@
+"""Reads one world of a recorded run back from `run.nc`, thinned to what a figure can show."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.record.monitor import robot_distance
+
+MOST_BODIES = 24
+"""Up to so many bodies outside the task are followed in time."""
+
+MOST_POINTS = 4000
+"""A run with more frames is thinned to at most twice this many."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One world of a recorded run, n frames.
+
+    Attributes:
+        title: Name of the scene.
+        layout: Obstacles, goal, warning lines, as JSON gave them.
+        time: (n,) [s].
+        robots, cells, others: Columns of the followed bodies in the arrays below.
+        names: Short names of the followed bodies.
+        radius: (b,) radius of the largest sphere of each [µm].
+        position: (n, b, 3) [µm].
+        force: (n, b, 3) net contact force [pN].
+        load: (n, b) sum of normal forces [pN].
+        distance: (n, robots) robot–trap distance [µm]; no columns without traps.
+        crowd: (m, 3) where the bodies end that are too many to be followed [µm], and `crowd_radius` (m,).
+    """
+
+    title: str
+    layout: dict[str, Any]
+    time: np.ndarray
+    robots: list[int]
+    cells: list[int]
+    others: list[int]
+    names: list[str]
+    radius: np.ndarray
+    position: np.ndarray
+    force: np.ndarray
+    load: np.ndarray
+    distance: np.ndarray
+    crowd: np.ndarray
+    crowd_radius: np.ndarray
+
+
+def read_run(file: Path, world: int = 0) -> Run:
+    """Read one world of `run.nc`.
+
+    Raises:
+        InputError: No such file, or no such world or frame in it.
+    """
+    import netCDF4
+
+    if not file.is_file():
+        raise InputError(f"{file}: file = missing; allowed: the netCDF file of a recorded run")
+    try:
+        data = netCDF4.Dataset(file)
+    except OSError as error:
+        raise InputError(f"{file}: contents = {error.strerror}; allowed: the netCDF file of a recorded run") from None
+    with data:
+        data.set_auto_mask(False)
+        frames, worlds = len(data.dimensions["frame"]), len(data.dimensions["world"])
+        if not 0 <= world < worlds:
+            raise InputError(f"{file}: world = {world}; allowed: 0 … {worlds - 1}")
+        if not frames:
+            raise InputError(f"{file}: frames = 0; allowed: 1 or more")
+        return _read(data, world, slice(0, frames, max(1, frames // MOST_POINTS)))
+
+
+def _read(data: Any, world: int, pick: slice) -> Run:
+    layout = json.loads(data.layout)
+    time = np.asarray(data["time"][pick])
+    count = len(data.dimensions["body"]) if "body" in data.dimensions else 0
+    robots, cells = layout["robots"], layout["cells"]
+    rest = sorted(set(range(count)) - {*robots, *cells})
+    followed = [*robots, *cells, *(rest if len(rest) <= MOST_BODIES else [])]
+    crowd = rest if len(rest) > MOST_BODIES else []
+
+    def series(name: str, *shape: int) -> np.ndarray:
+        columns = [np.asarray(data[name][pick, world, body], dtype=float) for body in followed]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0, *shape))
+
+    distance = np.zeros((len(time), 0))
+    if "trap" in data.dimensions:
+        holder = data["trap_body"][:]
+        traps_of = [np.flatnonzero(holder == r) for r in robots]
+        distance = robot_distance(data["trap_distance"][pick, world], data["trap_power"][pick, world], traps_of)
+    radius = np.asarray(data["body_radius"][:]) if count else np.zeros(0)
+    last = np.asarray(data["position"][-1, world], dtype=float) if count else np.zeros((0, 3))
+    return Run(
+        title=data.scene,
+        layout=layout,
+        time=time,
+        robots=list(range(len(robots))),
+        cells=list(range(len(robots), len(robots) + len(cells))),
+        others=list(range(len(robots) + len(cells), len(followed))),
+        names=[str(data["body"][body]).rsplit("/", 1)[-1] for body in followed],
+        radius=radius[followed],
+        position=series("position", 3),
+        force=series("contact_force", 3),
+        load=series("contact_load"),
+        distance=distance,
+        crowd=last[crowd],
+        crowd_radius=radius[crowd],
+    )

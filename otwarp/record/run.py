@@ -1,0 +1,125 @@
+"""`record_run`: simulate a scene frame by frame and record it: the Python call behind `otwarp run`."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from otwarp.errors import InputError, SimulationError
+from otwarp.record.frame import Frame
+from otwarp.record.recorder import Recorder
+from otwarp.scene.description import Scene
+from otwarp.simulation.simulation import Simulation
+
+
+def capture_frame(sim: Simulation) -> Frame:
+    """The present state and readout of a simulation, on the host."""
+    readout = sim.readout
+    position, orientation = sim.prim_poses()
+    worlds, bodies = position.shape[:2]
+    touching = sim.model.features.contacts
+    traps = len(sim.scene.traps)
+    empty = np.zeros((worlds, traps, 3))
+    # traps that nothing feels are not evaluated on the device: they stand where they were authored
+    acting = sim.model.features.traps > 0
+    return Frame(
+        step=sim.state.step,
+        time=sim.time,
+        position=position,
+        orientation=np.asarray(orientation),
+        trap_position=readout.trap_position.numpy() if acting else empty + _authored(sim, 3),
+        trap_power=readout.trap_power.numpy() if acting else empty[..., 0] + _authored(sim, 1)[..., 0],
+        trap_force=readout.trap_force.numpy() if acting else empty,
+        trap_distance=readout.trap_distance.numpy() if acting else np.full((worlds, traps), np.nan),
+        contact_force=readout.contact_force.numpy() if touching else np.zeros((worlds, bodies, 3)),
+        contact_load=readout.contact_load.numpy() if touching else np.zeros((worlds, bodies)),
+    )
+
+
+def _authored(sim: Simulation, width: int) -> np.ndarray:
+    """(T, width) authored positions (3) or powers (1) of the traps at the present time."""
+    tracks = [t.position if width == 3 else t.power for t in sim.scene.traps]
+    return np.array([track.at(sim.time) for track in tracks]).reshape(len(tracks), width)
+
+
+def record_run(
+    scene: Scene,
+    folder: str | Path,
+    *,
+    worlds: int = 1,
+    seed: int = 0,
+    device: str | None = None,
+    time_step: float | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    threads: int | None = None,
+    frames_per_second: float | None = None,
+    recorded_worlds: int | None = None,
+    forces: bool = False,
+    checkpoint: str | Path | None = None,
+    resume: str | Path | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> dict:
+    """Simulate `scene` for its duration and record every frame in `folder`.
+
+    Args:
+        folder: Gets `run.usda` and its trajectory, `run.nc`, `summary.json` and `figure.png`.
+        worlds, seed, device, time_step, parameters, threads: As for `Simulation`.
+        frames_per_second: Recorded frames per simulated second; None takes the scene's.
+        recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
+        forces: Write force arrows into the USD recording.
+        checkpoint: File to which the end of the run is saved.
+        resume: Checkpoint from which to start; `worlds`, `seed`, `time_step` and `parameters` are then its own.
+        progress: Called with simulated time and wall time after every frame.
+
+    Returns:
+        The summary that was written to `summary.json`.
+
+    Raises:
+        InputError: An argument that cannot be accepted; nothing is written.
+        SimulationError: The run stopped; everything up to the last good frame is on disk.
+    """
+    rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+    if resume is not None:
+        sim = Simulation.restore(resume, device=device, threads=threads)
+    else:
+        sim = Simulation(
+            scene,
+            worlds=worlds,
+            seed=seed,
+            device=device,
+            time_step=time_step,
+            parameters=parameters,
+            threads=threads,
+        )
+    started = clock.perf_counter()
+    last = round(scene.settings.duration * rate)
+    first = round(sim.time * rate)
+    with Recorder(
+        sim.scene,
+        Path(folder),
+        frames_per_second=rate,
+        worlds=recorded_worlds,
+        forces=forces,
+        seed=sim.model.seed,
+        time_step=sim.time_step,
+        held=sim.model.held,
+    ) as recorder:
+        recorder.write(capture_frame(sim))
+        try:
+            for frame in range(first + 1, last + 1):
+                sim.step(max(0, round(frame / rate / sim.time_step) - sim.state.step))
+                recorder.write(capture_frame(sim))
+                if progress is not None:
+                    progress(sim.time, clock.perf_counter() - started)
+        except (SimulationError, KeyboardInterrupt) as error:
+            recorder.stop(str(error) or "interrupted")
+            raise
+    if checkpoint is not None:
+        sim.save(checkpoint)
+    return recorder.summary

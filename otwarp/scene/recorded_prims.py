@@ -1,0 +1,253 @@
+"""Which USD attributes a frame of a run becomes: poses of prims, instances and trap powers.
+
+Each source below says which attributes it samples (`attributes`), authors once what does not change (`author`), and
+turns a frame into values (`samples`). Poses go into transform ops of their own (suffix `:run`), so that they never
+clash with the type of an op of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from otwarp.scene.attributes import authored
+from otwarp.scene.description import Scene
+from otwarp.scene.source import Source
+from otwarp.scene.transforms import decompose
+
+if TYPE_CHECKING:
+    from otwarp.record.frame import Frame
+
+TRANSLATE, ORIENT, SCALE = "xformOp:translate:run", "xformOp:orient:run", "xformOp:scale:run"
+
+EVEN = 1e-6
+"""A parent whose three scales differ by more than this cannot hold a rotated child without shear."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """An attribute with time samples: its path, its type, and about how many bytes a sample takes in memory."""
+
+    path: Sdf.Path
+    type: Sdf.ValueTypeName
+    size: int = 240
+
+
+class SampleSource(Protocol):
+    """What every source of samples offers."""
+
+    attributes: list[Sampled]
+
+    def author(self, layer: Sdf.Layer) -> None:
+        """Author what does not change during the run."""
+        ...
+
+    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+        """Values of one frame."""
+        ...
+
+
+def attribute(layer: Sdf.Layer, path: Sdf.Path, kind: Sdf.ValueTypeName, value: Any = None) -> Sdf.AttributeSpec:
+    """Declare an attribute in a layer, with overs above it where nothing is yet."""
+    spec = layer.GetAttributeAtPath(path)
+    if spec is None:
+        spec = Sdf.AttributeSpec(Sdf.CreatePrimInLayer(layer, path.GetPrimPath()), path.name, kind)
+    if value is not None:
+        spec.default = value
+    return spec
+
+
+def op_order(layer: Sdf.Layer, prim: Sdf.Path, ops: list[str]) -> None:
+    """Author the transform ops of a prim."""
+    spec = layer.GetAttributeAtPath(prim.AppendProperty("xformOpOrder"))
+    if spec is None:
+        owner = Sdf.CreatePrimInLayer(layer, prim)
+        kind = Sdf.ValueTypeNames.TokenArray
+        spec = Sdf.AttributeSpec(owner, "xformOpOrder", kind, Sdf.VariabilityUniform)
+    spec.default = Vt.TokenArray(ops)
+
+
+def vec3d(row: np.ndarray) -> Gf.Vec3d:
+    """A USD vector."""
+    return Gf.Vec3d(*row.tolist())
+
+
+def quatd(row: np.ndarray) -> Gf.Quatd:
+    """A USD quaternion of (x, y, z, w)."""
+    x, y, z, w = row.tolist()
+    return Gf.Quatd(w, x, y, z)
+
+
+def into_frame(parent: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Rotations (..., 4) in world axes as seen from frames rotated by `parent` (..., 4): conj(parent)·turn."""
+    u, w = -parent[..., :3], parent[..., 3:]
+    v, s = turn[..., :3], turn[..., 3:]
+    vector = w * v + s * u + np.cross(u, v)
+    return np.concatenate([vector, w * s - (u * v).sum(-1, keepdims=True)], axis=-1)
+
+
+class Placed:
+    """World poses of prims as ops in the frames of their parents."""
+
+    def __init__(self, source: Source, paths: list[Sdf.Path]):
+        self.paths, self.unit = paths, source.unit
+        inverse, rotation, self.ops, self.scale = [], [], [], []
+        for path in paths:
+            prim = source.stage.GetPrimAtPath(path)
+            own = decompose(source.matrix(prim)[None])[2][0]
+            parent = _parent_matrix(source, prim)
+            self.ops.append([*(["!resetXformStack!"] if parent is None else []), TRANSLATE, ORIENT])
+            frame = np.eye(4) if parent is None else parent
+            _, turn, size, _ = decompose(frame[None])
+            inverse.append(np.linalg.inv(frame))
+            rotation.append(turn[0])
+            self.scale.append(own / size[0])
+        self._inverse = np.array(inverse).reshape(-1, 4, 4)
+        self._rotation = np.array(rotation).reshape(-1, 4)
+
+    def author(self, layer: Sdf.Layer) -> None:
+        """Author the order of the ops, and the scale where there is one."""
+        kind = Sdf.ValueTypeNames.Double3
+        for path, ops, scale in zip(self.paths, self.ops, self.scale, strict=True):
+            attribute(layer, path.AppendProperty(TRANSLATE), kind)
+            attribute(layer, path.AppendProperty(ORIENT), Sdf.ValueTypeNames.Quatd)
+            if np.abs(scale - 1.0).max() > 1e-12:
+                attribute(layer, path.AppendProperty(SCALE), kind, vec3d(scale))
+                ops = [*ops, SCALE]
+            op_order(layer, path, ops)
+
+    def place(self, position: np.ndarray) -> np.ndarray:
+        """(n, 3) translations in stage units of positions in µm."""
+        stage = np.asarray(position, dtype=float) / self.unit
+        return np.einsum("ni,nij->nj", stage, self._inverse[:, :3, :3]) + self._inverse[:, 3, :3]
+
+    def turn(self, orientation: np.ndarray) -> np.ndarray:
+        """(n, 4) rotations in the parents' frames."""
+        return into_frame(self._rotation, np.asarray(orientation, dtype=float))
+
+
+def _parent_matrix(source: Source, prim: Usd.Prim) -> np.ndarray | None:
+    """Local-to-world matrix of the parent; None where the prim's pose is better written in world coordinates.
+
+    That is: the prim ignores its parents already, or they move by themselves, mirror, or are scaled unevenly.
+    """
+    if UsdGeom.Xformable(prim).GetResetXformStack():
+        return None
+    parent = prim.GetParent()
+    above = parent
+    while above and not above.IsPseudoRoot():
+        if UsdGeom.Xformable(above) and UsdGeom.Xformable(above).TransformMightBeTimeVarying():
+            return None
+        above = above.GetParent()
+    matrix = np.eye(4) if parent.IsPseudoRoot() else source.matrix(parent)
+    scale = decompose(matrix[None])[2][0]
+    even = scale.min() > 0.0 and scale.max() - scale.min() <= EVEN * scale.max()
+    return matrix if even else None
+
+
+class BodyPoses:
+    """Bodies that are prims: translate and orient."""
+
+    def __init__(self, source: Source, scene: Scene):
+        self._index = [i for i, b in enumerate(scene.bodies) if b.instance is None]
+        self._placed = Placed(source, [Sdf.Path(scene.bodies[i].prim) for i in self._index])
+        self.attributes = [
+            Sampled(path.AppendProperty(name), kind)
+            for path in self._placed.paths
+            for name, kind in ((TRANSLATE, Sdf.ValueTypeNames.Double3), (ORIENT, Sdf.ValueTypeNames.Quatd))
+        ]
+
+    def author(self, layer: Sdf.Layer) -> None:
+        """Author the op orders."""
+        self._placed.author(layer)
+
+    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+        """Translations and orientations."""
+        places = self._placed.place(frame.position[world, self._index])
+        turns = self._placed.turn(frame.orientation[world, self._index])
+        for n, (place, turn) in enumerate(zip(places, turns, strict=True)):
+            yield self.attributes[2 * n].path, vec3d(place)
+            yield self.attributes[2 * n + 1].path, quatd(turn)
+
+
+class Traps:
+    """Traps: where their foci are and how strong they shine; beams do not turn."""
+
+    def __init__(self, source: Source, scene: Scene):
+        self._placed = Placed(source, [Sdf.Path(t.prim) for t in scene.traps])
+        self._turns = self._placed.turn(np.array([t.orientation for t in scene.traps]).reshape(-1, 4))
+        self.attributes = [
+            Sampled(path.AppendProperty(name), kind)
+            for path in self._placed.paths
+            for name, kind in ((TRANSLATE, Sdf.ValueTypeNames.Double3), ("ot:trap:power", Sdf.ValueTypeNames.Double))
+        ]
+
+    def author(self, layer: Sdf.Layer) -> None:
+        """Author the op orders and the orientations."""
+        self._placed.author(layer)
+        for path, turn in zip(self._placed.paths, self._turns, strict=True):
+            attribute(layer, path.AppendProperty(ORIENT), Sdf.ValueTypeNames.Quatd, quatd(turn))
+
+    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+        """Translations and powers [W]."""
+        places = self._placed.place(frame.trap_position[world])
+        for n, (place, power) in enumerate(zip(places, frame.trap_power[world], strict=True)):
+            yield self.attributes[2 * n].path, vec3d(place)
+            # float32 on the device: seven digits are all there is
+            yield self.attributes[2 * n + 1].path, authored(float(f"{power:.7g}"), "power")
+
+
+class Instances:
+    """Bodies that are instances: the arrays of their PointInstancers."""
+
+    def __init__(self, source: Source, scene: Scene):
+        self._rows: list[tuple[list[int], list[int], np.ndarray, np.ndarray, np.ndarray]] = []
+        self._still: list[Sdf.Path] = []
+        self.attributes, self._unit = [], source.unit
+        bodies: dict[str, list[int]] = {}
+        for i, body in enumerate(scene.bodies):
+            if body.instance is not None:
+                bodies.setdefault(body.prim, []).append(i)
+        for prim, index in bodies.items():
+            instancer = UsdGeom.PointInstancer(source.stage.GetPrimAtPath(prim))
+            positions = np.array(instancer.GetPositionsAttr().Get(source.start), dtype=float).reshape(-1, 3)
+            matrix = source.matrix(instancer.GetPrim())
+            slots = [scene.bodies[i].instance or 0 for i in index]
+            start = np.array([scene.bodies[i].position for i in index]) / source.unit
+            # a cell may sit off the origin of its prototype: that offset stays as it was
+            shift = positions[slots] - _rows(start, np.linalg.inv(matrix))
+            self._rows.append((index, slots, matrix, positions, shift))
+            size = 64 + 20 * len(positions)
+            path = Sdf.Path(prim)
+            self.attributes += [
+                Sampled(path.AppendProperty("positions"), Sdf.ValueTypeNames.Point3fArray, size),
+                Sampled(path.AppendProperty("orientations"), Sdf.ValueTypeNames.QuathArray, size),
+            ]
+            moving = ("velocities", "accelerations", "angularVelocities", "orientationsf")
+            self._still += [path.AppendProperty(n) for n in moving if instancer.GetPrim().GetAttribute(n).HasValue()]
+
+    def author(self, layer: Sdf.Layer) -> None:
+        """Block attributes that would take precedence over the recorded ones."""
+        kinds = {"orientationsf": Sdf.ValueTypeNames.QuatfArray}
+        for path in self._still:
+            attribute(layer, path, kinds.get(path.name, Sdf.ValueTypeNames.Vector3fArray), Sdf.ValueBlock())
+
+    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+        """Positions (float) and orientations (half, as the schema wants it) in the instancer's frame."""
+        for n, (index, slots, matrix, positions, shift) in enumerate(self._rows):
+            local = positions.copy()
+            local[slots] = _rows(frame.position[world, index] / self._unit, np.linalg.inv(matrix)) + shift
+            turns = np.zeros((len(positions), 4))
+            turns[:, 3] = 1.0
+            turn = decompose(matrix[None])[1]
+            turns[slots] = into_frame(turn, np.asarray(frame.orientation[world, index], dtype=float))
+            yield self.attributes[2 * n].path, Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
+            yield self.attributes[2 * n + 1].path, Vt.QuathArray.FromNumpy(turns.astype(np.float16))
+
+
+def _rows(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    return points @ matrix[:3, :3] + matrix[3, :3]

@@ -1,0 +1,108 @@
+"""What a scene holds and how it would be stepped, as plain data: the answer behind `otwarp info`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.scene.description import Scene
+from otwarp.simulation.model import Model
+from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.pack_traps import law_reach, model_name
+from otwarp.simulation.state import Control, Readout, State
+from otwarp.units import BOLTZMANN
+
+
+def device_bytes(model: Model, *groups: Any) -> int:
+    """Bytes of device memory held by the model's tables and the arrays of `groups` (State, Control, Readout)."""
+    arrays = [v for group in groups for v in vars(group).values() if isinstance(v, wp.array)]
+    data = model.data
+    for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow):
+        arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
+    return sum(a.capacity for a in arrays)
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON knows no infinity: None instead."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _bodies(scene: Scene) -> list[dict[str, Any]]:
+    """One row per distinct body: instances of a PointInstancer count once."""
+    energy_over_viscosity = BOLTZMANN * scene.medium.temperature / scene.medium.viscosity
+    rows: dict[tuple[str, int], dict[str, Any]] = {}
+    for body, move in zip(scene.bodies, mobilities(scene), strict=True):
+        key = (body.prim, id(move))
+        if key in rows:
+            rows[key]["count"] += 1
+            continue
+        rows[key] = {
+            "name": body.prim,
+            "kind": body.kind,
+            "count": 1,
+            "spheres": len(body.spheres),
+            "trapped": sum(s.trapped for s in body.spheres),
+            "colliding": sum(s.collides for s in body.spheres),
+            "translational_diffusion": energy_over_viscosity * float(np.trace(move.mobility[:3, :3])) / 3.0,
+            "rotational_diffusion": energy_over_viscosity * float(np.trace(move.mobility[3:, 3:])) / 3.0,
+        }
+    return list(rows.values())
+
+
+def _traps(model: Model) -> list[dict[str, Any]]:
+    """One row per trap, at its first power and for the sphere it holds."""
+    rows = []
+    for trap, (b, i) in zip(model.scene.traps, model.held, strict=True):
+        sphere = model.scene.bodies[b].spheres[i] if b >= 0 else None
+        radius = sphere.radius if sphere else (trap.radial.radius or 1.0)
+        scale = trap.radial.radius / radius if trap.radial.radius > 0.0 else 1.0
+        power = float(trap.power.values[0, 0])
+        axial = trap.axial or trap.radial
+        rows.append(
+            {
+                "name": trap.prim,
+                "model": model_name(trap),
+                "power": power,
+                "radial_stiffness": power / trap.radial.power * trap.radial.stiffness * scale,
+                "axial_stiffness": power / axial.power * axial.stiffness * scale,
+                "reach": _finite(law_reach(trap, radius)),
+                "hand": trap.hand,
+                "animated": trap.position.animated or trap.power.animated,
+                "holds": sphere.prim if sphere else None,
+            }
+        )
+    return rows
+
+
+def describe(
+    scene: Scene, *, worlds: int = 1, time_step: float | None = None, device: str | None = None
+) -> dict[str, Any]:
+    """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON; nothing is compiled.
+
+    Units are the internal ones (µm, s, pN, mW); None stands for infinite or absent.
+    """
+    model = Model.build(scene, worlds=worlds, time_step=time_step, device=device)
+    groups = (State.start(model), Control.start(model), Readout.empty(model))
+    scales = {
+        k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()
+    }
+    return {
+        "scene": str(scene.file or scene.root),
+        "root": scene.root,
+        "duration": scene.settings.duration,
+        "frames_per_second": scene.settings.frames_per_second,
+        "steps": round(scene.settings.duration / model.time_step),
+        "worlds": worlds,
+        "device": model.device.alias,
+        "driver": model.features.driver,
+        "bodies": _bodies(scene),
+        "traps": _traps(model),
+        "obstacles": [{"name": o.prim, "shape": o.shape, "moves": o.position.animated} for o in scene.obstacles],
+        "time_scales": scales,
+        "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in model.features.terms()],
+        "memory": device_bytes(model, *groups),
+    }

@@ -1,0 +1,123 @@
+"""Bad input at the command line: one line on standard error, exit code 2, nothing written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from otwarp.cli.main import main
+
+SCENES = Path(__file__).parents[2] / "scenes"
+BEAD = str(SCENES / "single_bead.usda")
+
+
+def _replaced(tmp_path: Path, old: str, new: str, *, scene: str = "single_bead") -> str:
+    """A copy of a shipped scene with one authored line changed."""
+    text = (SCENES / f"{scene}.usda").read_text()
+    assert old in text
+    path = tmp_path / f"{scene}.usda"
+    path.write_text(text.replace(old, new, 1))
+    return str(path)
+
+
+def _truncated_crate(tmp_path: Path) -> str:
+    from pxr import Sdf
+
+    path = tmp_path / "cut.usdc"
+    Sdf.Layer.FindOrOpen(BEAD).Export(str(path))
+    path.write_bytes(path.read_bytes()[:600])
+    return str(path)
+
+
+def _text_file(tmp_path: Path) -> str:
+    path = tmp_path / "notes.usda"
+    path.write_text("these are not USD\n")
+    return str(path)
+
+
+CASES = {
+    "missing file": (lambda t: [str(t / "absent.usda")], ["absent.usda"]),
+    "not USD": (lambda t: [_text_file(t)], ["notes.usda"]),
+    "truncated crate": (lambda t: [_truncated_crate(t)], ["cut.usdc"]),
+    "no default prim": (
+        lambda t: [_replaced(t, 'defaultPrim = "World"', 'doc = ""')],
+        ["single_bead.usda", "defaultPrim"],
+    ),
+    "metersPerUnit 0": (
+        lambda t: [_replaced(t, "metersPerUnit = 0.000001", "metersPerUnit = 0")],
+        ["metersPerUnit", "0"],
+    ),
+    "metersPerUnit negative": (
+        lambda t: [_replaced(t, "metersPerUnit = 0.000001", "metersPerUnit = -1")],
+        ["metersPerUnit", "-1"],
+    ),
+    "metersPerUnit absent": (
+        lambda t: [_replaced(t, "metersPerUnit = 0.000001", 'comment = ""')],
+        ["metersPerUnit"],
+    ),
+    "misspelt attribute": (
+        lambda t: [_replaced(t, "double ot:trap:power =", "double ot:trap:powr =")],
+        ["/World", "ot:trap:powr", "ot:trap:power"],
+    ),
+    "wrong type": (
+        lambda t: [_replaced(t, "double ot:trap:power =", 'string ot:trap:power = "one" #')],
+        ["ot:trap:power", "string", "double"],
+    ),
+    "unknown force model": (
+        lambda t: [_replaced(t, 'ot:trap:model = "harmonic"', 'ot:trap:model = "magic"')],
+        ["ot:trap:model", "magic", "harmonic", "piecewise"],
+    ),
+    "NA at the medium index": (
+        lambda t: [_replaced(t, "ot:trap:numericalAperture = 1.2", "ot:trap:numericalAperture = 1.4")],
+        ["ot:trap:numericalAperture", "1.4", "1.33"],
+    ),
+    "negative duration": (lambda t: [BEAD, "--duration", "-1"], ["duration", "-1"]),
+    "no worlds": (lambda t: [BEAD, "--worlds", "0"], ["worlds", "0", "1"]),
+    "worlds not a number": (lambda t: [BEAD, "--worlds", "many"], ["--worlds", "many"]),
+    "seed out of range": (lambda t: [BEAD, "--seed", "-5"], ["seed", "-5"]),
+    "unstable step": (lambda t: [BEAD, "--time-step", "1.0"], ["time step", "unstable", "below"]),
+    "no such device": (lambda t: [BEAD, "--device", "cuda:9"], ["device", "cuda:9", "cpu"]),
+    "no frames": (lambda t: [BEAD, "--fps", "0"], ["frames per second", "0"]),
+    "trap speed 0": (lambda t: [BEAD, "--trap-speed", "0"], ["--trap-speed", "0"]),
+    "samples too short": (
+        lambda t: [str(SCENES / "cell_delivery.usda"), "--duration", "1000"],
+        ["/World/Traps", "1000"],
+    ),
+    "unknown option": (lambda t: [BEAD, "--warp-factor", "9"], ["--warp-factor"]),
+    "not a checkpoint": (lambda t: [BEAD, "--resume", str(SCENES / "single_bead.usda")], ["checkpoint"]),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_run_refuses(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    arguments, words = CASES[name]
+    out = tmp_path / "out"
+    code = main(["run", *arguments(tmp_path), "--out", str(out)])
+    error = capfd.readouterr().err
+    assert code == 2
+    assert error.count("\n") == 1 and error.startswith("otwarp: ")
+    for word in words:
+        assert word in error
+    assert not out.exists()
+
+
+def test_run_refuses_a_folder_it_cannot_write(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    blocker = tmp_path / "file"
+    blocker.write_text("in the way")
+    code = main(["run", BEAD, "--out", str(blocker / "out")])
+    error = capfd.readouterr().err
+    assert code == 2
+    assert error.count("\n") == 1 and str(blocker) in error
+    assert blocker.read_text() == "in the way"
+
+
+def test_unknown_command_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["levitate"]) == 2
+    assert capfd.readouterr().err == "otwarp: No such command 'levitate'.\n"
+
+
+def test_validate_refuses_with_exit_code_2(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = _replaced(tmp_path, "double ot:trap:power =", "double ot:trap:powr =")
+    assert main(["validate", path]) == 2
+    assert "ot:trap:powr" in capfd.readouterr().err
