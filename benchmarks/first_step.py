@@ -1,7 +1,8 @@
-"""Probe: from the start of this process to the first step of a scene, as one line of JSON.
+"""Probe: from the start of this process to the first step of a recorded run, as one line of JSON.
 
-`python -m benchmarks.first_step SCENE DEVICE` prints `{phase: monotonic time at its end, ...}`. The parent compares
-with the time at which it gave the command; the monotonic clock is one for all processes of a machine.
+`python -m benchmarks.first_step SCENE DEVICE FOLDER` does what `otwarp run` does up to the first step and prints
+`{phase: monotonic time at its end, ...}`. The parent compares with the time at which it gave the command; the
+monotonic clock is one for all processes of a machine.
 """
 
 from __future__ import annotations
@@ -11,11 +12,16 @@ import time
 MARKS = {"interpreter": time.monotonic()}
 
 
-def main(scene_file: str, device: str) -> dict[str, float]:
-    """Take the first step of a scene and return when each phase ended [s]."""
+def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
+    """Take the first step of a scene and return when each phase ended [s]; the recording is left unfinished."""
+    from pathlib import Path
+
     import otwarp.cli.main
+    import otwarp.cli.run
     import otwarp.scene.load  # noqa: F401 imported lazily by Scene.load; here it belongs to the imports
     from otwarp.device import pick_device
+    from otwarp.record.recorder import Recorder
+    from otwarp.record.run import capture_frame
     from otwarp.scene.description import Scene
     from otwarp.simulation.model import Model
     from otwarp.simulation.simulation import Simulation
@@ -36,6 +42,15 @@ def main(scene_file: str, device: str) -> dict[str, float]:
     Model.build = noted
     sim = Simulation(scene, device=place)
     MARKS["kernels"] = time.monotonic()
+    recorder = Recorder(
+        scene,
+        Path(folder),
+        frames_per_second=scene.settings.frames_per_second,
+        time_step=sim.time_step,
+        held=sim.model.held,
+    )
+    recorder.write(capture_frame(sim))
+    MARKS["first frame"] = time.monotonic()
     sim.step()
     MARKS["first step"] = time.monotonic()
     return MARKS
@@ -43,6 +58,9 @@ def main(scene_file: str, device: str) -> dict[str, float]:
 
 if __name__ == "__main__":
     import json
+    import os
     import sys
 
-    print(json.dumps(main(sys.argv[1], sys.argv[2])))
+    print(json.dumps(main(*sys.argv[1:])), flush=True)
+    # nobody waits for the recording of one frame to be closed
+    os._exit(0)

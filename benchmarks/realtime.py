@@ -93,8 +93,8 @@ def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
         found["driver"],
         f"{1e6 * found['time_step']:.4g}",
         found["real_time_factor"].text(),
-        found["wall_ns_per_step"].text(".4g"),
-        f"{found['cpu_ns_per_step'].median:.4g}",
+        found["wall_ns_per_step"].times(1e-3).text(".4g"),
+        f"{1e-3 * found['cpu_ns_per_step'].median:.4g}",
         f"{found['wall_ns_per_step'].median / bodies:.4g}",
     )
 
@@ -120,8 +120,8 @@ def measure(
                 "driver",
                 "time step [µs]",
                 "real-time factor",
-                "wall [ns/step]",
-                "CPU [ns/step]",
+                "wall [µs/step]",
+                "CPU [µs/step]",
                 "wall [ns/body-step]",
             ),
             rows=[_row(name, f) for name, f in found.items()],

@@ -7,7 +7,7 @@ cancel. Many worlds, one thread.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,7 +19,7 @@ from benchmarks.machine import Machine
 from benchmarks.numpy_bead import NumpyBeads
 from benchmarks.report import Section, Table, command, options, positive, save_json
 from benchmarks.term_scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, TOGETHER, Comparison, alone, trap
-from benchmarks.timing import Spread, calls_for, elapsed, interleaved
+from benchmarks.timing import Pairs, Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.scene.description import Scene, TrapLaw
 from otwarp.simulation.info import device_bytes
@@ -35,6 +35,8 @@ BEADS = {"cpu": 10_000, "cuda": 1 << 20}
 """Beads of the comparison with NumPy."""
 RELAXATION = 0.05
 """k·dt/γ of that comparison: an Euler–Maruyama variance 2.6 % above k_B T/k."""
+SNAPSHOTS = 5
+"""Independent snapshots behind its variances."""
 
 
 @dataclass
@@ -86,18 +88,32 @@ class Benches:
         return self.made[name]
 
 
-def compare(benches: Benches, comparisons: Sequence[Comparison], rounds: int) -> dict[str, dict[str, Any]]:
-    """Cost of each term: with it minus without it, pair by pair."""
+def take_samples(benches: Benches, comparisons: Sequence[Comparison], rounds: int) -> dict[str, Pairs]:
+    """Samples of all comparisons, and of the bare bead beside every scene of `TOGETHER` whose parts are among them.
+
+    All are taken in the same rounds, so that a sum of costs and what it is set beside saw the same machine.
+    """
+    measured = {case.with_ for case in comparisons}
     pairs = {case.term: (benches[case.without].sample, benches[case.with_].sample) for case in comparisons}
-    found = interleaved(pairs, rounds)
+    pairs |= {
+        label: (benches["bead"].sample, benches[name].sample)
+        for label, (name, parts) in TOGETHER.items()
+        if set(parts) <= measured
+    }
+    return interleaved(pairs, rounds)
+
+
+def compare(
+    benches: Benches, comparisons: Sequence[Comparison], samples: Mapping[str, Pairs]
+) -> dict[str, dict[str, Any]]:
+    """Cost of each term: with it minus without it, pair by pair."""
     out = {}
     for case in comparisons:
         both = [benches[case.without].sim, benches[case.with_].sim]
-        samples = found[case.term]
         out[case.term] = {
-            "off": Spread.of(samples.first),
-            "on": Spread.of(samples.second),
-            "cost": samples.difference(),
+            "off": Spread.of(samples[case.term].first),
+            "on": Spread.of(samples[case.term].second),
+            "cost": samples[case.term].difference(),
             "drivers": [sim.model.features.driver for sim in both],
             "bytes_per_world": [world_bytes(sim.scene, benches.device) for sim in both],
             "touching": benches[case.with_].touching(),
@@ -106,21 +122,19 @@ def compare(benches: Benches, comparisons: Sequence[Comparison], rounds: int) ->
 
 
 def together(
-    benches: Benches, comparisons: Sequence[Comparison], found: dict[str, dict[str, Any]], rounds: int
+    benches: Benches, comparisons: Sequence[Comparison], samples: Mapping[str, Pairs]
 ) -> dict[str, dict[str, Any]]:
     """Several terms at once beside the sum of what each costs alone; whole steps where there is no such sum."""
-    cost_of = {case.with_: found[case.term]["cost"].median for case in comparisons}
-    known = {label: name for label, (name, parts) in TOGETHER.items() if set(parts) <= cost_of.keys()}
-    bare = benches["bead"].sample
-    pairs = interleaved({label: (bare, benches[name].sample) for label, name in known.items()}, rounds)
+    cost_of = {case.with_: samples[case.term].difference().median for case in comparisons}
     return {
         label: {
-            "step": Spread.of(samples.second),
-            "cost": samples.difference(),
-            "sum_of_parts": sum(cost_of[part] for part in TOGETHER[label][1]) if TOGETHER[label][1] else None,
-            "bytes_per_world": world_bytes(benches[known[label]].sim.scene, benches.device),
+            "step": Spread.of(samples[label].second),
+            "cost": samples[label].difference(),
+            "sum_of_parts": sum(cost_of[part] for part in parts) if parts else None,
+            "bytes_per_world": world_bytes(benches[name].sim.scene, benches.device),
         }
-        for label, samples in pairs.items()
+        for label, (name, parts) in TOGETHER.items()
+        if label in samples
     }
 
 
@@ -168,12 +182,14 @@ def beside_numpy(device: wp.Device, *, beads: int, rounds: int, seconds: float) 
         return beads * steps / elapsed(lambda: theirs.step(steps), host).cpu
 
     rates = interleaved({"case a": (lambda: 1e9 / ours.sample(), numpy_rate)}, rounds)["case a"]
-    # both have forgotten their start at the trap's centre after 5 relaxation times, variances even after 2.5
-    settle = math.ceil(5.0 / RELAXATION)
-    ours.sim.step(settle)
-    theirs.step(settle)
     unit = energy / stiffness
-    variances = [((x - np.array(PLACE)) ** 2).mean() / unit for x in (ours.sim.state.position.numpy(), theirs.position)]
+    variances = np.zeros(2)
+    for _ in range(SNAPSHOTS):
+        # positions 5 relaxation times apart are independent, and have forgotten the start at the trap's centre
+        ours.sim.step(math.ceil(5.0 / RELAXATION))
+        theirs.step(math.ceil(5.0 / RELAXATION))
+        places = (ours.sim.state.position.numpy(), theirs.position)
+        variances += [((x - np.array(PLACE)) ** 2).mean() / unit / SNAPSHOTS for x in places]
     return {
         "beads": beads,
         "otwarp": Spread.of(rates.first),
@@ -201,8 +217,8 @@ def measure(
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
     benches = Benches(place, bodies=bodies or BODIES[kind], seconds=seconds)
-    found = compare(benches, comparisons, rounds)
-    sums = together(benches, comparisons, found, rounds)
+    samples = take_samples(benches, comparisons, rounds)
+    found, sums = compare(benches, comparisons, samples), together(benches, comparisons, samples)
     readout = measure_readout(benches, ("harmonic", "robot, traps"), rounds)
     peer = beside_numpy(place, beads=beads or BEADS[kind], rounds=rounds, seconds=5.0 * seconds)
     tables = [
@@ -275,15 +291,11 @@ def _peer_table(peer: dict[str, Any], clock: str) -> Table:
         title=f"{peer['beads']} Brownian beads in harmonic traps [million particle-steps per second of {clock}]",
         head=("code", "rate", "variance [k_B T/k]"),
         rows=[
-            ("otwarp", _millions(peer["otwarp"]), f"{variance['otwarp']:.3f}"),
-            ("NumPy loop, float32", _millions(peer["numpy"]), f"{variance['numpy']:.3f}"),
+            ("otwarp", peer["otwarp"].times(1e-6).text(), f"{variance['otwarp']:.3f}"),
+            ("NumPy loop, float32", peer["numpy"].times(1e-6).text(), f"{variance['numpy']:.3f}"),
             ("ratio, pair by pair; scheme's own variance", peer["ratio"].text(), f"{variance['theory']:.3f}"),
         ],
     )
-
-
-def _millions(rate: Spread) -> str:
-    return Spread(*(1e-6 * value for value in (rate.median, rate.low, rate.high))).text()
 
 
 def _plain(found: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

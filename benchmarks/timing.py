@@ -33,6 +33,10 @@ class Spread:
         low, median, high = np.percentile(samples, [25.0, 50.0, 75.0])
         return cls(float(median), float(low), float(high))
 
+    def times(self, factor: float) -> Spread:
+        """The same in another unit; `factor` is positive."""
+        return Spread(factor * self.median, factor * self.low, factor * self.high)
+
     def text(self, pattern: str = ".3g") -> str:
         """`median (low – high)`."""
         return f"{self.median:{pattern}} ({self.low:{pattern}} – {self.high:{pattern}})"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -10,12 +13,28 @@ from otwarp.cli.options import device_option
 from otwarp.errors import InputError
 
 
-def _size(context: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
+def _size(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    if value is None:
+        return None
     try:
         width, height = (int(n) for n in value.lower().split("x"))
     except ValueError as error:
         raise InputError(f"--size is {value!r}; allowed: WIDTHxHEIGHT, such as 1280x720") from error
     return width, height
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
+    """A bar over the pictures of a movie on standard error, or nothing when that is not a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("drawing", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @click.command()
@@ -33,7 +52,7 @@ def _size(context: click.Context, parameter: click.Parameter, value: str) -> tup
     show_default=True,
     help="Background: for a dark slide, a light one, or print.",
 )
-@click.option("--size", default="1280x720", callback=_size, show_default=True, help="Picture size in pixels.")
+@click.option("--size", callback=_size, help="Size in pixels; default: 1280x720, for a movie 640x360.")
 @device_option
 def preview(
     path: Path,
@@ -44,7 +63,7 @@ def preview(
     camera: str | None,
     forces: bool,
     style: str,
-    size: tuple[int, int],
+    size: tuple[int, int] | None,
     device: str | None,
 ) -> None:
     """Draw PATH, a USD stage or the output folder of `otwarp run`, through the stage's own camera.
@@ -55,17 +74,19 @@ def preview(
 
     if out is None and movie is None:
         out = Path(f"{path.stem if path.is_file() else path.resolve().name}.png")
-    written = draw(
-        path,
-        out,
-        frame=frame,
-        time=time,
-        size=size,
-        camera=camera,
-        movie=movie,
-        forces=forces,
-        style=style,
-        device=device,
-    )
+    with _progress_bar() as progress:
+        written = draw(
+            path,
+            out,
+            frame=frame,
+            time=time,
+            size=size or ((640, 360) if movie is not None else (1280, 720)),
+            camera=camera,
+            movie=movie,
+            forces=forces,
+            style=style,
+            device=device,
+            progress=progress,
+        )
     for file in written:
         click.echo(f"wrote {file}")

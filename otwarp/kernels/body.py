@@ -5,7 +5,7 @@ import warp as wp
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
 from otwarp.kernels.random import Stream, gaussian_pair, noise_words
-from otwarp.kernels.traps import commanded_animated, commanded_still, trap_force_term
+from otwarp.kernels.traps import commanded_animated, commanded_still, limited_focus, trap_force_term
 from otwarp.kernels.types import BodyData, ControlData, ModelData, Move, Pose, StateData, Wrench, vec6, world_row
 
 FEW_TRAPS = 2
@@ -20,6 +20,7 @@ def trap_command_term(f: Features) -> wp.Function:
     def trap_command(
         model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64
     ) -> wp.vec4:
+        """Focus as commanded, or as far as the speed limit let it come, and power."""
         command = commanded(model.traps, control, world, trap, time)
         if wp.static(f.speed_limits):
             p = state.trap_position[world, trap]
@@ -29,6 +30,22 @@ def trap_command_term(f: Features) -> wp.Function:
     return trap_command
 
 
+def move_trap_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, time)`: move a focus one step towards its command, as fast as it may."""
+    commanded = commanded_animated if f.moving_traps else commanded_still
+
+    @wp.func
+    def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
+        """Write the new focus to `state.trap_position`."""
+        wanted = commanded(model.traps, control, world, trap, time)
+        now = state.trap_position[world, trap]
+        dt = wp.float32(model.time_step)
+        goal = wp.vec3(wanted[0], wanted[1], wanted[2])
+        state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
+
+    return move_trap
+
+
 def trap_wrench_term(f: Features) -> wp.Function:
     """`(model, world, b, pose, trap, command) -> Wrench`: what one trap does to one body (the sum of MSDM, eq. 2)."""
     trap_force = trap_force_term(f.trap_models)
@@ -36,6 +53,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
 
     @wp.func
     def on_sphere(model: ModelData, world: int, b: int, pose: Pose, trap: int, command: wp.vec4) -> Wrench:
+        """Lone sphere: a force, and no torque."""
         force = wp.vec3(0.0)
         element = model.body.trapped_start[b]
         if element < model.body.trapped_start[b + 1]:
@@ -47,6 +65,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
 
     @wp.func
     def on_body(model: ModelData, world: int, b: int, pose: Pose, trap: int, command: wp.vec4) -> Wrench:
+        """Rigid body: force and torque summed over its trapped spheres."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         anchor = wp.vec3(command[0], command[1], command[2])
         anchor += model.traps.equilibrium[trap] * model.traps.axis[trap]
@@ -79,6 +98,7 @@ def wrench_term(f: Features) -> wp.Function:
     def wrench(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ) -> Wrench:
+        """Traps one by one, then weight."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(bool(f.trap_models) and f.traps <= FEW_TRAPS):
             for trap in range(wp.static(f.traps)):
@@ -104,6 +124,7 @@ def sphere_move_term(f: Features) -> wp.Function:
 
     @wp.func
     def sphere_move(model: ModelData, world: int, b: int, pose: Pose, load: Wrench, step: wp.int64) -> Move:
+        """Drift, noise and advection of a sphere."""
         dt = wp.float32(model.time_step)
         viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         mobility_dt = model.body.translation[model.body.shape[b]] / viscosity * dt
@@ -143,6 +164,7 @@ def rigid_move_term(f: Features) -> wp.Function:
 
     @wp.func
     def rigid_move(model: ModelData, world: int, b: int, pose: Pose, load: Wrench, step: wp.int64) -> Move:
+        """Drift, noise and advection of a rigid body, evaluated in its own frame."""
         dt = wp.float32(model.time_step)
         viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         shape = model.body.shape[b]
@@ -193,6 +215,7 @@ def free_move_term(f: Features) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> Move:
+        """The sphere's or the rigid body's move, whichever `b` is."""
         load = wrench(model, control, state, world, b, pose, time)
         move = Move(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(f.rigid and f.spheres):

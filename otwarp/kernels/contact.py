@@ -134,8 +134,18 @@ def solve_contacts(
     """Find the contact forces of one step and add what they move to `linear` and `angular` (per body).
 
     Each contact obeys λ = max(floor, F − k·s), with s the opening of its gap during the step, itself a result of all
-    λ: backward Euler for the linearised contacts. One visit solves one contact with the others held fixed.
+    λ: backward Euler for the linearised contacts. One visit solves one contact with the others held fixed. The first
+    guess is F, which is the solution when nothing moves, such as for a body squeezed from two sides; sweeps from zero
+    would need the more visits to build such forces up the stiffer they are.
     """
+    for i in range(count):
+        c = contacts[i]
+        contacts[i].load = c.force
+        linear[c.a] = linear[c.a] + c.force * c.response_a.linear
+        angular[c.a] = angular[c.a] + c.force * c.response_a.angular
+        if c.b >= 0:
+            linear[c.b] = linear[c.b] + c.force * c.response_b.linear
+            angular[c.b] = angular[c.b] + c.force * c.response_b.angular
     for sweep in range(sweeps):
         for visit in range(count):
             # forwards and backwards in turn, so that no contact is favoured

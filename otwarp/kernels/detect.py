@@ -14,6 +14,7 @@ def response_term(f: Features) -> wp.Function:
 
     @wp.func
     def response(body: BodyData, b: int, q: wp.quat, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
+        """The sphere's or the rigid body's response, whichever `b` is."""
         move = Move(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(f.rigid and f.spheres):
             if body.rigid[b] != 0:
@@ -38,6 +39,7 @@ def new_contact_term(f: Features) -> wp.Function:
         model: ModelData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, arm_a: wp.vec3, arm_b: wp.vec3,
         normal: wp.vec3, radius: float, overlap: float,
     ) -> Contact:  # fmt: skip
+        """Force law and response of one contact."""
         scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         law = pair_law(model.contact, a, b, radius, overlap)
         c = Contact()
@@ -76,6 +78,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
         count: int,
         step: wp.int64,
     ) -> int:
+        """Bounding spheres first, then sphere against body, then sphere against sphere."""
         reach = pair_reach(model.contact, a, b)
         between = pose_a.position - pose_b.position
         if wp.length(between) < model.body.bound[a] + model.body.bound[b] + reach:
@@ -124,6 +127,7 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> int:
+        """Bounding sphere first, then the true shape, then sphere by sphere."""
         reach = pair_reach(model.contact, a, NO_CONTACT)
         bound = model.body.bound[a] + reach
         for o in range(model.obstacles.shape.shape[0]):

@@ -17,7 +17,7 @@ class Fault(enum.IntEnum):
 
 
 FAULT_TEXT = {
-    Fault.NON_FINITE: "the state became non-finite (time step too large, or forces out of range)",
+    Fault.NON_FINITE: "the state became non-finite or ran beyond 1e9 µm (time step too large, or forces out of range)",
     Fault.OVERLAP: "spheres overlap by more than half the smaller radius (time step too large, or driven too hard)",
     Fault.OVERFLOW: "more contacts at once than the solver holds",
 }
@@ -26,11 +26,14 @@ OVERLAP_LIMIT = wp.constant(0.5)
 """Overlap, relative to the smaller radius, above which Hertz contact means nothing and the run stops."""
 
 
+FARTHEST = wp.constant(1.0e9)
+"""Coordinate [µm] beyond which a body has been thrown out: squares of distances would soon overflow, forces read 0."""
+
+
 @wp.func
 def finite(v: wp.vec3) -> bool:
-    """Whether all components are finite."""
-    total = v[0] + v[1] + v[2]
-    return total - total == 0.0
+    """Whether all components are finite and of a size that a scene can have; false for nan, which compares so."""
+    return wp.length_sq(v) < FARTHEST * FARTHEST
 
 
 @wp.func

@@ -8,15 +8,14 @@ device memory.
 
 import warp as wp
 
-from otwarp.kernels.body import free_move_term
+from otwarp.kernels.body import free_move_term, move_trap_term
 from otwarp.kernels.contact import NO_CONTACT, Contact, along
 from otwarp.kernels.detect import new_contact_term
-from otwarp.kernels.drivers import escape_term
+from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.rotation import rotate_by
-from otwarp.kernels.traps import commanded_animated, commanded_still, limited_focus
 from otwarp.kernels.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData
 
 RELAXATIONS = 8
@@ -52,6 +51,7 @@ def make_advance(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData):
+        """One body's free move."""
         world, b = wp.tid()
         step = grid.clock[0]
         pose = Pose(state.position[world, b], wp.quat_identity())
@@ -70,6 +70,7 @@ def body_pose_term(f: Features) -> wp.Function:
 
     @wp.func
     def body_pose(state: StateData, world: int, b: int) -> Pose:
+        """Position, and orientation where bodies rotate."""
         pose = Pose(state.position[world, b], wp.quat_identity())
         if wp.static(f.rigid):
             pose.rotation = state.orientation[world, b]
@@ -83,6 +84,7 @@ def opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def move_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
+        """Free displacement and push of one body."""
         move = Move(grid.linear[world, b] + push.linear[world, b], wp.vec3(0.0))
         if wp.static(f.rigid):
             move.angular = grid.angular[world, b] + push.angular[world, b]
@@ -90,6 +92,7 @@ def opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def opening(grid: GridData, push: PushData, world: int, c: Contact) -> float:
+        """Of both partners along the normal, less the obstacle's own motion."""
         total = along(move_of(grid, push, world, c.a), c.arm_a, c.normal) - c.drift
         if c.b >= 0:
             total -= along(move_of(grid, push, world, c.b), c.arm_b, c.normal)
@@ -131,6 +134,7 @@ def neighbour_term(f: Features) -> wp.Function:
         count: int,
         step: wp.int64,
     ) -> int:
+        """The body's spheres against those that the hash grid finds near them."""
         spheres = model.contact.sphere.shape[0]
         for i in range(model.contact.start[a], model.contact.start[a + 1]):
             here = grid.centre[world * spheres + i]
@@ -174,6 +178,7 @@ def wall_term(f: Features) -> wp.Function:
         count: int,
         step: wp.int64,
     ) -> int:
+        """The body's spheres against the obstacles near it."""
         time = wp.float64(step) * model.time_step
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
@@ -212,6 +217,7 @@ def make_find(f: Features) -> wp.Kernel:
     def find(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, table: wp.uint64
     ):
+        """One body's contacts and first push."""
         world, a = wp.tid()
         step = grid.clock[0]
         pose = body_pose(state, world, a)
@@ -246,6 +252,7 @@ def make_relax(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def relax(model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData):
+        """One body's contact forces and push after one more sweep."""
         world, a = wp.tid()
         row = world * model.bodies + a
         count = grid.count[world, a]
@@ -289,6 +296,7 @@ def make_commit(f: Features) -> wp.Kernel:
         grid: GridData,
         push: PushData,
     ):
+        """One body's new pose, and where that puts its spheres."""
         world, b = wp.tid()
         step = grid.clock[0]
         pose = body_pose(state, world, b)
@@ -324,21 +332,13 @@ def make_commit(f: Features) -> wp.Kernel:
 
 def make_move_traps(f: Features) -> wp.Kernel:
     """Kernel over (world, trap): move the foci towards their commands within their speed limits."""
-    commanded = commanded_animated if f.moving_traps else commanded_still
+    move_trap = move_trap_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def move_traps(model: ModelData, control: ControlData, state: StateData, grid: GridData):
+        """One focus."""
         world, trap = wp.tid()
-        time = wp.float64(grid.clock[0]) * model.time_step
-        wanted = commanded(model.traps, control, world, trap, time)
-        state.trap_position[world, trap] = limited_focus(
-            model.traps,
-            world,
-            trap,
-            state.trap_position[world, trap],
-            wp.vec3(wanted[0], wanted[1], wanted[2]),
-            wp.float32(model.time_step),
-        )
+        move_trap(model, control, state, world, trap, wp.float64(grid.clock[0]) * model.time_step)
 
     return move_traps
 

@@ -118,6 +118,7 @@ def distance_term(shapes: tuple[str, ...]) -> wp.Function:
 
     @wp.func
     def either(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
+        """This shape, or one of the rest."""
         result = wp.vec4(0.0)
         if obstacles.shape[index] == wp.static(key):
             result = head(obstacles, index, point, reach)

@@ -30,6 +30,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.func
     def sphere_position(model: ModelData, state: StateData, world: int, b: int, offset: wp.vec3) -> wp.vec3:
+        """World position of a point given in the body frame."""
         rotation = wp.quat_identity()
         if wp.static(f.rigid):
             rotation = state.orientation[world, b]
@@ -37,6 +38,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.func
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
+        """Force of one trap on one trapped sphere."""
         s = model.body.trapped[i]
         anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
         x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
@@ -44,6 +46,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
+        """Focus, power, total force and distance of one trap."""
         world, trap = wp.tid()
         c = trap_command(model, control, state, world, trap, time)
         out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
@@ -62,6 +65,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_sphere(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
+        """Optical force on each trapped sphere of one body."""
         world, b = wp.tid()
         for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
             total = wp.vec3(0.0)
@@ -72,6 +76,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_hand(model: ModelData, out: TrapReadoutData):
+        """Sum over the traps of one hand."""
         world, hand = wp.tid()
         total = wp.vec3(0.0)
         for trap in range(model.traps.axis.shape[0]):

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from otwarp.kernels.drivers import make_solo_step, make_world_step
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid import make_advance, make_commit, make_find, make_move_traps, make_relax
 from otwarp.kernels.readout import make_trap_readout
+from otwarp.kernels.solo import make_solo_step
+from otwarp.kernels.world import make_world_step
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -137,6 +137,7 @@ def trap_force_term(models: tuple[str, ...]) -> wp.Function:
 
     @wp.func
     def either(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+        """This model, or one of the rest."""
         force = wp.vec3(0.0)
         if traps.model[trap] == wp.static(key):
             force = head(traps, world, trap, displacement, radius)

@@ -15,7 +15,8 @@ from otwarp.errors import InputError
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
-from otwarp.scene.drawables import open_stage, read_drawables
+from otwarp.scene.drawables import read_drawables
+from otwarp.scene.source import open_stage
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -55,22 +55,27 @@ def save_png(image: np.ndarray, path: str | Path) -> Path:
     return path
 
 
-def _changed_box(before: np.ndarray | None, image: np.ndarray) -> tuple[int, int, int, int]:
-    """(left, upper, right, lower) of what differs from the frame before; one pixel if nothing does."""
-    height, width = image.shape[:2]
-    if before is None:
-        return 0, 0, width, height
-    different = (np.abs(image.astype(np.int16) - before) > _CHANGED).any(axis=2)
-    rows, columns = np.flatnonzero(different.any(axis=1)), np.flatnonzero(different.any(axis=0))
-    if len(rows) == 0:
-        return 0, 0, 1, 1
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+def _palette_image(image: np.ndarray, changed: np.ndarray) -> Image.Image:
+    """The pixels `changed` (h, w) in 255 colours of their own; all others transparent (index 255)."""
+    pixels = Image.fromarray(np.ascontiguousarray(image[changed])[None])
+    few = pixels.quantize(255, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+    indices = np.full(changed.shape, 255, dtype=np.uint8)
+    indices[changed] = np.asarray(few)[0]
+    part = Image.fromarray(indices, mode="P")
+    part.putpalette((few.getpalette() or [])[: 3 * 255])
+    return part
+
+
+def _box(changed: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns that hold everything `changed`."""
+    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def save_movie(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> int:
     """Write frames, (h, w, 3) uint8 each, as an endless GIF while they come; memory holds two of them.
 
-    Each frame carries its own 256 colours and only the box that changed.
+    Each frame holds only the pixels that changed, in a palette made for them.
 
     Args:
         frames: Iterable of equally large images, at least one.
@@ -86,28 +91,34 @@ def save_movie(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> in
     path = Path(path)
     if not 0.0 < fps <= 50.0:
         raise InputError(f"{path}: fps = {fps:g}, allowed (0, 50]")
-    count, shown, before = 0, 0.0, None
+    count, shown = 0, None
     with atomic_file(path) as file:
         for image in frames:
-            if before is not None and image.shape != before.shape:
-                raise InputError(f"{path}: frame {count} has shape {image.shape}, the ones before {before.shape}")
-            left, upper, right, lower = _changed_box(before, image)
-            part = Image.fromarray(np.ascontiguousarray(image[upper:lower, left:right]))
-            part = part.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-            if before is None:
-                header, _ = GifImagePlugin.getheader(part, info={"loop": 0})
-                file.write(b"".join(header))
-            # GIF counts in hundredths of a second: carry the rounding over, so that the film keeps its length.
-            delay = 10 * (round(100.0 * (count + 1) / fps) - round(shown))
-            shown += delay / 10
-            file.write(
-                b"".join(
-                    GifImagePlugin.getdata(
-                        part, offset=(left, upper), duration=delay, disposal=1, include_color_table=True
-                    )
-                )
+            if shown is None:
+                shown = image.astype(np.int16)
+                changed = np.ones(image.shape[:2], dtype=bool)
+            elif image.shape != shown.shape:
+                raise InputError(f"{path}: frame {count} has shape {image.shape}, the ones before {shown.shape}")
+            else:
+                changed = (np.abs(image - shown) > _CHANGED).any(axis=2)
+                shown[changed] = image[changed]
+                changed[0, 0] |= not changed.any()  # a frame in which nothing moves still takes its time
+            rows, columns = _box(changed)
+            part = _palette_image(image[rows, columns], changed[rows, columns])
+            if count == 0:
+                file.write(b"".join(GifImagePlugin.getheader(part, info={"loop": 0})[0]))
+            # GIF counts in hundredths of a second: round the ends of the frames, so that the film keeps its length.
+            delay = 10 * (round(100.0 * (count + 1) / fps) - round(100.0 * count / fps))
+            blocks = GifImagePlugin.getdata(
+                part,
+                offset=(int(columns.start), int(rows.start)),
+                duration=delay,
+                disposal=1,
+                transparency=255,
+                include_color_table=True,
             )
-            before, count = image, count + 1
+            file.write(b"".join(blocks))
+            count += 1
         if count == 0:
             raise InputError(f"{path}: no frames to write, at least 1 wanted")
         file.write(b";")

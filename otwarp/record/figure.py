@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.record.footprint import outlines
+from otwarp.record.footprint import outlines, rotate
 from otwarp.record.read import Run, read_run
 
 ROBOT_COLOURS = ("#2460a7", "#d9822b", "#3d8b6d", "#7a5195")
@@ -32,8 +32,17 @@ STYLE = {
     "lines.solid_capstyle": "round",
 }
 
-ARROWS = 24
+ARROWS = 18
 """Contact-force arrows per robot along its path."""
+
+SNAPSHOTS = 6
+"""How often the robots and the cell are drawn along their paths."""
+
+SMOOTHING = 40
+"""A trace with more than five times as many frames gets a running mean over so many parts of the run."""
+
+ARROW_SHARE = 0.065
+"""Length of the largest contact-force arrow, as a share of the map."""
 
 WIDE = 1.25
 """A map wider than this times its height goes above the time panels, otherwise beside them."""
@@ -59,6 +68,7 @@ def draw(folder: str | Path, *, world: int = 0, out: str | Path | None = None) -
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     run = read_run(Path(folder) / "run.nc", world)
     path = Path(out) if out is not None else Path(folder) / "figure.png"
@@ -66,14 +76,15 @@ def draw(folder: str | Path, *, world: int = 0, out: str | Path | None = None) -
     low, high = map_limits(run)
     span = high - low
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=figure_size(span, len(panels)), dpi=200, layout="constrained")
+        figure = Figure(figsize=figure_size(span, len(panels)), dpi=200, layout=ConstrainedLayoutEngine(wspace=0.05))
         FigureCanvasAgg(figure)
         axes = _axes(figure, span, [name for name, _ in panels])
         _draw_map(axes["map"], run, low, high)
-        _letter(axes["map"], "a" if panels else "", "")
+        if panels:
+            _letter(axes["map"], "a")
         for letter, (name, drawer) in zip("bc", panels, strict=False):
             drawer(axes[name], run)
-            _letter(axes[name], letter, "")
+            _letter(axes[name], letter)
             axes[name].set_xlabel("time (s)")
         part = path.with_name(f".{path.stem}.part.png")
         figure.savefig(part, facecolor="white")
@@ -95,7 +106,8 @@ def time_panels(run: Run) -> list[tuple[str, Any]]:
 
 def map_limits(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (2,) of the map [µm]: paths, goal, and the obstacles that are not walls around it all."""
-    pieces = [run.position[:, n, :2] + s * (run.radius[n] + 2.0) for n in range(len(run.radius)) for s in (-1, 1)]
+    reach = [float((np.linalg.norm(s[:, :3], axis=1) + s[:, 3]).max()) for s in run.spheres]
+    pieces = [run.position[:, n, :2] + s * reach[n] for n in range(len(reach)) for s in (-1, 1)]
     if len(run.crowd):
         pieces += [run.crowd[:, :2] + s * run.crowd_radius[:, None] for s in (-1, 1)]
     goal = run.layout["goal"]
@@ -111,7 +123,9 @@ def map_limits(run: Run) -> tuple[np.ndarray, np.ndarray]:
             low, high = np.minimum(low, polygon.min(axis=0)), np.maximum(high, polygon.max(axis=0))
     # a lone bead that hardly moves still needs some room around it
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
-    half = np.maximum(half, 0.33 * half.max()) * 1.04
+    half = np.maximum(half, 0.33 * half.max())
+    # room for the arrows, or just a margin
+    half = half + (ARROW_SHARE if run.force[:, run.robots].any() else 0.03) * half.max() * 1.2
     return centre - half, centre + half
 
 
@@ -135,11 +149,8 @@ def _axes(figure: Any, span: np.ndarray, names: list[str]) -> dict[str, Any]:
     return figure.subplot_mosaic([["map", name] for name in names], width_ratios=widths)
 
 
-def _letter(axes: Any, letter: str, text: str) -> None:
-    if letter:
-        axes.set_title(f"{letter}", loc="left", fontweight="bold", fontsize=10.5, pad=6)
-    if text:
-        axes.set_title(text, loc="center", fontsize=9)
+def _letter(axes: Any, letter: str) -> None:
+    axes.set_title(letter, loc="left", fontweight="bold", fontsize=10.5, pad=6)
 
 
 def _obstacles(run: Run, time: float) -> list[np.ndarray]:
@@ -174,7 +185,8 @@ def _draw_map(axes: Any, run: Run, low: np.ndarray, high: np.ndarray) -> None:
     for spine in axes.spines.values():
         spine.set_visible(True)
     if run.robots or run.cells:
-        axes.legend(loc="best", handlelength=1.4, borderaxespad=0.6, frameon=True, framealpha=0.85, edgecolor="none")
+        columns = {"ncols": 4, "handlelength": 1.3, "columnspacing": 1.2, "borderaxespad": 0.3}
+        axes.legend(loc="lower left", bbox_to_anchor=(0.02, 1.0), **columns)
 
 
 def _colour(run: Run, n: int) -> str:
@@ -184,22 +196,28 @@ def _colour(run: Run, n: int) -> str:
 
 
 def _draw_path(axes: Any, run: Run, n: int) -> None:
-    """The path of a body; a circle of its true size where it ends, and a dot where it began."""
+    """The path of a body, with the body itself drawn at a few moments, the last one darkest."""
+    from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
     x, y, colour = run.position[:, n, 0], run.position[:, n, 1], _colour(run, n)
     named = n in run.robots or n in run.cells
-    label = run.names[n] if named else None
-    axes.plot(x, y, color=colour, lw=1.3 if named else 0.6, zorder=4, label=label)
-    axes.plot(x[0], y[0], "o", ms=3.2, color="white", mec=colour, mew=1.0, zorder=5)
-    alpha = 0.30 if named else 0.18
-    axes.add_patch(Circle((x[-1], y[-1]), run.radius[n], fc=(*_rgb(colour), alpha), ec=colour, lw=0.8, zorder=3))
+    axes.plot(x, y, color=colour, lw=1.1 if named else 0.6, zorder=4, label=run.names[n] if named else None)
+    moments = np.linspace(0, len(x) - 1, SNAPSHOTS if named else 2).round().astype(int)
+    if np.hypot(np.ptp(x), np.ptp(y)) < 2.0 * run.radius[n]:
+        moments = moments[-1:]
+    for k in moments:
+        centres = rotate(run.orientation[k, n], run.spheres[n][:, :3])[:, :2] + run.position[k, n, :2]
+        circles = [Circle((cx, cy), r) for (cx, cy), r in zip(centres, run.spheres[n][:, 3], strict=True)]
+        face, edge = _tint(colour, 0.45 if k == moments[-1] else 0.2), _tint(colour, 1.0 if k == moments[-1] else 0.55)
+        axes.add_collection(PatchCollection(circles, facecolors=[face], edgecolors=[edge], linewidths=0.5, zorder=3))
 
 
-def _rgb(colour: str) -> tuple[float, float, float]:
+def _tint(colour: str, share: float) -> tuple[float, ...]:
+    """The colour mixed with white: opaque, so that overlapping spheres of a body stay even."""
     from matplotlib.colors import to_rgb
 
-    return to_rgb(colour)
+    return tuple(1.0 - share * (1.0 - c) for c in to_rgb(colour))
 
 
 def _draw_goal(axes: Any, run: Run) -> None:
@@ -224,14 +242,14 @@ def _draw_arrows(axes: Any, run: Run, extent: float) -> None:
     if largest <= 0.0:
         return
     keep = size > 0.03 * largest
-    key = round_number(0.6 * largest)
+    key = round_number(largest)
     arrows = axes.quiver(
         *place[keep].T,
         *force[keep].T,
         angles="xy",
         scale_units="xy",
-        scale=largest / (0.09 * extent),
-        width=0.0028,
+        scale=largest / (ARROW_SHARE * extent),
+        width=0.0024,
         headwidth=4.0,
         headlength=4.5,
         headaxislength=4.2,
@@ -239,7 +257,21 @@ def _draw_arrows(axes: Any, run: Run, extent: float) -> None:
         zorder=7,
     )
     text = f"contact force, {key:g} pN"
-    axes.quiverkey(arrows, 0.98, 1.03, key, text, labelpos="W", coordinates="axes", fontproperties={"size": 8})
+    axes.quiverkey(arrows, 0.97, 1.035, key, text, labelpos="W", coordinates="axes", fontproperties={"size": 8})
+
+
+def running_mean(values: np.ndarray) -> np.ndarray | None:
+    """Centred running mean of a long trace (n,), nan left out; None for a short one that needs no help."""
+    if len(values) < 5 * SMOOTHING:
+        return None
+    half = len(values) // SMOOTHING // 2
+    known = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+    count = np.concatenate([[0], np.cumsum(known)])
+    low = np.maximum(np.arange(len(values)) - half, 0)
+    high = np.minimum(np.arange(len(values)) + half + 1, len(values))
+    number = count[high] - count[low]
+    return np.where(number > 0, (total[high] - total[low]) / np.maximum(number, 1), np.nan)
 
 
 def round_number(value: float) -> float:
@@ -263,7 +295,12 @@ def _draw_distance(axes: Any, run: Run) -> None:
 
 def _draw_lines(axes: Any, run: Run, values: np.ndarray, warning: float | None, unit: str) -> None:
     for k, n in enumerate(run.robots):
-        axes.plot(run.time, values[:, k], color=_colour(run, n), lw=0.8, alpha=0.9)
+        colour, mean = _colour(run, n), running_mean(values[:, k])
+        if mean is None:
+            axes.plot(run.time, values[:, k], color=colour, lw=0.9)
+        else:
+            axes.plot(run.time, values[:, k], color=_tint(colour, 0.45), lw=0.5, zorder=2)
+            axes.plot(run.time, mean, color=colour, lw=1.4, zorder=4)
     top = np.nanmax(values, initial=0.0)
     if warning is not None:
         axes.axhline(warning, color=WARNING_COLOUR, lw=0.9, ls=(0, (5, 3)), zorder=3)

@@ -28,6 +28,10 @@ LARGEST_RECORD = 2**32 - 4
 """Bytes that one variable may have per frame in this format."""
 
 
+DRAWN_BODIES = 500
+"""Up to so many bodies the file also says of which spheres each is made, for figures."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What a variable is called for people, and its unit."""
@@ -188,8 +192,16 @@ def _layout(scene: Scene, monitor: Monitor) -> dict[str, Any]:
         "cells": list(monitor.cells) if goal is not None else [],
         "warning_force": [_finite(v) for v in monitor.warning_force],
         "warning_distance": _finite(monitor.warning_distance),
+        "spheres": _spheres(scene),
         "obstacles": [_obstacle(o) for o in scene.obstacles],
     }
+
+
+def _spheres(scene: Scene) -> list[list[list[float]]] | None:
+    """Per body its spheres (x, y, z, radius) in the body's frame; None for a crowd."""
+    if len(scene.bodies) > DRAWN_BODIES:
+        return None
+    return [[[*s.offset, s.radius] for s in b.spheres] for b in scene.bodies]
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:

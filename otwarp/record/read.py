@@ -30,7 +30,9 @@ class Run:
         robots, cells, others: Columns of the followed bodies in the arrays below.
         names: Short names of the followed bodies.
         radius: (b,) radius of the largest sphere of each [µm].
+        spheres: Per followed body (k, 4) offsets and radii of its spheres [µm].
         position: (n, b, 3) [µm].
+        orientation: (n, b, 4) quaternions (x, y, z, w).
         force: (n, b, 3) net contact force [pN].
         load: (n, b) sum of normal forces [pN].
         distance: (n, robots) robot–trap distance [µm]; no columns without traps.
@@ -45,7 +47,9 @@ class Run:
     others: list[int]
     names: list[str]
     radius: np.ndarray
+    spheres: list[np.ndarray]
     position: np.ndarray
+    orientation: np.ndarray
     force: np.ndarray
     load: np.ndarray
     distance: np.ndarray
@@ -106,10 +110,18 @@ def _read(data: Any, world: int, pick: slice) -> Run:
         others=list(range(len(robots) + len(cells), len(followed))),
         names=[str(data["body"][body]).rsplit("/", 1)[-1] for body in followed],
         radius=radius[followed],
+        spheres=[_spheres(layout, body, radius[body]) for body in followed],
         position=series("position", 3),
+        orientation=series("orientation", 4),
         force=series("contact_force", 3),
         load=series("contact_load"),
         distance=distance,
         crowd=last[crowd],
         crowd_radius=radius[crowd],
     )
+
+
+def _spheres(layout: dict[str, Any], body: int, radius: float) -> np.ndarray:
+    """(k, 4) spheres of a body; in a crowd, one sphere stands for it."""
+    listed = layout["spheres"]
+    return np.array(listed[body]) if listed is not None else np.array([[0.0, 0.0, 0.0, radius]])

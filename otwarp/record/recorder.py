@@ -93,7 +93,13 @@ class Recorder:
 
             scale = ARROW_SCALE if arrow_scale is None else arrow_scale
             self._usd = UsdRecording(
-                scene, frames_per_second=self.rate, held=held, world=usd_world, forces=forces, arrow_scale=scale
+                scene,
+                frames_per_second=self.rate,
+                held=held,
+                time_step=time_step,
+                world=usd_world,
+                forces=forces,
+                arrow_scale=scale,
             )
 
     def __enter__(self) -> Recorder:

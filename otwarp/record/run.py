@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from otwarp.errors import InputError, SimulationError
+from otwarp.errors import InputError
 from otwarp.record.frame import Frame
 from otwarp.record.recorder import Recorder
 from otwarp.scene.description import Scene
@@ -86,20 +86,12 @@ def record_run(
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"frames per second is {rate:g}; allowed: above 0")
     if resume is not None:
-        sim = Simulation.restore(resume, device=device, threads=threads)
+        sim = Simulation.restore(resume, scene, device=device, threads=threads)
     else:
-        sim = Simulation(
-            scene,
-            worlds=worlds,
-            seed=seed,
-            device=device,
-            time_step=time_step,
-            parameters=parameters,
-            threads=threads,
-        )
-    started = clock.perf_counter()
-    last = round(scene.settings.duration * rate)
-    first = round(sim.time * rate)
+        about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
+        sim = Simulation(scene, device=device, threads=threads, **about)
+    if 1.0 / rate < sim.time_step:
+        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
     with Recorder(
         sim.scene,
         Path(folder),
@@ -110,16 +102,18 @@ def record_run(
         time_step=sim.time_step,
         held=sim.model.held,
     ) as recorder:
-        recorder.write(capture_frame(sim))
-        try:
-            for frame in range(first + 1, last + 1):
-                sim.step(max(0, round(frame / rate / sim.time_step) - sim.state.step))
-                recorder.write(capture_frame(sim))
-                if progress is not None:
-                    progress(sim.time, clock.perf_counter() - started)
-        except (SimulationError, KeyboardInterrupt) as error:
-            recorder.stop(str(error) or "interrupted")
-            raise
+        _frames(sim, recorder, rate, progress)
     if checkpoint is not None:
         sim.save(checkpoint)
     return recorder.summary
+
+
+def _frames(sim: Simulation, recorder: Recorder, rate: float, progress: Callable[[float, float], None] | None) -> None:
+    """Step from frame to frame until the scene's duration; each frame is taken at the step nearest to its time."""
+    started = clock.perf_counter()
+    recorder.write(capture_frame(sim))
+    for frame in range(round(sim.time * rate) + 1, round(sim.scene.settings.duration * rate) + 1):
+        sim.step(max(0, round(frame / rate / sim.time_step) - sim.state.step))
+        recorder.write(capture_frame(sim))
+        if progress is not None:
+            progress(sim.time, clock.perf_counter() - started)

@@ -136,6 +136,6 @@ def _text(s: dict[str, Any]) -> str:
         ("contact_force", "contact force"),
         ("cell_load", "load on the cell"),
     ):
-        if s.get(key, {}).get("samples"):
+        if s.get(key, {}).get("maximum"):
             lines.append(f"{name} {s[key]['mean']:.3g} ± {s[key]['std']:.2g} {s[key]['unit']}")
     return "\n".join([*lines, *(f"warning: {w}" for w in s["warnings"])])

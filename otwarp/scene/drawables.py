@@ -5,36 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
+from otwarp.scene.attributes import applied_schemas
 from otwarp.scene.draw_list import PLANE, Drawables, Lights, TriangleMesh, View, bounds
 from otwarp.scene.drawable_shapes import Batch, ShapeReader, column_matrix
 from otwarp.scene.drawable_view import automatic_view, find_camera, is_light, light_matrix, read_lights, read_view
+from otwarp.scene.source import open_stage
 
-__all__ = ["Drawables", "Lights", "TriangleMesh", "View", "open_stage", "read_drawables"]
+__all__ = ["Drawables", "Lights", "TriangleMesh", "View", "read_drawables"]
 
 _TRAP = "OtTrapAPI"
-
-
-def open_stage(path: str | Path) -> Usd.Stage:
-    """Open a stage.
-
-    Raises:
-        InputError: The file is missing or is not USD.
-    """
-    file = Path(path)
-    if not file.is_file():
-        raise InputError(f"{file}: no such file; a USD stage (.usda, .usdc, .usd, .usdz) is wanted")
-    try:
-        return Usd.Stage.Open(str(file))
-    except Tf.ErrorException as error:
-        reason = str(error).strip().splitlines()[-1].strip(" '\"")
-        raise InputError(f"{file}: not a readable USD stage ({reason})") from None
-
-
-def _is_trap(prim: Usd.Prim) -> bool:
-    return _TRAP in prim.GetAppliedSchemas() or _TRAP in (prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
 
 class _Walk:
@@ -63,7 +45,7 @@ class _Walk:
             if is_light(prim):
                 self.lights.append((prim, light_matrix(self.cache, prim)))
                 continue
-            if _is_trap(prim):
+            if _TRAP in applied_schemas(prim):
                 traps.append(prim.GetPath())
             if prim.IsA(UsdGeom.PointInstancer):
                 prims.PruneChildren()
@@ -170,10 +152,10 @@ def read_drawables(
         Arrays in µm, whatever the stage's `metersPerUnit`.
 
     Raises:
-        InputError: The file is missing or not USD, `metersPerUnit` is not positive, the camera is unknown or has no
-            field of view.
+        InputError: The file is missing, not USD or not whole, `metersPerUnit` is not positive, the camera is
+            unknown or has no field of view.
     """
-    stage = stage_or_path if isinstance(stage_or_path, Usd.Stage) else open_stage(stage_or_path)
+    stage = stage_or_path if isinstance(stage_or_path, Usd.Stage) else open_stage(Path(stage_or_path))
     file = stage.GetRootLayer().GetDisplayName()
     metres = UsdGeom.GetStageMetersPerUnit(stage)
     if not metres > 0.0:

@@ -20,7 +20,7 @@ from otwarp.scene.source import Source
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame
 
-ARROW_SCALE = 1.0
+ARROW_SCALE = 3.0
 """Default length of an arrow [µm/pN]."""
 
 SHORTEST = 0.05

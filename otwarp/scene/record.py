@@ -57,6 +57,7 @@ class UsdRecording:
     Args:
         scene: What is being run; it was loaded from a file.
         frames_per_second: Frames per simulated second.
+        time_step: Time step [s]: a frame that is off its time code by no more than half a step is put on it.
         world: Which world is written.
         held: Per trap the body and the sphere it holds, -1 for none.
         forces: Whether force arrows are written.
@@ -72,6 +73,7 @@ class UsdRecording:
         *,
         frames_per_second: float,
         held: Sequence[tuple[int, int]],
+        time_step: float = 0.0,
         world: int = 0,
         forces: bool = False,
         arrow_scale: float = ARROW_SCALE,
@@ -89,6 +91,7 @@ class UsdRecording:
         self._sources = sources
         self._sampled = [a for s in sources for a in s.attributes]
         self._frame_size = sum(a.size for a in self._sampled)
+        self._snap = max(1e-6, 0.5001 * time_step * frames_per_second)
         self._root = stage.GetDefaultPrim().GetPath()
         self._offset = -source.start * frames_per_second / source.rate
         self._clips: list[float] = []
@@ -111,7 +114,7 @@ class UsdRecording:
     def write(self, frame: Frame) -> None:
         """Take one frame; frames come in order of time."""
         code = frame.time * self._rate
-        code = float(round(code)) if abs(code - round(code)) < 1e-6 else code
+        code = float(round(code)) if abs(code - round(code)) <= self._snap else code
         samples = [pair for source in self._sources for pair in source.samples(frame, self._world)]
         if self._clip is None or self._filled == CLIP_FRAMES:
             if self._clip is not None:

@@ -13,7 +13,7 @@ from otwarp.scene.vocabulary import SCHEMAS, Attribute, Schema
 from otwarp.units import SI_SYMBOL
 
 DOCS = SCHEMA_FOLDER.parents[2] / "docs" / "scene.md"
-MARKER = "<!-- Below this line: written by `python -m otwarp.scene.schema` from vocabulary.py. -->"
+MARKER = "<!-- Below this line: written by `python -m otwarp.scene.schema` from otwarp.scene.vocabulary. -->"
 _LAW_UNITS = {
     "stiffness": "forceUnit/lengthUnit",
     "threshold": "lengthUnit",
@@ -75,7 +75,8 @@ def _class(schema: Schema) -> str:
 
 def schema_layer() -> str:
     """Text of `generatedSchema.usda`."""
-    head = '#usda 1.0\n(\n    "Written by `python -m otwarp.scene.schema` from vocabulary.py; do not edit."\n)\n\n'
+    note = "Written by `python -m otwarp.scene.schema` from otwarp.scene.vocabulary; do not edit."
+    head = f'#usda 1.0\n(\n    "{note}"\n)\n\n'
     return head + "\n".join(_class(schema) for schema in SCHEMAS)
 
 

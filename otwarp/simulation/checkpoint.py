@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -24,9 +25,10 @@ FORMAT = 1
 
 
 def scene_digest(scene: Scene) -> str:
-    """Content hash of everything a scene says."""
+    """Content hash of everything a scene says but the length of the run, which may be extended."""
+    scene = dataclasses.replace(scene, file=None, settings=dataclasses.replace(scene.settings, duration=0.0))
     with np.printoptions(threshold=2**31, floatmode="unique"):
-        return hashlib.sha256(repr(scene).replace(repr(scene.file), "").encode()).hexdigest()
+        return hashlib.sha256(repr(scene).encode()).hexdigest()
 
 
 def _arrays(sim: Simulation) -> dict[str, wp.array]:
@@ -88,8 +90,15 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return about, stored
 
 
-def restore(path: Path, *, device: str | None = None, threads: int | None = None) -> Simulation:
+def restore(
+    path: Path, scene: Scene | None = None, *, device: str | None = None, threads: int | None = None
+) -> Simulation:
     """Make the simulation that `save` wrote.
+
+    Args:
+        path: The checkpoint.
+        scene: The scene it continues, where only the duration may differ; None loads it from its file.
+        device, threads: As for `Simulation`.
 
     Raises:
         InputError: Not a checkpoint, of another format, or its scene has changed.
@@ -97,9 +106,10 @@ def restore(path: Path, *, device: str | None = None, threads: int | None = None
     from otwarp.simulation.simulation import Simulation
 
     about, stored = _read(path)
-    scene = Scene.load(about["scene"], duration=about["duration"])
+    if scene is None:
+        scene = Scene.load(about["scene"], duration=about["duration"])
     if scene_digest(scene) != about["digest"]:
-        raise InputError(f"scene {about['scene']} has changed since checkpoint {path} was written")
+        raise InputError(f"checkpoint {path} continues {about['scene']} as it was then; scene {scene.file} differs")
     parameters = {k.removeprefix("parameter."): v for k, v in stored.items() if k.startswith("parameter.")}
     sim = Simulation(
         scene,

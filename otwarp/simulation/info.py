@@ -87,9 +87,7 @@ def describe(
     """
     model = Model.build(scene, worlds=worlds, time_step=time_step, device=device)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
-    scales = {
-        k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()
-    }
+    scales = {k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()}
     return {
         "scene": str(scene.file or scene.root),
         "root": scene.root,

@@ -112,16 +112,9 @@ class Model:
             wanted=time_step if time_step is not None else scene.settings.time_step,
         )
         held = _held(scene)
-        data = ModelData()
+        data, meshes = _pack(scene, moves, values, features, held, place)
         data.time_step = wp.float64(scales.time_step)
         data.seed = wp.uint32(seed)
-        data.bodies = len(scene.bodies)
-        data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
-        data.traps = pack_traps(scene, values, _held_geometry(scene, held, moves), place)
-        data.body = pack_bodies(scene, moves, place)
-        data.contact = pack_contact(scene, moves, features.contacts, place)
-        data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), place)
-        data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], place)
         return cls(
             scene=scene,
             worlds=worlds,
@@ -149,6 +142,26 @@ class Model:
     def prim_position(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
         """(..., B, 3) origins of the bodies' prims from reference points and orientations [µm]."""
         return position - rotate(orientation, self.reference)
+
+
+def _pack(
+    scene: Scene,
+    moves: list[BodyMobility],
+    values: Mapping[str, np.ndarray],
+    features: Features,
+    held: tuple[tuple[int, int], ...],
+    device: wp.Device,
+) -> tuple[ModelData, list[wp.Mesh]]:
+    """The kernels' view of the scene, and the meshes it refers to."""
+    data = ModelData()
+    data.bodies = len(scene.bodies)
+    data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
+    data.traps = pack_traps(scene, values, _held_geometry(scene, held, moves), device)
+    data.body = pack_bodies(scene, moves, device)
+    data.contact = pack_contact(scene, moves, features.contacts, device)
+    data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
+    data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], device)
+    return data, meshes
 
 
 def _scene_values(scene: Scene) -> dict[str, np.ndarray]:

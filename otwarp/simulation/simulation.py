@@ -156,11 +156,18 @@ class Simulation:
         return save(self, Path(path))
 
     @classmethod
-    def restore(cls, path: str | Path, *, device: str | None = None, threads: int | None = None) -> Simulation:
+    def restore(
+        cls,
+        path: str | Path,
+        scene: Scene | None = None,
+        *,
+        device: str | None = None,
+        threads: int | None = None,
+    ) -> Simulation:
         """Continue from a checkpoint; see `checkpoint.restore`."""
         from otwarp.simulation.checkpoint import restore
 
-        return restore(Path(path), device=device, threads=threads)
+        return restore(Path(path), scene, device=device, threads=threads)
 
     def _check(self) -> None:
         """Raise for the earliest fault on the device."""

@@ -1,7 +1,8 @@
 """State, Control and Readout: what moves, what is commanded, what was measured.
 
 All three are small dataclasses of device arrays that always exist (length 0 when unused); `.numpy()` copies to the
-host. W worlds, B bodies, T traps, S trapped spheres.
+host, except on the CPU, where it is a view that the next step overwrites: `.numpy().copy()` keeps it. W worlds,
+B bodies, T traps, S trapped spheres.
 """
 
 from __future__ import annotations

@@ -96,6 +96,35 @@ def _fastest_motion(scene: Scene, flow_speed: float) -> float:
     return max(speeds)
 
 
+def _stiffest(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float
+) -> tuple[float, str | None]:
+    """Fastest relaxation rate in the traps [1/s] over all bodies, worlds and times, and the body it belongs to."""
+    if not scene.traps:
+        return 0.0, None
+    powers = np.maximum(values["trap_power"].max(axis=0), [t.power.values.max() for t in scene.traps])
+    curves = np.array([values["trap_stiffness"].max(axis=0), values["trap_axial_stiffness"].max(axis=0)])
+    rates = [
+        _body_rate(scene, body, move, powers, curves, viscosity) for body, move in zip(scene.bodies, moves, strict=True)
+    ]
+    first = int(np.argmax(rates))
+    return float(rates[first]), scene.bodies[first].name if rates[first] > 0.0 else None
+
+
+def _travel_times(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float
+) -> tuple[float | None, float | None]:
+    """Times to diffuse and to be moved `TRAVEL_FRACTION` of the smallest colliding radius [s]."""
+    small = TRAVEL_FRACTION * min(s.radius for b in scene.bodies for s in b.spheres if s.collides)
+    hot = float(values["medium_temperature"].max()) if scene.settings.brownian else 0.0
+    spread = max(BOLTZMANN * hot * m.mobility[0, 0] / viscosity for m in moves)
+    fastest = _fastest_motion(scene, float(np.abs(values["flow_speed"]).max()) if scene.flow else 0.0)
+    return (
+        float(small**2 / (2.0 * spread)) if spread > 0.0 else None,
+        float(small / fastest) if fastest > 0.0 else None,
+    )
+
+
 def time_scales(
     scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], *, contacts: bool, wanted: float | None
 ) -> TimeScales:
@@ -109,30 +138,11 @@ def time_scales(
         wanted: Explicit time step [s], or None.
 
     Raises:
-        InputError: An explicit step that is unstable; the message names the largest stable one.
+        InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
     """
     viscosity = float(values["medium_viscosity"].min())
-    animated = np.array([t.power.values.max() for t in scene.traps])
-    powers = np.maximum(values["trap_power"].max(axis=0), animated) if scene.traps else np.zeros(0)
-    curves = np.array([values["trap_stiffness"].max(axis=0), values["trap_axial_stiffness"].max(axis=0)])
-    cached: dict[tuple, float] = {}
-    rate, stiffest = 0.0, None
-    for body, move in zip(scene.bodies, moves, strict=True):
-        # equal untrapped cells are many: they all answer 0
-        key = (id(body.spheres), body.position, body.orientation)
-        if key not in cached:
-            cached[key] = _body_rate(scene, body, move, powers, curves, viscosity) if scene.traps else 0.0
-        if cached[key] > rate:
-            rate, stiffest = cached[key], body.name
-    diffusion = travel = None
-    if contacts:
-        small = TRAVEL_FRACTION * min(s.radius for b in scene.bodies for s in b.spheres if s.collides)
-        hot = float(values["medium_temperature"].max()) if scene.settings.brownian else 0.0
-        spread = max((BOLTZMANN * hot * m.mobility[0, 0] / viscosity for m in moves), default=0.0)
-        diffusion = small**2 / (2.0 * spread) if spread > 0.0 else None
-        flow_speed = float(np.abs(values["flow_speed"]).max()) if scene.flow else 0.0
-        fastest = _fastest_motion(scene, flow_speed)
-        travel = small / fastest if fastest > 0.0 else None
+    rate, stiffest = _stiffest(scene, moves, values, viscosity)
+    diffusion, travel = _travel_times(scene, moves, values, viscosity) if contacts else (None, None)
     limits = {
         "trap relaxation and wanted accuracy": 2.0 * scene.settings.accuracy / rate if rate > 0.0 else math.inf,
         "diffusion of the smallest colliding sphere": diffusion or math.inf,
@@ -143,7 +153,9 @@ def time_scales(
     step = limits[chosen_by]
     stable = STABLE_PRODUCT / rate if rate > 0.0 else math.inf
     if wanted is not None:
-        if not 0.0 < wanted < stable:
+        if not 0.0 < wanted < math.inf:
+            raise InputError(f"time step is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
+        if wanted >= stable:
             raise InputError(
                 f"time step {wanted:g} s is unstable: body {stiffest} relaxes at {rate:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"

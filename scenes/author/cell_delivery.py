@@ -109,6 +109,7 @@ def build() -> SceneBuilder:
     duration = float(path().times[-1])
     builder = SceneBuilder(settings=Settings(duration=duration, frames_per_second=60.0))
     builder.add_view("/World/view", (0.0, -118.0, 112.0), (0.0, -8.0, 2.0), field_of_view=57.0)
+    builder.add_view("/World/closeup", (-60.0, -28.0, 42.0), (-36.0, 17.0, 6.0), field_of_view=42.0)
     robots.add_robot(builder, left, color=shapes.WARM_ROBOT)
     robots.add_robot(builder, right, color=shapes.GOLD_ROBOT)
     builder.add(cell, color=shapes.PINK_CELL, opacity=0.7)

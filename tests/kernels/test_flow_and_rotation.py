@@ -70,7 +70,9 @@ def test_rotation_is_the_exponential_map(size, device):
     way = rng.normal(size=(200, 3))
     angle = (size * way / np.linalg.norm(way, axis=1, keepdims=True)).astype(np.float32)
     (got,) = evaluate(probe_rotate, 200, on_device(device, (q, wp.quat), (angle, wp.vec3)), [wp.quat], device)
-    expected = np.array([multiply(exponential(a), p) for a, p in zip(angle.astype(float), q.astype(float), strict=True)])
+    expected = np.array(
+        [multiply(exponential(a), p) for a, p in zip(angle.astype(float), q.astype(float), strict=True)]
+    )
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     # √(1 − sin²) loses digits where the half turn is near 90°, and only there
     tolerance = QUATERNION if abs(size - np.pi) > 0.5 else 2e-5

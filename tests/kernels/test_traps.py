@@ -152,7 +152,9 @@ def test_commands_follow_key_frames_where_told_to(model, device):
     rng, n = np.random.default_rng(1), 400
     index = np.arange(n) % 4
     time = np.concatenate([[-1.0, 0.0, 0.4, 0.7, 1.0, 1.5], rng.uniform(-0.1, 1.2, n - 6)])
-    now = (rng.normal(size=(n, 3)) * 0.1).astype(np.float32) + np.where(index == 1, 1.0, 0.0)[:, None].astype(np.float32)
+    now = (rng.normal(size=(n, 3)) * 0.1).astype(np.float32) + np.where(index == 1, 1.0, 0.0)[:, None].astype(
+        np.float32
+    )
     inputs = [model.data, control.data()]
     inputs += on_device(device, (index, int), (time, wp.float64), (now, wp.vec3))
     command, focus = evaluate(probe_command, n, inputs, [wp.vec4, wp.vec3], device)

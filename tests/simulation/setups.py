@@ -65,9 +65,7 @@ def sphere_body(
 def robot(name: str, position: Vec3 = (0.0, 0.0, 0.0), orientation: Quat = IDENTITY, *, shape=FIVE, **flags) -> Body:
     """A rigid body of several spheres; `flags` go to each sphere."""
     flags = {"collides": False, **flags}
-    spheres = tuple(
-        Sphere(prim=f"/World/{name}/S{i}", offset=o, radius=r, **flags) for i, (o, r) in enumerate(shape)
-    )
+    spheres = tuple(Sphere(prim=f"/World/{name}/S{i}", offset=o, radius=r, **flags) for i, (o, r) in enumerate(shape))
     return Body(prim=f"/World/{name}", position=position, orientation=orientation, spheres=spheres)
 
 

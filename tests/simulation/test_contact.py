@@ -138,6 +138,23 @@ def test_moving_box_pushes_a_bead(driver, device):
     np.testing.assert_allclose(places(sim)[1], [0, 50, 9], atol=1e-4)
 
 
+def test_squeezed_from_two_sides(driver, device):
+    """A bead between the floor and a box that leaves 0.2 µm too little room: both push with the Hertz force of 0.1 µm.
+
+    Nothing moves, so the time step may be as large as it likes: the stiffness times the mobility times dt is 19 here.
+    """
+    tight = 0.1
+    first = neutral("A", (0.0, 0.0, 1.0 - tight), material=CELL)
+    box = (0.0, 0.0, 2.0 - 2 * tight + 2.0)
+    sim = start(contact_scene(first, neutral("B", (30.0, 0, 9.0)), box=box), driver, device)
+    force = sphere_obstacle(CELL, 1.0, 1.0 - tight)[0]
+    sim.step(50)
+    assert places(sim)[0, 2] == pytest.approx(1.0 - tight, abs=1e-5)
+    net, load = forces(sim)
+    assert load[0] == pytest.approx(2 * force, rel=1e-3)
+    np.testing.assert_allclose(net[0], 0.0, atol=1e-3 * force)
+
+
 @pytest.mark.parametrize("share", [0.85, 1.15], ids=["below", "above"])
 def test_adhesion_holds_up_to_the_pull_off_force(share, driver, device):
     """Two sticky cells are drawn apart with `share` of the pull-off force 2πRW: they part above 1 and not below."""

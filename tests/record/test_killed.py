@@ -1,0 +1,81 @@
+"""A run whose process is killed: what is left must open, up to the last frame."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from pxr import Usd
+
+from otwarp.record.read import read_run
+from tests.record.small_run import load
+from tests.record.test_usd import check
+
+_WRITER = """
+import sys, time
+from pathlib import Path
+from otwarp.record.recorder import Recorder
+from tests.record.small_run import HELD, RATE, frame, load
+
+folder, pause = Path(sys.argv[1]), float(sys.argv[2])
+scene = load(folder / "scene")
+out = Recorder(scene, folder / "run", frames_per_second=RATE, held=HELD, time_step=1e-3, forces=True)
+for index in range(100_000):
+    out.write(frame(scene, index))
+    print(index, flush=True)
+    time.sleep(pause)
+"""
+
+LAG = 0.06
+"""Wall time [s] by which the USD may be behind when frames come as fast as they can: about four flushes of 10 ms, on
+a machine where one usually takes 3 ms."""
+
+
+def killed_run(folder: Path, frames: int, pause: float, delay: float) -> tuple[int, float]:
+    """Start a writer, kill it `delay` seconds after it has reported `frames` frames; last frame reported, and how
+    many it wrote per second of wall time."""
+    command = [sys.executable, "-c", _WRITER, str(folder), str(pause)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]) as writer:
+        assert writer.stdout is not None
+        last, began = int(writer.stdout.readline()), time.perf_counter()
+        while last + 1 < frames:
+            last = int(writer.stdout.readline())
+        time.sleep(delay)
+        writer.kill()
+        rest = writer.stdout.read().split("\n")[:-1]
+    last = int(rest[-1]) if rest else last
+    return last, last / (time.perf_counter() - began)
+
+
+# the moments spread over the cycle of a clip: its middle, its change, and within a write
+@pytest.mark.parametrize(("frames", "delay"), [(20, 0.0), (65, 0.0007), (96, 0.0023)])
+def test_files_of_a_killed_run_open_up_to_its_last_frames(tmp_path: Path, frames: int, delay: float) -> None:
+    last, rate = killed_run(tmp_path, frames, 0.0, delay)
+    with xr.open_dataset(tmp_path / "run" / "run.nc") as data:
+        assert data.sizes["frame"] >= last + 1
+        np.testing.assert_allclose(data["time"], np.arange(data.sizes["frame"]) / 60.0)
+        assert np.isfinite(data["position"]).all()
+        # frame k drifts by −10·k/60 µm along y: the last record is whole, not merely there
+        fall = data["position"][:, 0, 2, 1] - data["position"][0, 0, 2, 1]
+        np.testing.assert_allclose(fall, -10.0 * data["time"], atol=1e-5)
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+    end = stage.GetEndTimeCode()
+    assert last - end <= max(2.0, LAG * rate)
+    scene = load(tmp_path / "scene")
+    for code in (0.0, 0.5 * end, end):
+        check(stage, scene, code)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "running"
+
+
+def test_when_frames_come_at_an_ordinary_pace_each_is_in_the_usd_at_once(tmp_path: Path) -> None:
+    last, _ = killed_run(tmp_path, 36, 0.04, 0.02)
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+    assert stage.GetEndTimeCode() >= last
+    assert len(read_run(tmp_path / "run" / "run.nc").time) == stage.GetEndTimeCode() + 1
+    check(stage, load(tmp_path / "scene"), float(last))

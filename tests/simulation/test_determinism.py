@@ -1,0 +1,140 @@
+"""Bit for bit: results do not depend on threads, on how steps are grouped into calls, or on how many worlds run along."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import warp as wp
+
+from otwarp.scene.description import Scene
+from otwarp.simulation.simulation import Simulation
+from tests.simulation.setups import CELL, bead_scene, contact_scene, harmonic, neutral
+
+STEPS = 600
+
+
+def touching_scene() -> Scene:
+    """Two cells that noise and two traps keep pressing together, above a floor that one of them touches."""
+    traps = (harmonic("TA", (-1.6, 0, 2.0)), harmonic("TB", (1.6, 0, 2.1)))
+    first = neutral("A", (-1.7, 0.1, 2.0), radius=2.0, material=CELL, kind="cell")
+    second = neutral("B", (1.7, -0.1, 2.0), radius=1.5, material=CELL, kind="cell")
+    # each trap reaches its own cell only
+    traps = tuple(dataclasses.replace(t, radial=dataclasses.replace(t.radial, cutoff=1.5)) for t in traps)
+    return contact_scene(first, second, traps=traps, temperature=298.15)
+
+
+def crowd_scene() -> Scene:
+    """Thirty cells heaped on the floor, each touching several: too many bodies for the world driver."""
+    pair = touching_scene()
+    rng = np.random.default_rng(0)
+    places = [(1.9 * i, 1.9 * j, 0.95 + 1.9 * k) for k in range(2) for i in range(5) for j in range(3)]
+    cells = tuple(
+        neutral(f"C{n}", tuple(np.array(p) + rng.normal(size=3) * 0.03), material=CELL, trapped=False)
+        for n, p in enumerate(places)
+    )
+    held = tuple(dataclasses.replace(c, spheres=(dataclasses.replace(c.spheres[0], trapped=True),)) for c in cells[:2])
+    return dataclasses.replace(pair, bodies=(*held, *cells[2:]))
+
+
+@pytest.fixture(params=["solo", "world", "grid", "crowd"])
+def make(request, monkeypatch, device):
+    """Builds a simulation of the driver under test."""
+    if request.param == "grid":
+        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
+    scene = {"solo": bead_scene, "crowd": crowd_scene}.get(request.param, touching_scene)()
+    driver = "grid" if request.param == "crowd" else request.param
+
+    def build(worlds: int = 8, **more) -> Simulation:
+        sim = Simulation(scene, worlds=worlds, seed=31, device=device, **more)
+        assert sim.model.features.driver == driver
+        return sim
+
+    return build
+
+
+def bits(sim: Simulation, worlds: int | None = None) -> dict[str, np.ndarray]:
+    """Every array of the state and the readout, of the first `worlds` worlds, as bytes-comparable numbers."""
+    out = {}
+    for group in (sim.state, sim.readout):
+        for name, value in vars(group).items():
+            if isinstance(value, wp.array) and name != "fault_count":
+                out[name] = value.numpy()[:worlds]
+    return out
+
+
+def check_equal(a: Simulation, b: Simulation, worlds: int | None = None) -> None:
+    left, right = bits(a, worlds), bits(b, worlds)
+    assert left.keys() == right.keys()
+    for name, value in left.items():
+        assert value.tobytes() == right[name].tobytes(), name
+
+
+def test_threads_change_nothing(make):
+    sims = [make(threads=n) for n in (1, 2, 3)]
+    for sim in sims:
+        sim.step(STEPS)
+    check_equal(sims[0], sims[1])
+    check_equal(sims[0], sims[2])
+
+
+def test_grouping_of_steps_changes_nothing(make):
+    whole, parts = make(), make()
+    whole.step(STEPS)
+    for n in (1, 99, 500):
+        parts.step(n)
+    assert parts.state.step == whole.state.step == STEPS
+    assert parts.time == whole.time == pytest.approx(STEPS * whole.time_step)
+    check_equal(whole, parts)
+
+
+def test_a_world_does_not_notice_the_others(make):
+    few, many = make(8), make(64)
+    few.step(STEPS)
+    many.step(STEPS)
+    check_equal(few, many, worlds=8)
+
+
+def test_two_constructions_are_one(make):
+    first, second = make(), make()
+    first.step(STEPS)
+    second.step(STEPS)
+    check_equal(first, second)
+
+
+def test_worlds_and_seeds_differ(make):
+    """The same equalities would hold for a simulation that does nothing: worlds must differ, and touch where they can."""
+    sim = make()
+    sim.step(STEPS)
+    x = sim.state.position.numpy()[:, 0]
+    assert len(np.unique(x[:, 0])) == len(x)
+    if sim.model.features.contacts:
+        assert np.all(sim.readout.contact_load.numpy().sum(axis=1) > 0)
+    other = Simulation(sim.scene, worlds=8, seed=32, device=sim.model.device)
+    other.step(STEPS)
+    assert not np.any(other.state.position.numpy()[:, 0] == x)
+
+
+def test_solo_and_world_drivers_agree_without_contact(device):
+    """The same beads that cannot collide (solo) and that could but are far apart (world): equal to a few roundings.
+
+    Not bit for bit, because the compiler may fuse other multiplications in another kernel.
+    """
+    far = touching_scene()
+    bodies = (far.bodies[0], dataclasses.replace(far.bodies[1], position=(60.0, 0, 9.0)))
+    traps = (far.traps[0], harmonic("TB", (60.0, 0, 9.0), cutoff=1.5))
+    bodies = (dataclasses.replace(bodies[0], position=(-1.6, 0, 9.0)), bodies[1])
+    traps = (dataclasses.replace(harmonic("TA", (-1.6, 0, 9.0), cutoff=1.5)), traps[1])
+    can = dataclasses.replace(far, bodies=bodies, traps=traps)
+    ghosts = tuple(
+        dataclasses.replace(b, spheres=tuple(dataclasses.replace(s, collides=False) for s in b.spheres)) for b in bodies
+    )
+    cannot = dataclasses.replace(can, bodies=ghosts)
+    fused, solo = (Simulation(s, worlds=4, seed=8, device=device) for s in (can, cannot))
+    assert (fused.model.features.driver, solo.model.features.driver) == ("world", "solo")
+    for sim in (fused, solo):
+        sim.step(400)
+    np.testing.assert_allclose(fused.state.position.numpy(), solo.state.position.numpy(), atol=4e-5)
+    moved = fused.state.position.numpy()[:, 0] - [-1.6, 0, 9.0]
+    assert np.abs(moved).max() > 0.005

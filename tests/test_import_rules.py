@@ -1,0 +1,130 @@
+"""Who may import whom, read from the source; and what is loaded when, asked of a fresh interpreter."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parent.parent / "otwarp"
+
+ROOT = {"errors", "units"}
+"""Files at the root of the package that everybody may import."""
+
+ALLOWED: dict[str, set[str]] = {
+    "scene": ROOT,
+    "hydrodynamics": ROOT,
+    "kernels": ROOT,
+    "optics": ROOT | {"kernels"},
+    "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
+    "study": ROOT | {"simulation"},
+    "haptics": ROOT,
+    "teleop": ROOT | {"simulation", "haptics", "scene"},
+    "vision": ROOT | {"simulation", "hydrodynamics"},
+    "ros": ROOT | {"teleop", "haptics"},
+    "preview": ROOT | {"device", "scene"},
+    "record": ROOT | {"scene", "simulation"},
+    "device": {"errors"},
+    "errors": set(),
+    "units": set(),
+}
+"""Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
+
+HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy"}
+ONLY_IN = {"pxr": {"scene"}, "warp": {"device", "kernels", "simulation", "preview", "optics", "cli"}}
+"""Third-party packages that only some rooms may touch at all."""
+
+LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib"}
+"""Packages that nobody may import at the top of a file."""
+
+
+def room_of(path: Path) -> str:
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imports(path: Path) -> list[tuple[str, bool]]:
+    """(dotted name, at import time) of everything a file imports; imports for type checkers do not count."""
+    found = []
+
+    def visit(node: ast.AST, top: bool) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            if isinstance(child, ast.Import):
+                found.extend((a.name, top) for a in child.names)
+            elif isinstance(child, ast.ImportFrom):
+                assert child.level == 0, f"{path}: relative import"
+                found.extend((f"{child.module}.{a.name}", top) for a in child.names)
+            visit(child, top and not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
+
+    visit(ast.parse(path.read_text(encoding="utf-8")), True)
+    return found
+
+
+FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.name != "__init__.py" or p.parent != PACKAGE)
+
+
+def test_there_are_files_to_check():
+    assert {"kernels", "scene", "simulation", "cli"} <= {room_of(p) for p in FILES}
+
+
+@pytest.mark.parametrize("room", sorted({room_of(p) for p in FILES}))
+def test_a_room_imports_only_what_the_design_allows(room):
+    files = [p for p in FILES if room_of(p) == room]
+    assert room == "cli" or room in ALLOWED, f"room {room} is not in the table"
+    for path in files:
+        for name, top in imports(path):
+            package = name.split(".")[0]
+            if package == "otwarp" and room != "cli":
+                used = (name.split(".") + [""])[1]
+                # `from otwarp import __version__` is the package itself
+                assert used in ALLOWED[room] | {room, "", "__version__"}, f"{path}: {name}"
+            if package in ONLY_IN:
+                assert room in ONLY_IN[package], f"{path}: {name}"
+            if package in LAZY:
+                assert not top, f"{path}: {name} is imported at the top of the file"
+
+
+def test_commands_import_nothing_heavy_before_they_are_called():
+    """`otwarp.cli.main` and the package's own `__init__` name other rooms in functions only."""
+    for path in (PACKAGE / "cli" / "main.py", PACKAGE / "__init__.py", PACKAGE / "errors.py", PACKAGE / "units.py"):
+        at_top = {name.split(".")[0] for name, top in imports(path) if top}
+        assert not at_top & (HEAVY | {"numpy"}), path
+
+
+def loaded_after(code: str) -> set[str]:
+    """Top-level packages in `sys.modules` after running `code` in a fresh interpreter."""
+    script = f"import sys\n{code}\nprint(*sorted({{m.split('.')[0] for m in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+HELP = """
+from otwarp.cli.main import main
+code = main(["--help"])
+assert code == 0, code
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "absent", "present"),
+    [
+        ("import otwarp", HEAVY | {"numpy", "click", "rich"}, {"otwarp"}),
+        (HELP, HEAVY | {"numpy", "rich"}, {"otwarp", "click"}),
+        ("import otwarp; otwarp.InputError", HEAVY | {"numpy"}, {"otwarp"}),
+        ("import otwarp; otwarp.Scene", HEAVY, {"numpy"}),
+        ("import otwarp.scene", HEAVY, {"numpy"}),
+        ("import otwarp.kernels.step", HEAVY - {"warp"}, {"warp"}),
+        ("import otwarp; otwarp.Simulation", HEAVY - {"warp"}, {"warp"}),
+        ("import otwarp.hydrodynamics", HEAVY, {"numpy"}),
+    ],
+    ids=lambda v: v.strip().splitlines()[0] if isinstance(v, str) else "",
+)
+def test_importing_loads_only(code, absent, present):
+    loaded = loaded_after(code)
+    assert not loaded & absent
+    assert present <= loaded
