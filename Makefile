@@ -17,8 +17,8 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY)  ## run the cell delivery, draw it, say where to look
-	$(BIN)/otwarp run scenes/cell_delivery.usda --out out/cell_delivery
-	$(BIN)/otwarp preview out/cell_delivery --frame 240 --forces -o out/cell_delivery/frame.png
+	$(BIN)/otwarp run scenes/cell_delivery.usda --forces --out out/cell_delivery
+	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
 test: $(READY)  ## run the tests (a few minutes on two cores)
 	$(BIN)/python -m pytest -n 2

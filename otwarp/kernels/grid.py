@@ -31,6 +31,7 @@ class GridData:
     angular: wp.array2d(dtype=wp.vec3)  # (W, B) free rotation [rad]
     contact: wp.array2d(dtype=Contact)  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it
     count: wp.array2d(dtype=wp.int32)  # (W, B) how many
+    crowding: wp.array2d(dtype=wp.float32)  # (W, B) how much they hinder each other, 1: a lone contact
     centre: wp.array(dtype=wp.vec3)  # (W·C) centres of the colliding spheres [µm]
     group: wp.array(dtype=wp.int32)  # (W·C) world of each
     largest: float  # radius of the largest colliding sphere [µm]
@@ -207,6 +208,23 @@ def wall_term(f: Features) -> wp.Function:
     return walls
 
 
+@wp.func
+def crowding_of(grid: GridData, row: int, count: int) -> float:
+    """Largest Σ_j |response of contact i's gap to force j| / |its response to its own|, this body's share alone.
+
+    By Gershgorin's theorem a bound on how much more the body gives way to all its contacts at once than to one.
+    """
+    crowding = float(1.0)
+    for i in range(count):
+        c = grid.contact[row, i]
+        own = along(c.response_a, c.arm_a, c.normal)
+        total = float(0.0)
+        for j in range(count):
+            total += wp.abs(along(grid.contact[row, j].response_a, c.arm_a, c.normal))
+        crowding = wp.max(crowding, total / own)
+    return crowding
+
+
 def make_find(f: Features) -> wp.Kernel:
     """Kernel over (world, body): list the contacts of each body, and what their forces at the start would move."""
     neighbours = neighbour_term(f) if f.pairs else None
@@ -227,6 +245,7 @@ def make_find(f: Features) -> wp.Kernel:
         if wp.static(bool(f.obstacles)):
             count = walls(model, readout, grid, world, a, pose, count, step)
         grid.count[world, a] = count
+        grid.crowding[world, a] = crowding_of(grid, world * model.bodies + a, count)
         linear = wp.vec3(0.0)
         angular = wp.vec3(0.0)
         for i in range(count):
@@ -243,10 +262,10 @@ def make_find(f: Features) -> wp.Kernel:
 def make_relax(f: Features) -> wp.Kernel:
     """Kernel over (world, body): one Jacobi sweep of backward Euler, λ = max(floor, F − k·s), and the contact readout.
 
-    Every contact is relaxed as if the busier partner's contacts all opened its gap as much as itself: the sweep then
-    never overshoots, whatever the stiffness, and a lone contact is solved at once. Both partners compute the same λ
-    from the same numbers, so the third law holds to rounding. Starting from the forces F leaves alone what moves
-    nothing, such as the forces that squeeze a body from two sides.
+    Every contact is damped by the crowding of its busier partner: the sweep then never overshoots, whatever the
+    stiffness, and a lone contact is solved at once. Both partners compute the same λ from the same numbers, so the
+    third law holds to rounding. Starting from the forces F leaves alone what moves nothing, such as the forces that
+    squeeze a body from two sides.
     """
     opening = opening_term(f)
 
@@ -262,11 +281,11 @@ def make_relax(f: Features) -> wp.Kernel:
         total = float(0.0)
         for i in range(count):
             c = grid.contact[row, i]
-            busy = count
+            crowding = grid.crowding[world, a]
             if c.b >= 0:
-                busy = wp.max(busy, grid.count[world, c.b])
+                crowding = wp.max(crowding, grid.crowding[world, c.b])
             wanted = c.force - c.stiffness * opening(grid, before, world, c)
-            load = c.load + (wanted - c.load) / (1.0 + wp.float32(busy) * c.stiffness * c.give)
+            load = c.load + (wanted - c.load) / (1.0 + crowding * c.stiffness * c.give)
             load = wp.max(load, c.floor)
             grid.contact[row, i].load = load
             linear += load * c.response_a.linear

@@ -3,7 +3,7 @@
 import warp as wp
 
 from otwarp.kernels.body import free_move_term, move_trap_term
-from otwarp.kernels.contact import SWEEPS, Contact, solve_contacts
+from otwarp.kernels.contact import SETTLED, SWEEPS, Contact, solve_contacts
 from otwarp.kernels.detect import obstacle_contacts_term, pair_contacts_term
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import Fault, finite, raise_fault
@@ -125,7 +125,7 @@ def make_world_step(f: Features) -> wp.Kernel:
                 angular[b] = move.angular
             if wp.static(f.contacts):
                 count = find_contacts(model, readout, world, position, rotation, contacts, step, time)
-                solve_contacts(contacts, count, linear, angular, wp.static(SWEEPS))
+                solve_contacts(contacts, count, linear, angular, wp.static(SWEEPS), wp.static(SETTLED))
                 if i == steps - 1:
                     report_contacts(readout, world, bodies, contacts, count)
             if not all_good(readout, world, bodies, position, linear, angular, step):

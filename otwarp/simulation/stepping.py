@@ -99,6 +99,7 @@ class GridStepper:
         touching = b if f.contacts else 0
         data.contact = wp.zeros((w * touching, MAX_BODY_CONTACTS), dtype=Contact, device=device)
         data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
+        data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
         placed = w * self.spheres if f.pairs else 0
         data.centre = wp.zeros(placed, dtype=wp.vec3, device=device)
         data.group = wp.zeros(placed, dtype=wp.int32, device=device)

@@ -83,7 +83,7 @@ def probe_solve(
             c.response_b = rigid_response(body, c.b, rotation[c.b], given[i, 4], c.arm_b, -c.normal)
             c.give -= along(c.response_b, c.arm_b, c.normal)
         contacts[i] = c
-    solve_contacts(contacts, COUNT, d, t, sweeps)
+    solve_contacts(contacts, COUNT, d, t, sweeps, 0.0)
     for i in range(COUNT):
         load[i] = contacts[i].load
     for b in range(BODIES):

@@ -194,3 +194,22 @@ def test_the_chosen_world_is_written(scene: Scene, tmp_path: Path) -> None:
 def test_a_scene_without_a_file_cannot_be_recorded_as_usd(scene: Scene) -> None:
     with pytest.raises(InputError, match=r"scene\.file = None"):
         UsdRecording(dataclasses.replace(scene, file=None), frames_per_second=RATE, held=HELD)
+
+
+@pytest.mark.parametrize("step", ["_write_root", "rmtree"])
+def test_a_run_that_dies_while_it_is_merged_still_opens(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    recording = record(scene, tmp_path / "run", [frame(scene, i) for i in range(60)])
+    recording.flush()
+
+    def die(*_: object, **__: object) -> None:
+        raise RuntimeError("killed")
+
+    monkeypatch.setattr(*((recording, step) if step == "_write_root" else (record_module.shutil, step)), die)
+    with pytest.raises(RuntimeError, match="killed"):
+        recording.close()
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+    assert stage.GetEndTimeCode() == 59.0
+    for code in CODES:
+        check(stage, scene, code)

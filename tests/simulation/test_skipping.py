@@ -54,7 +54,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "speed limits": (
         EVERYTHING,
         dataclasses.replace(EVERYTHING, speed_limits=False),
-        ("limited_focus", "move_traps"),
+        ("limited_focus",),
     ),
     "rotation": (
         dataclasses.replace(BASE, rigid=True, spheres=False),
