@@ -80,7 +80,7 @@ def test_a_room_imports_only_what_the_design_allows(room):
         for name, top in imports(path):
             package = name.split(".")[0]
             if package == "otwarp" and room != "cli":
-                used = (name.split(".") + [""])[1]
+                used = [*name.split("."), ""][1]
                 # `from otwarp import __version__` is the package itself
                 assert used in ALLOWED[room] | {room, "", "__version__"}, f"{path}: {name}"
             if package in ONLY_IN:

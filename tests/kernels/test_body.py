@@ -1,6 +1,7 @@
 """One free step of the device against its twin: wrench, noise, flow and weight, for a rigid body and a lone sphere."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -43,7 +44,6 @@ FLOW = Flow(
 SCENE = Scene(
     bodies=(ROBOT, BEAD), traps=(TRAP,), flow=FLOW, settings=Settings(gravity=True, brownian=True, time_step=2e-4)
 )
-UNION = {"/World/Bead": 4 / 3 * np.pi * 0.7**3}
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def expected_move(model: Model, world: int, b: int, position: np.ndarray, q: np.
     force, torque = traps.body_wrench(
         [(TRAP, TRAP.position.at(0), 12.0)], position, orientation, move.reference, spheres
     )
-    force = force + [0.0, 0.0, -weight(body)]
+    force = force - np.array([0.0, 0.0, weight(body)])
     flows = []
     for offset, _ in spheres:
         point = position + matrix(orientation) @ (offset - move.reference)
@@ -106,19 +106,18 @@ def expected_move(model: Model, world: int, b: int, position: np.ndarray, q: np.
 
 
 def weight(body: Body) -> float:
-    """Weight minus buoyancy [pN]; the volume of the robot's union by Monte Carlo elsewhere, here from its own count."""
-    volume = UNION.get(body.prim)
-    if volume is None:
-        volume = UNION[body.prim] = fine_volume(body)
+    """Weight minus buoyancy [pN]."""
+    volume = 4 / 3 * np.pi * 0.7**3 if body is BEAD else robot_volume()
     return (body.density - SCENE.medium.density) * volume * STANDARD_GRAVITY
 
 
-def fine_volume(body: Body) -> float:
-    """Union volume by slices: ∫ A(z) dz with A counted on a grid finer than, and shifted from, the model's."""
+@cache
+def robot_volume() -> float:
+    """Volume of the robot's union [µm³], counted on a grid that is not the model's."""
     h = 0.031
     x, y, z = np.meshgrid(*[np.arange(-2.0, 4.0, h)] * 3, indexing="ij", sparse=True)
     inside = np.zeros((x.size, y.size, z.size), dtype=bool)
-    for s in body.spheres:
+    for s in ROBOT.spheres:
         inside |= (x - s.offset[0]) ** 2 + (y - s.offset[1]) ** 2 + (z - s.offset[2]) ** 2 < s.radius**2
     return float(inside.sum()) * h**3
 

@@ -122,10 +122,10 @@ def contact_scene(
 ) -> Scene:
     """Two spheres, two harmonic traps, a floor and a box that moves: every test of contact uses these features.
 
-    A constant `box` gets two equal-speed samples far below the floor, so that the box always counts as moving.
+    A box given by a point creeps by 1 nm in 1000 s, so that it counts as moving and every test shares the kernels.
     """
     if not isinstance(box, Track):
-        box = line((0.0, box), (1e3, np.asarray(box) + [1e-3, 0, 0]))
+        box = line((0.0, box), (1e3, np.add(box, (1e-3, 0.0, 0.0))))
     off = (harmonic("TrapA", (0, 0, 0), power=0.0), harmonic("TrapB", (0, 0, 0), power=0.0))
     return Scene(
         medium=Medium(temperature=temperature, viscosity=VISCOSITY),

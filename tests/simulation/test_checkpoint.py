@@ -1,4 +1,4 @@
-"""Checkpoints: 1000 steps are 400, a file, a new process and 600 more, bit for bit; what is no checkpoint is refused."""
+"""Checkpoints: 1000 steps are 400, a file, a new process and 600 more, bit for bit; other files are refused."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def forces(sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_rest_on_the_floor(driver, device):
-    """Under its weight a bead sinks into the floor until Hertz repulsion carries it; soft and stiff, light and heavy."""
+    """Under its weight a bead sinks into the floor until Hertz repulsion carries it; two materials."""
     soft = Material(youngs_modulus=50.0, poisson_ratio=0.3)
     first = sphere_body("A", (0, 0, 1.0), collides=True, density=4000e-12, material=soft)
     second = sphere_body("B", (9.0, 0, 1.5), radius=1.5, collides=True, density=1500e-12, material=CELL)

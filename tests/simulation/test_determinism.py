@@ -1,4 +1,4 @@
-"""Bit for bit: results do not depend on threads, on how steps are grouped into calls, or on how many worlds run along."""
+"""Bit for bit: results do not depend on threads, the grouping of steps into calls, or other worlds."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_two_constructions_are_one(make):
 
 
 def test_worlds_and_seeds_differ(make):
-    """The same equalities would hold for a simulation that does nothing: worlds must differ, and touch where they can."""
+    """The equalities above would hold if nothing moved: worlds must differ, and touch where they can."""
     sim = make()
     sim.step(STEPS)
     x = sim.state.position.numpy()[:, 0]

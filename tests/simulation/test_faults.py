@@ -25,7 +25,7 @@ def scene(request, monkeypatch) -> Scene:
 
 @pytest.mark.parametrize("poison", ["nan position", "huge power"])
 def test_non_finite_states_stop_the_run(scene, poison, device):
-    """A command spoils world 2 of 4 after 10 good steps; its body keeps the last good place, the others are untouched."""
+    """A command spoils world 2 of 4 after 10 good steps; its body keeps the last good place, the others go on."""
     start = np.tile(np.array([t.position.at(0) for t in scene.traps]), (4, 1, 1))
     power = np.tile([20.0] + [0.0] * (len(scene.traps) - 1), (4, 1))
     sim = Simulation(scene, worlds=4, seed=1, device=device, parameters={"trap_position": start, "trap_power": power})

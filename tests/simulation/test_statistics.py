@@ -64,7 +64,7 @@ def check_bead(worlds: int, samples: int, h: float, device: str, seed: int) -> N
 
 @pytest.mark.parametrize("h", [0.4, 0.04])
 def test_bead_in_a_harmonic_trap(h, device):
-    """h = 0.4: the variance must be 25 % above kT/k, and the standard error is 0.4 %: the scheme, not just its limit."""
+    """h = 0.4: the variance must be 25 % above kT/k, with a standard error of 0.4 %: the scheme, not its limit."""
     check_bead(2000, 120, h, device, seed=11)
 
 
