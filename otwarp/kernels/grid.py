@@ -13,7 +13,7 @@ from otwarp.kernels.contact import NO_CONTACT, Contact, along
 from otwarp.kernels.detect import new_contact_term
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
-from otwarp.kernels.features import Features
+from otwarp.kernels.features import MAX_BODY_CONTACTS, Features
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.rotation import rotate_by
 from otwarp.kernels.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData
@@ -117,10 +117,52 @@ def list_contact(
     return count + 1
 
 
+@wp.func
+def insert_sorted(near: wp.array(dtype=wp.int32), found: int, value: int):
+    """Insert `value` into the first `found` entries of `near`, which ascend; there is room for one more."""
+    k = found
+    while k > 0 and near[wp.max(k - 1, 0)] > value:
+        near[k] = near[k - 1]
+        k -= 1
+    near[k] = value
+
+
 def neighbour_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, table, world, a, pose, count, step) -> count` of contacts with other bodies."""
+    """`(model, state, readout, grid, table, world, a, pose, count, step) -> count` of contacts with other bodies.
+
+    The grid promises no order, and the sum of forces depends on it in the last bit: neighbours are sorted first.
+    """
     new_contact = new_contact_term(f)
     body_pose = body_pose_term(f)
+
+    @wp.func
+    def overlap_of(model: ModelData, grid: GridData, world: int, i: int, j: int) -> float:
+        """Overlap of two spheres of a world [µm]."""
+        spheres = model.contact.sphere.shape[0]
+        way = grid.centre[world * spheres + i] - grid.centre[world * spheres + j]
+        return model.contact.sphere[i][3] + model.contact.sphere[j][3] - wp.length(way)
+
+    @wp.func
+    def touch(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, pose: Pose,
+        i: int, j: int, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """The contact of sphere i of body a with sphere j."""
+        spheres = model.contact.sphere.shape[0]
+        b = model.contact.body[j]
+        here = grid.centre[world * spheres + i]
+        there = grid.centre[world * spheres + j]
+        ri = model.contact.sphere[i][3]
+        rj = model.contact.sphere[j][3]
+        overlap = overlap_of(model, grid, world, i, j)
+        if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        pose_b = body_pose(state, world, b)
+        arm_a = here - pose.position
+        arm_b = there - pose_b.position
+        radius = ri * rj / (ri + rj)
+        normal = wp.normalize(here - there)
+        return new_contact(model, world, a, b, pose, pose_b, arm_a, arm_b, normal, radius, overlap)
 
     @wp.func
     def neighbours(
@@ -137,26 +179,21 @@ def neighbour_term(f: Features) -> wp.Function:
     ) -> int:
         """The body's spheres against those that the hash grid finds near them."""
         spheres = model.contact.sphere.shape[0]
+        near = wp.zeros(shape=(wp.static(MAX_BODY_CONTACTS),), dtype=wp.int32)
         for i in range(model.contact.start[a], model.contact.start[a + 1]):
             here = grid.centre[world * spheres + i]
-            ri = model.contact.sphere[i][3]
-            for other in wp.hash_grid_query(table, here, ri + grid.largest + grid.reach, world):
+            found = int(0)
+            for other in wp.hash_grid_query(table, here, model.contact.sphere[i][3] + grid.largest + grid.reach, world):
                 j = other - world * spheres
-                b = model.contact.body[j]
-                way = here - grid.centre[other]
-                distance = wp.length(way)
-                rj = model.contact.sphere[j][3]
-                overlap = ri + rj - distance
-                if b != a and overlap > -grid.reach and distance > 0.0:
-                    if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
-                        raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-                    pose_b = body_pose(state, world, b)
-                    arm_a = here - pose.position
-                    arm_b = grid.centre[other] - pose_b.position
-                    c = new_contact(
-                        model, world, a, b, pose, pose_b, arm_a, arm_b, way / distance, ri * rj / (ri + rj), overlap
-                    )
-                    count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+                if model.contact.body[j] != a and overlap_of(model, grid, world, i, j) > -grid.reach:
+                    if found < wp.static(MAX_BODY_CONTACTS):
+                        insert_sorted(near, found, j)
+                        found += 1
+                    else:
+                        raise_fault(readout, world, a, wp.static(int(Fault.OVERFLOW)), step)
+            for k in range(found):
+                c = touch(model, state, readout, grid, world, a, pose, i, near[k], step)
+                count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
         return count
 
     return neighbours
