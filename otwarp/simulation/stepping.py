@@ -174,6 +174,11 @@ class GridStepper:
     def advance(self, first_step: int, steps: int) -> None:
         """Take `steps` steps from `first_step`."""
         self.scratch.clock.fill_(first_step)
+        if self.table is not None:
+            # Warp 1.19: a captured build copies the grid's descriptor from one host variable that all grids of the
+            # process share. A build outside the graph makes that variable ours again before the graph reads it;
+            # `Simulation.step` waits for the device before another grid can take it.
+            self._build()
         for _ in range(steps):
             wp.capture_launch(self.graph)
 
