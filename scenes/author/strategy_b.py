@@ -22,7 +22,7 @@ TOTAL_POWER = 40.0  # of both traps [mW]
 ETA = 0.1  # axial over radial stiffness
 RADIAL_THRESHOLD, RADIAL_CUTOFF = 1.6, 2.2  # for a handle [µm]
 AXIAL_THRESHOLD, AXIAL_CUTOFF = 2.5, 4.0
-SPACING = (1.0, 0.77)  # d/span at the start and at the end
+SPACING = (1.0, 0.79)  # d/span at the start and at the end
 DURATION, REST = 6.0, 0.2  # [s]
 HEIGHT = 15.0
 

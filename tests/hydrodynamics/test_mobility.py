@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 
 import numpy as np
 import pytest
@@ -235,9 +234,10 @@ def test_very_unequal_spheres():
 
 def test_ten_thousand_equal_cells_cost_one_evaluation():
     one = (np.zeros((1, 3)), np.array([5.0]))
-    start = time.perf_counter()
+    body_mobilities([one])
+    before = _evaluate.cache_info().misses
     bodies = body_mobilities([one] * 10_000)
-    assert time.perf_counter() - start < 5.0  # measured 0.15 s; generous for a busy machine
+    assert _evaluate.cache_info().misses == before
     assert len({id(b) for b in bodies}) == 1
 
 
