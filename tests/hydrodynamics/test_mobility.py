@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 import pytest
 from pygrpy import grpy_tensors
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobilities, body_mobility, from_override
+from otwarp.hydrodynamics.mobility import _evaluate
 from otwarp.hydrodynamics.rpy import cross_matrix
 
 DIMER = np.array([[0.0, 0, -1], [0, 0, 1]])
