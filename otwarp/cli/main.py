@@ -18,6 +18,7 @@ COMMANDS = {
 }
 """Subcommands and their one-line help; each lives in the module of its name and is imported when called."""
 
+EXIT_SYSTEM = 1
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
 EXIT_INTERRUPTED = 130
@@ -47,8 +48,8 @@ class LazyGroup(click.Group):
 def cli() -> None:
     """Digital twin of an optical-tweezers microrobotics lab.
 
-    Scenes are USD stages; lengths in their files are micrometres. Exit codes: 0 done, 2 bad input, 3 the simulation
-    stopped because its state was no longer physical, 130 interrupted.
+    Scenes are USD stages; lengths in their files are micrometres. Exit codes: 0 done, 1 the system would not (disk
+    full, folder gone), 2 bad input, 3 the simulation stopped because its state was no longer physical, 130 interrupted.
     """
 
 
@@ -63,6 +64,9 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(str(error), EXIT_BAD_INPUT)
     except SimulationError as error:
         return _fail(str(error), EXIT_STOPPED)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{where}{error.strerror or error}", EXIT_SYSTEM)
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted", EXIT_INTERRUPTED)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from otwarp.cli.options import (
     device_option,
@@ -41,7 +43,9 @@ from otwarp.errors import InputError
 @time_step_option
 @device_option
 @json_option
+@click.pass_context
 def run(
+    context: click.Context,
     scene: Path,
     out: Path | None,
     worlds: int,
@@ -65,8 +69,10 @@ def run(
     from otwarp.record.run import record_run
     from otwarp.scene.description import Scene
 
-    if not trap_speed > 0.0:
-        raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0")
+    if not (math.isfinite(trap_speed) and trap_speed > 0.0):
+        raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0 and finite")
+    if resume is not None:
+        _refuse_with_resume(context)
     # the traps are sped up after loading, so the samples must cover the stretched time
     loaded = Scene.load(scene, duration=None if duration is None else duration * trap_speed)
     if trap_speed != 1.0:
@@ -91,6 +97,14 @@ def run(
         click.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         _print(summary, folder)
+
+
+def _refuse_with_resume(context: click.Context) -> None:
+    """A checkpoint brings its own worlds, seed and time step: other ones would be ignored without a word."""
+    for option in ("worlds", "seed", "time_step"):
+        if context.get_parameter_source(option) == ParameterSource.COMMANDLINE:
+            name, value = f"--{option.replace('_', '-')}", context.params[option]
+            raise InputError(f"{name} is {value}; allowed with --resume: that of the checkpoint, so leave it out")
 
 
 @contextmanager

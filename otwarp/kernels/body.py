@@ -98,7 +98,7 @@ def wrench_term(f: Features) -> wp.Function:
     def wrench(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ) -> Wrench:
-        """Traps one by one, then weight."""
+        """Traps one by one, then weight, which acts at the centroid."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(bool(f.trap_models) and f.traps <= FEW_TRAPS):
             for trap in range(wp.static(f.traps)):
@@ -112,7 +112,10 @@ def wrench_term(f: Features) -> wp.Function:
                 total.force += one.force
                 total.torque += one.torque
         if wp.static(f.gravity):
-            total.force += wp.vec3(0.0, 0.0, -model.body.weight[b])
+            load = wp.vec3(0.0, 0.0, -model.body.weight[b])
+            total.force += load
+            if wp.static(f.rigid):
+                total.torque += wp.cross(wp.quat_rotate(pose.rotation, model.body.weight_arm[b]), load)
         return total
 
     return wrench

@@ -1,20 +1,20 @@
-"""Contact: the force law of two elastic adhesive spheres, and the compliant solver that applies it.
+"""Contact: the force law of two elastic adhesive spheres, and how far bodies give way to a contact force.
 
 Force law: Hertz repulsion with Derjaguin–Muller–Toporov adhesion (Derjaguin, Muller, Toporov 1975,
-doi:10.1016/0021-9797(75)90018-1). Solver: all contacts of a world are linearised about the start of the step and
-solved together by projected Gauss–Seidel on the contact forces λ, so a stiff contact does not limit the time step.
-Every λ acts on both bodies with opposite sign: the third law holds exactly, whatever the number of sweeps.
+doi:10.1016/0021-9797(75)90018-1). All contacts are linearised about the start of the step and solved together for the
+contact forces λ, by `solve` in the world driver and by `grid_contacts` in the grid driver, so that a stiff contact does
+not limit the time step. Every λ acts on both bodies with opposite sign.
 """
 
 import warp as wp
 
 from otwarp.kernels.types import BodyData, ContactData, Move, mat66, vec6
 
-SWEEPS = 50
-"""Most Gauss–Seidel sweeps over the contacts of a world in one step."""
-
 SETTLED = 1.0e-6
-"""Change of a gap in a whole sweep below which the contacts count as solved [µm]: rounding of float32 coordinates."""
+"""Error of a gap below which a contact counts as solved [µm]: rounding of float32 coordinates."""
+
+UNSETTLED = wp.constant(0.01)
+"""Error of a gap, relative to the effective radius, above which an unfinished solution stops the run."""
 
 _PI = wp.constant(3.141592653589793)
 
@@ -27,8 +27,13 @@ class Contact:
     b: int
     normal: wp.vec3
     arm_a: wp.vec3
-    """Contact point relative to the reference point of a [µm], world axes; `arm_b` likewise."""
+    """Centre of the touching sphere of a, from the reference point of a [µm], world axes; `arm_b` likewise.
+
+    The normal runs through both centres, so a force there has the torque of one at the contact point.
+    """
     arm_b: wp.vec3
+    radius: float
+    """Effective radius [µm]."""
     force: float
     """Force at the start of the step [pN], positive when it repels."""
     floor: float
@@ -126,60 +131,13 @@ def along(move: Move, arm: wp.vec3, normal: wp.vec3) -> float:
     return wp.dot(move.linear + wp.cross(move.angular, arm), normal)
 
 
-@wp.func
-def solve_contacts(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    sweeps: int,
-    settled: float,
-):
-    """Find the contact forces of one step and add what they move to `linear` and `angular` (per body).
-
-    Each contact obeys λ = max(floor, F − k·s), with s the opening of its gap during the step, itself a result of all
-    λ: backward Euler for the linearised contacts. One visit solves one contact with the others held fixed. The first
-    guess is F, which is the solution when nothing moves, such as for a body squeezed from two sides; sweeps from zero
-    would need the more visits to build such forces up the stiffer they are.
-    """
-    for i in range(count):
-        c = contacts[i]
-        contacts[i].load = c.force
-        linear[c.a] = linear[c.a] + c.force * c.response_a.linear
-        angular[c.a] = angular[c.a] + c.force * c.response_a.angular
-        if c.b >= 0:
-            linear[c.b] = linear[c.b] + c.force * c.response_b.linear
-            angular[c.b] = angular[c.b] + c.force * c.response_b.angular
-    for sweep in range(sweeps):
-        largest = float(0.0)
-        for visit in range(count):
-            # forwards and backwards in turn, so that no contact is favoured
-            i = wp.where(sweep % 2 == 0, visit, count - 1 - visit)
-            c = contacts[i]
-            opening = along(Move(linear[c.a], angular[c.a]), c.arm_a, c.normal) - c.drift
-            if c.b >= 0:
-                opening -= along(Move(linear[c.b], angular[c.b]), c.arm_b, c.normal)
-            others = opening - c.give * c.load
-            load = wp.max((c.force - c.stiffness * others) / (1.0 + c.stiffness * c.give), c.floor)
-            change = load - c.load
-            largest = wp.max(largest, wp.abs(change) * c.give)
-            contacts[i].load = load
-            linear[c.a] = linear[c.a] + change * c.response_a.linear
-            angular[c.a] = angular[c.a] + change * c.response_a.angular
-            if c.b >= 0:
-                linear[c.b] = linear[c.b] + change * c.response_b.linear
-                angular[c.b] = angular[c.b] + change * c.response_b.angular
-        if largest <= settled:
-            break
-
-
 NO_CONTACT = wp.constant(-1)
 """Index of the other body when the partner is an obstacle."""
 
 __all__ = [
     "NO_CONTACT",
     "SETTLED",
-    "SWEEPS",
+    "UNSETTLED",
     "Contact",
     "along",
     "hertz_dmt",
@@ -187,6 +145,5 @@ __all__ = [
     "pair_law",
     "pair_reach",
     "rigid_response",
-    "solve_contacts",
     "sphere_response",
 ]

@@ -48,6 +48,7 @@ def new_contact_term(f: Features) -> wp.Function:
         c.normal = normal
         c.arm_a = arm_a
         c.arm_b = arm_b
+        c.radius = radius
         c.force = law.force
         c.floor = law.floor
         c.stiffness = law.stiffness
@@ -61,9 +62,65 @@ def new_contact_term(f: Features) -> wp.Function:
     return new_contact
 
 
+@wp.func
+def obstacle_drift(wall: Pose, later: Pose, point: wp.vec3) -> wp.vec3:
+    """Displacement in one step of the obstacle's material point that is at `point` of its own frame [µm].
+
+    The translation apart, so that an obstacle that does not turn gives it without rounding.
+    """
+    turned = wp.quat_rotate(later.rotation, point) - wp.quat_rotate(wall.rotation, point)
+    return later.position - wall.position + turned
+
+
+def touch_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, b, pose_a, pose_b, arm_a, arm_b, ri, rj, step) -> Contact` of two spheres that touch.
+
+    Spheres on the same centre touch too: they have no normal, but a fault.
+    """
+    new_contact = new_contact_term(f)
+
+    @wp.func
+    def touch(
+        model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
+        arm_a: wp.vec3, arm_b: wp.vec3, ri: float, rj: float, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """Normal, overlap and effective radius of two spheres; a fault when they overlap too far."""
+        way = pose_a.position - pose_b.position + arm_a - arm_b
+        overlap = ri + rj - wp.length(way)
+        if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        radius = ri * rj / (ri + rj)
+        return new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, wp.normalize(way), radius, overlap)
+
+    return touch
+
+
+def touch_wall_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
+    new_contact = new_contact_term(f)
+
+    @wp.func
+    def touch_wall(
+        model: ModelData, readout: ReadoutData, world: int, a: int, pose: Pose, wall: Pose, later: Pose,
+        arm: wp.vec3, radius: float, local: wp.vec3, hit: wp.vec4, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """`local` is the sphere's centre in the obstacle's frame, `hit` the normal there and the distance."""
+        overlap = radius - hit[3]
+        if overlap > OVERLAP_LIMIT * radius:
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        outward = wp.vec3(hit[0], hit[1], hit[2])
+        normal = wp.quat_rotate(wall.rotation, outward)
+        c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, radius, overlap)
+        if wp.static(f.moving_obstacles):
+            c.drift = wp.dot(obstacle_drift(wall, later, local - hit[3] * outward), normal)
+        return c
+
+    return touch_wall
+
+
 def pair_contacts_term(f: Features) -> wp.Function:
     """`(model, readout, world, a, b, pose_a, pose_b, contacts, count, step) -> count` for two bodies."""
-    new_contact = new_contact_term(f)
+    touch = touch_term(f)
 
     @wp.func
     def pair_contacts(
@@ -90,16 +147,10 @@ def pair_contacts_term(f: Features) -> wp.Function:
                     for j in range(model.contact.start[b], model.contact.start[b + 1]):
                         sj = model.contact.sphere[j]
                         arm_b = wp.quat_rotate(pose_b.rotation, wp.vec3(sj[0], sj[1], sj[2]))
-                        way = between + arm_a - arm_b
-                        distance = wp.length(way)
-                        overlap = si[3] + sj[3] - distance
-                        if overlap > -reach and distance > 0.0:
-                            if overlap > OVERLAP_LIMIT * wp.min(si[3], sj[3]):
-                                raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+                        if wp.length(between + arm_a - arm_b) < si[3] + sj[3] + reach:
                             if count < contacts.shape[0]:
-                                radius = si[3] * sj[3] / (si[3] + sj[3])
-                                contacts[count] = new_contact(
-                                    model, world, a, b, pose_a, pose_b, arm_a, arm_b, way / distance, radius, overlap
+                                contacts[count] = touch(
+                                    model, readout, world, a, b, pose_a, pose_b, arm_a, arm_b, si[3], sj[3], step
                                 )
                                 count += 1
                             else:
@@ -111,7 +162,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
 
 def obstacle_contacts_term(f: Features) -> wp.Function:
     """`(model, readout, world, a, pose, contacts, count, step, time) -> count` for one body and all obstacles."""
-    new_contact = new_contact_term(f)
+    touch_wall = touch_wall_term(f)
     pose_at = moving_pose if f.moving_obstacles else still_pose
     distance_to = distance_term(f.obstacles)
 
@@ -138,25 +189,19 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
                 # the body's bounding sphere against the true shape, before its spheres one by one
                 near = distance_to(model.obstacles, o, centre, bound)[3] < bound
             if near:
-                motion = wp.vec3(0.0)
+                later = wall
                 if wp.static(f.moving_obstacles):
-                    motion = moving_pose(model.obstacles, o, time + model.time_step).position - wall.position
+                    later = pose_at(model.obstacles, o, time + model.time_step)
                 for i in range(model.contact.start[a], model.contact.start[a + 1]):
                     s = model.contact.sphere[i]
                     arm = wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
                     local = wp.quat_rotate_inv(wall.rotation, pose.position + arm - wall.position)
                     hit = distance_to(model.obstacles, o, local, s[3] + reach)
-                    overlap = s[3] - hit[3]
-                    if overlap > -reach:
-                        if overlap > OVERLAP_LIMIT * s[3]:
-                            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+                    if hit[3] < s[3] + reach:
                         if count < contacts.shape[0]:
-                            normal = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
-                            c = new_contact(
-                                model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, s[3], overlap
+                            contacts[count] = touch_wall(
+                                model, readout, world, a, pose, wall, later, arm, s[3], local, hit, step
                             )
-                            c.drift = wp.dot(motion, normal)
-                            contacts[count] = c
                             count += 1
                         else:
                             raise_fault(readout, world, a, wp.static(int(Fault.OVERFLOW)), step)

@@ -4,7 +4,7 @@ import warp as wp
 
 from otwarp.kernels.body import trap_command_term
 from otwarp.kernels.features import Features
-from otwarp.kernels.types import ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.types import ControlData, ModelData, Pose, ReadoutData, StateData, world_row
 
 
 def escape_term(f: Features) -> wp.Function:
@@ -31,7 +31,9 @@ def escape_term(f: Features) -> wp.Function:
                 anchor += model.traps.equilibrium[trap] * model.traps.axis[trap]
                 held = pose.position + wp.quat_rotate(pose.rotation, model.traps.held_offset[trap])
                 away = held - anchor
-                if wp.length_sq(away) > model.traps.held_range[trap] * model.traps.held_range[trap]:
+                reach = model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
+                # a dark trap holds nothing that could escape
+                if command[3] > 0.0 and wp.length_sq(away) > reach * reach:
                     if readout.escape_step[world, trap] < wp.int64(0):
                         readout.escape_step[world, trap] = step
 

@@ -14,12 +14,14 @@ class Fault(enum.IntEnum):
     NON_FINITE = 1
     OVERLAP = 2
     OVERFLOW = 3
+    UNSETTLED = 4
 
 
 FAULT_TEXT = {
     Fault.NON_FINITE: "the state became non-finite or ran beyond 1e9 µm (time step too large, or forces out of range)",
     Fault.OVERLAP: "spheres overlap by more than half the smaller radius (time step too large, or driven too hard)",
     Fault.OVERFLOW: "more contacts at once than the solver holds",
+    Fault.UNSETTLED: "the contact forces of one step were not found (time step too large for so many stiff contacts)",
 }
 
 OVERLAP_LIMIT = wp.constant(0.5)
@@ -38,8 +40,8 @@ def finite(v: wp.vec3) -> bool:
 
 @wp.func
 def raise_fault(readout: ReadoutData, world: int, body: int, code: int, step: wp.int64):
-    """Record the first fault of a body."""
+    """Record the first fault of a body, and that there is one: a flag, as no count would be exact between threads."""
     if readout.fault[world, body] == 0:
         readout.fault[world, body] = code
         readout.fault_step[world, body] = step
-        wp.atomic_add(readout.fault_count, 0, 1)
+        readout.fault_count[0] = 1

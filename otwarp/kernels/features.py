@@ -77,7 +77,12 @@ class Features:
             ),
             ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
             ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
-            ("neighbour grid", self.driver == "grid", f"more than {MAX_WORLD_BODIES} bodies may touch", "few bodies"),
+            (
+                "neighbour grid",
+                self.driver == "grid" and self.pairs,
+                f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
+                "bodies do not touch" if not self.pairs else "few bodies",
+            ),
             (
                 "escape detection",
                 self.escapes,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import warp as wp
 
 from otwarp.kernels.features import Features
-from otwarp.kernels.grid import make_advance, make_commit, make_find, make_move_traps, make_relax
+from otwarp.kernels.grid import make_advance, make_commit, make_move_traps
+from otwarp.kernels.grid_contacts import make_find, make_relax, make_weigh
 from otwarp.kernels.readout import make_trap_readout
 from otwarp.kernels.solo import make_solo_step
 from otwarp.kernels.world import make_world_step
@@ -21,7 +22,7 @@ class Step:
     Attributes:
         features: What they were composed from.
         fused: The world drivers' single kernel, or None.
-        move_traps, advance, find, relax, commit: The body driver's kernels in launch order, None where not needed.
+        move_traps, advance, find, weigh, relax, commit: The body driver's kernels in launch order, None if not needed.
         readout: Trap readout kernels (per trap, per sphere, per hand), empty without traps.
     """
 
@@ -30,6 +31,7 @@ class Step:
     move_traps: wp.Kernel | None = None
     advance: wp.Kernel | None = None
     find: wp.Kernel | None = None
+    weigh: wp.Kernel | None = None
     relax: wp.Kernel | None = None
     commit: wp.Kernel | None = None
     readout: tuple[wp.Kernel, ...] = ()
@@ -37,7 +39,16 @@ class Step:
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All kernels, in launch order."""
-        parts = [self.fused, self.move_traps, self.advance, self.find, self.relax, self.commit, *self.readout]
+        parts = [
+            self.fused,
+            self.move_traps,
+            self.advance,
+            self.find,
+            self.weigh,
+            self.relax,
+            self.commit,
+            *self.readout,
+        ]
         return [k for k in parts if k is not None]
 
 
@@ -54,6 +65,7 @@ def make_step(features: Features) -> Step:
         move_traps=make_move_traps(features) if features.speed_limits else None,
         advance=make_advance(features),
         find=make_find(features) if features.contacts else None,
+        weigh=make_weigh(features) if features.contacts else None,
         relax=make_relax(features) if features.contacts else None,
         commit=make_commit(features),
         readout=readout,

@@ -44,7 +44,7 @@ class TrapData:
     hand: wp.array(dtype=wp.int32)  # (T) 0 none, 1 left, 2 right
     held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
-    held_range: wp.array(dtype=wp.float32)  # (T) distance at which that sphere has escaped [µm]
+    held_range: wp.array2d(dtype=wp.float32)  # (1|W, T) distance at which that sphere has escaped [µm]
 
 
 @wp.struct
@@ -57,6 +57,7 @@ class BodyData:
     mobility: wp.array(dtype=mat66)  # (shapes) at unit viscosity, body frame
     cholesky: wp.array(dtype=mat66)  # (shapes) lower factor of `mobility`
     weight: wp.array(dtype=wp.float32)  # (B) weight minus buoyancy [pN]
+    weight_arm: wp.array(dtype=wp.vec3)  # (B) centroid, where it acts [µm]; (0) when no body rotates
     bound: wp.array(dtype=wp.float32)  # (B) radius of the bounding sphere [µm]
     largest: wp.array(dtype=wp.float32)  # (B) radius of the largest trapped sphere [µm]
     trapped_start: wp.array(dtype=wp.int32)  # (B + 1)
@@ -145,7 +146,7 @@ class ReadoutData:
     escape_step: wp.array2d(dtype=wp.int64)  # (W, T) first step at which the held sphere was out of reach, or -1
     fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.faults, 0 good
     fault_step: wp.array2d(dtype=wp.int64)  # (W, B)
-    fault_count: wp.array(dtype=wp.int32)  # (1) number of bodies with a fault
+    fault_count: wp.array(dtype=wp.int32)  # (1) not 0: some body has a fault
 
 
 @wp.struct

@@ -3,12 +3,13 @@
 import warp as wp
 
 from otwarp.kernels.body import free_move_term, move_trap_term
-from otwarp.kernels.contact import SETTLED, SWEEPS, Contact, solve_contacts
+from otwarp.kernels.contact import UNSETTLED, Contact
 from otwarp.kernels.detect import obstacle_contacts_term, pair_contacts_term
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import MAX_CONTACTS, Features
 from otwarp.kernels.rotation import rotate_by
+from otwarp.kernels.solve import apply_loads, solve_contacts
 from otwarp.kernels.types import ControlData, ModelData, Pose, ReadoutData, StateData
 
 
@@ -113,6 +114,12 @@ def make_world_step(f: Features) -> wp.Kernel:
                 rotation[b] = state.orientation[world, b]
         if wp.static(f.contacts):
             contacts = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=Contact)
+            matrix = wp.zeros(shape=(wp.static(MAX_CONTACTS * MAX_CONTACTS),), dtype=float)
+            free = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
+            right = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
+            pivot = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
+            order = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=int)
+            on = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=int)
         for i in range(steps):
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step
@@ -125,7 +132,10 @@ def make_world_step(f: Features) -> wp.Kernel:
                 angular[b] = move.angular
             if wp.static(f.contacts):
                 count = find_contacts(model, readout, world, position, rotation, contacts, step, time)
-                solve_contacts(contacts, count, linear, angular, wp.static(SWEEPS), wp.static(SETTLED))
+                error = solve_contacts(contacts, count, linear, angular, matrix, free, right, pivot, order, on)
+                if error > UNSETTLED * contacts[0].radius:
+                    raise_fault(readout, world, contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+                apply_loads(contacts, count, linear, angular)
                 if i == steps - 1:
                     report_contacts(readout, world, bodies, contacts, count)
             if not all_good(readout, world, bodies, position, linear, angular, step):

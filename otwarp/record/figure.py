@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.record.footprint import outlines, rotate
+from otwarp.record.footprint import outlines
 from otwarp.record.read import Run, read_run
+from otwarp.scene.transforms import rotate
 
 ROBOT_COLOURS = ("#2460a7", "#d9822b", "#3d8b6d", "#7a5195")
 CELL_COLOUR, OTHER_COLOUR, FORCE_COLOUR, WARNING_COLOUR = "#a8325e", "#8a8f98", "#c62828", "#c62828"

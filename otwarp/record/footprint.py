@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.scene.transforms import rotate
+
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
 
 
@@ -33,12 +35,6 @@ def pose(obstacle: dict[str, Any], time: float) -> tuple[np.ndarray, np.ndarray]
         values = np.array(obstacle[name]["values"])
         out.append(np.array([np.interp(time, obstacle[name]["times"], column) for column in values.T]))
     return out[0], out[1] / np.linalg.norm(out[1])
-
-
-def rotate(q: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) turned by a quaternion (x, y, z, w)."""
-    turn = 2.0 * np.cross(q[:3], points)
-    return points + q[3] * turn + np.cross(q[:3], turn)
 
 
 def outlines(obstacle: dict[str, Any], time: float, low: float, high: float) -> list[np.ndarray]:

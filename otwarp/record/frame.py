@@ -15,6 +15,7 @@ SHAPES: dict[str, tuple[str, int]] = {
     "trap_power": ("trap", 0),
     "trap_force": ("trap", 3),
     "trap_distance": ("trap", 0),
+    "escape_time": ("trap", 0),
     "contact_force": ("body", 3),
     "contact_load": ("body", 0),
 }
@@ -34,6 +35,7 @@ class Frame:
         trap_power: (W, T) [mW].
         trap_force: (W, T, 3) force of each trap on the bodies [pN].
         trap_distance: (W, T) between a trap and the sphere it holds, nan if it holds none [µm].
+        escape_time: (W, T) when the held sphere was first out of its trap's reach, nan if it never was [s].
         contact_force: (W, B, 3) net contact force [pN].
         contact_load: (W, B) sum of the magnitudes of the normal forces [pN].
     """
@@ -46,6 +48,7 @@ class Frame:
     trap_power: np.ndarray
     trap_force: np.ndarray
     trap_distance: np.ndarray
+    escape_time: np.ndarray
     contact_force: np.ndarray
     contact_load: np.ndarray
 

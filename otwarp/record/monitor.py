@@ -43,9 +43,11 @@ class Monitor:
         cells: Body indices of the cells that are watched: the goal's, or all.
         traps_of: Per robot, the indices of the traps that hold it.
         distance: Per (world, robot): the largest robot–trap distance over the robot's lit traps [µm].
+        touching: Whether anything can touch; without, contact forces are 0 and say nothing.
         force: Per (world, robot): magnitude of the net contact force [pN].
         load: Per (world, watched cell): sum of the normal forces on it [pN].
-        escapes: Per world, how often a held sphere got out of reach of its trap.
+        escape_time: (W, T) when the sphere that a lit trap holds was first out of its reach [s], nan if it never was.
+            The device looks at every step, so that an escape between two frames counts as well.
 
     Args:
         scene: What is being run; without a goal there are statistics only.
@@ -67,12 +69,12 @@ class Monitor:
         self.traps_of = [np.flatnonzero(self.held[:, 0] == r) for r in self.robots]
         self._force_line = force_line(scene, self.cells, self.robots)
         self._load_line = np.array([scene.bodies[c].warning_force for c in self.cells])
-        self._reach = np.array([reach(scene, t, *self.held[t]) for t in range(len(self.held))])
+        self.touching = can_touch(scene)
         self.distance = RunningStatistics((worlds, len(self.robots)))
         self.force = RunningStatistics((worlds, len(self.robots)))
         self.load = RunningStatistics((worlds, len(self.cells)))
-        self.escapes = np.zeros(worlds, dtype=np.int64)
-        self._out = np.zeros((worlds, len(self.held)), dtype=bool)
+        self.escape_time = np.full((worlds, len(self.held)), np.nan)
+        self._began = np.nan
         self._code = np.zeros(worlds, dtype=np.int8)
         self._when = np.full(worlds, np.nan)
         self._who = np.full(worlds, -1)
@@ -102,15 +104,16 @@ class Monitor:
         self.distance.add(distance, where=open_, limit=self.warning_distance)
         self.force.add(force, where=open_, limit=self._force_line)
         self.load.add(frame.contact_load[:, self.cells], where=open_, limit=self._load_line)
-        self._count_escapes(frame)
+        self._note_escapes(frame, open_)
         if self.goal is not None:
             self._judge(frame, distance)
 
-    def _count_escapes(self, frame: Frame) -> None:
-        holds = (self.held[:, 0] >= 0) & (frame.trap_power > 0.0)
-        out = holds & ~(frame.trap_distance <= self._reach)
-        self.escapes += (out & ~self._out & (self._code == UNDECIDED)[:, None]).sum(axis=1)
-        self._out = out
+    def _note_escapes(self, frame: Frame, open_: np.ndarray) -> None:
+        if np.isnan(self._began):
+            self._began = frame.time
+        # a resumed run brings the escapes of the run before it along
+        new = open_ & (frame.escape_time >= self._began)
+        self.escape_time = np.where(new, frame.escape_time, self.escape_time)
 
     def _judge(self, frame: Frame, distance: np.ndarray) -> None:
         goal, cell = self.goal, frame.position[:, self.cells[0]]
@@ -194,10 +197,7 @@ def force_line(scene: Scene, cells: Sequence[int], robots: Sequence[int]) -> np.
     return np.array([min(scene.bodies[r].warning_force, cell) for r in robots])
 
 
-def reach(scene: Scene, trap: int, body: int, sphere: int) -> float:
-    """Distance [µm] beyond which a trap no longer pulls the sphere it holds; inf for a law without an end."""
-    law, axial = scene.traps[trap].radial, scene.traps[trap].axial
-    cutoff = max(law.cutoff, axial.cutoff) if axial is not None else law.cutoff
-    if body < 0 or law.radius <= 0.0:
-        return cutoff
-    return cutoff * scene.bodies[body].spheres[sphere].radius / law.radius
+def can_touch(scene: Scene) -> bool:
+    """Whether anything in the scene can touch anything: two colliding bodies, or one and an obstacle."""
+    colliding = sum(any(s.collides for s in body.spheres) for body in scene.bodies)
+    return colliding > 1 or (colliding == 1 and len(scene.obstacles) > 0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +36,17 @@ def capture_frame(sim: Simulation) -> Frame:
         trap_power=readout.trap_power.numpy() if acting else empty[..., 0] + _authored(sim, 1)[..., 0],
         trap_force=readout.trap_force.numpy() if acting else empty,
         trap_distance=readout.trap_distance.numpy() if acting else np.full((worlds, traps), np.nan),
+        escape_time=_escape_time(sim, readout.escape_step.numpy()),
         contact_force=readout.contact_force.numpy() if touching else np.zeros((worlds, bodies, 3)),
         contact_load=readout.contact_load.numpy() if touching else np.zeros((worlds, bodies)),
     )
+
+
+def _escape_time(sim: Simulation, step: np.ndarray) -> np.ndarray:
+    """(W, T) times of the first escapes [s], nan for none; all nan where no trap has an end to its reach."""
+    if not step.size:
+        return np.full((sim.model.worlds, len(sim.scene.traps)), np.nan)
+    return np.where(step >= 0, step * sim.time_step, np.nan)
 
 
 def _authored(sim: Simulation, width: int) -> np.ndarray:
@@ -63,7 +72,7 @@ def record_run(
     resume: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict:
-    """Simulate `scene` for its duration and record every frame in `folder`.
+    """Simulate `scene` for its duration and record every frame in `folder`, and the end if it falls between frames.
 
     Args:
         folder: Gets `run.usda` and its trajectory, `run.nc`, `summary.json` and `figure.png`.
@@ -90,8 +99,7 @@ def record_run(
     else:
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
         sim = Simulation(scene, device=device, threads=threads, **about)
-    if 1.0 / rate < sim.time_step:
-        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
+    _check_step(sim, rate)
     with Recorder(
         sim.scene,
         Path(folder),
@@ -108,12 +116,40 @@ def record_run(
     return recorder.summary
 
 
+def _check_step(sim: Simulation, rate: float) -> None:
+    """Refuse frames that come faster than steps, and a run that is over before its first."""
+    if 1.0 / rate < sim.time_step:
+        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
+    duration = sim.scene.settings.duration
+    if round(duration / sim.time_step) < 1:
+        raise InputError(f"duration is {duration:g} s; allowed: at least one time step, {sim.time_step:.6g} s")
+
+
+def frame_steps(duration: float, rate: float, time_step: float, *, first: int = 0) -> Iterator[int]:
+    """Steps at which frames are taken: those nearest to the frames' times, and the last step of the run.
+
+    Args:
+        duration: Simulated time at the end [s].
+        rate: Frames per second.
+        time_step: [s].
+        first: Step from which the run goes on; only later ones are given.
+    """
+    last, step = round(duration / time_step), first
+    for frame in range(max(1, math.floor(first * time_step * rate)), math.floor(duration * rate + 1e-9) + 1):
+        stop = min(round(frame / rate / time_step), last)
+        if stop > step:
+            yield stop
+            step = stop
+    if last > step:
+        yield last
+
+
 def _frames(sim: Simulation, recorder: Recorder, rate: float, progress: Callable[[float, float], None] | None) -> None:
-    """Step from frame to frame until the scene's duration; each frame is taken at the step nearest to its time."""
+    """Step from frame to frame until the scene's duration."""
     started = clock.perf_counter()
     recorder.write(capture_frame(sim))
-    for frame in range(round(sim.time * rate) + 1, round(sim.scene.settings.duration * rate) + 1):
-        sim.step(max(0, round(frame / rate / sim.time_step) - sim.state.step))
+    for stop in frame_steps(sim.scene.settings.duration, rate, sim.time_step, first=sim.state.step):
+        sim.step(stop - sim.state.step)
         recorder.write(capture_frame(sim))
         if progress is not None:
             progress(sim.time, clock.perf_counter() - started)

@@ -59,13 +59,13 @@ def statistics(monitor: Monitor) -> dict[str, Any]:
         out["trap_distance"]["robots"] = {
             bodies[r].name: monitor.distance.pooled((slice(None), n)) for n, r in enumerate(monitor.robots)
         }
-    if monitor.robots:
+    if monitor.robots and monitor.touching:
         line = float(monitor.warning_force.min())
         out["contact_force"] = {"unit": "pN", "warning_line": line, **monitor.force.pooled()}
         out["contact_force"]["robots"] = {
             bodies[r].name: monitor.force.pooled((slice(None), n)) for n, r in enumerate(monitor.robots)
         }
-    if monitor.cells:
+    if monitor.cells and monitor.touching:
         line = float(monitor.warning_load.min())
         out["cell_load"] = {"unit": "pN", "warning_line": line, "cells": len(monitor.cells), **monitor.load.pooled()}
     return out
@@ -84,10 +84,27 @@ def warnings(monitor: Monitor, numbers: dict[str, Any]) -> list[str]:
         if part and part["fraction_above"]:
             share, line, unit = 100.0 * part["fraction_above"], part["warning_line"], part["unit"]
             out.append(f"{name} was above its warning line of {line:g} {unit} for {share:.2g} % of the time")
-    escapes = int(monitor.escapes.sum())
-    if escapes:
-        out.append(f"{escapes} time{'s' if escapes > 1 else ''} a sphere left the reach of the trap that holds it")
+    number, first = escapes(monitor)
+    if first is not None:
+        what, which = "a trap lost the sphere that it holds", ""
+        if number > 1:
+            what, which = f"{number} traps lost the spheres that they hold", "first "
+        where = f" in world {first['world']}" if len(monitor.escape_time) > 1 else ""
+        out.append(f"{what}: {which}{first['trap']} at t = {first['time_s']:.4g} s{where}")
     return out
+
+
+def escapes(monitor: Monitor) -> tuple[int, dict[str, Any] | None]:
+    """How many traps, over all worlds, lost their spheres before the outcome, and the first of them.
+
+    A trap counts once: at the first step at which its sphere was out of its reach.
+    """
+    when = monitor.escape_time
+    if not np.isfinite(when).any():
+        return 0, None
+    world, trap = np.unravel_index(np.nanargmin(when), when.shape)
+    first = {"trap": monitor.scene.traps[int(trap)].prim, "world": int(world), "time_s": float(when[world, trap])}
+    return int(np.isfinite(when).sum()), first
 
 
 def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str, Any]:
@@ -103,6 +120,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         What goes to `summary.json`; `text` is the same for people, in a few lines.
     """
     numbers = statistics(monitor)
+    number, first = escapes(monitor)
     wall = facts["wall_time_s"]
     out = {
         "status": facts["status"],
@@ -113,7 +131,8 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         "real_time_factor": facts["duration_s"] / wall if wall > 0.0 else None,
         "task": task(monitor, facts["worlds"]),
         **numbers,
-        "escapes": int(monitor.escapes.sum()),
+        "escapes": number,
+        "first_escape": first,
         "warnings": [*facts["warnings"], *warnings(monitor, numbers)],
     }
     return _strict({**out, "text": _text(out)})

@@ -1,7 +1,8 @@
 """Force arrows of a recorded run: one prim per trap and per body, in world coordinates.
 
 An arrow has the length |F|·`arrow_scale` (µm per pN, also authored as `customData` of the prim above the arrows),
-points along the force on the body, starts where the body's outline ends, and is hidden while it is too short to see.
+points along the force on the body, and is hidden while it is too short to see. A contact arrow starts where the body's
+outline ends, a trap's where the sphere it holds ends (at its focus, if it holds none).
 Instances of a PointInstancer get none: ten thousand arrows say less than none.
 """
 
@@ -16,6 +17,7 @@ from pxr import Gf, Sdf, Tf, UsdGeom, Vt
 from otwarp.scene.description import Scene
 from otwarp.scene.recorded_prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
 from otwarp.scene.source import Source
+from otwarp.scene.transforms import rotate
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame
@@ -51,7 +53,10 @@ class ForceArrows:
             )
             for i in self._bodies
         ]
-        self._radius = np.array([scene.bodies[b].spheres[s].radius if b >= 0 else 0.0 for b, s in held])
+        self._held = [b for b, _ in held]
+        spheres = [scene.bodies[b].spheres[s] if b >= 0 else None for b, s in held]
+        self._offset = np.array([s.offset if s else (0.0, 0.0, 0.0) for s in spheres]).reshape(-1, 3)
+        self._radius = np.array([s.radius if s else 0.0 for s in spheres])
         labels = [("trap", t.prim) for t in scene.traps] + [("contact", scene.bodies[i].prim) for i in self._bodies]
         self._kinds = [kind for kind, _ in labels]
         self._arrows = [self.root.AppendChild(f"{kind}_{_identifier(prim)}") for kind, prim in labels]
@@ -87,7 +92,7 @@ class ForceArrows:
         force = np.concatenate([frame.trap_force[world], frame.contact_force[world, self._bodies]]).astype(float)
         size = np.linalg.norm(force, axis=1)
         along = np.where(size[:, None] > 0.0, force / np.where(size > 0.0, size, 1.0)[:, None], (0.0, 0.0, 1.0))
-        tail = np.concatenate([frame.trap_position[world], frame.position[world, self._bodies]]).astype(float)
+        tail = np.concatenate([self._held_spheres(frame, world), frame.position[world, self._bodies]]).astype(float)
         n = len(self._radius)
         edge = np.concatenate([self._radius, self._outline(frame.orientation[world, self._bodies], along[n:])])
         tail = (tail + edge[:, None] * along) / self._unit
@@ -103,13 +108,16 @@ class ForceArrows:
                 UsdGeom.Tokens.inherited if shown[k] else UsdGeom.Tokens.invisible,
             )
 
+    def _held_spheres(self, frame: Frame, world: int) -> np.ndarray:
+        """(T, 3) centres of the spheres that traps hold; the focus of a trap that holds none [µm]."""
+        place = frame.position[world, self._held] + rotate(frame.orientation[world, self._held], self._offset)
+        return np.where(np.array(self._held)[:, None] >= 0, place, frame.trap_position[world])
+
     def _outline(self, orientation: np.ndarray, along: np.ndarray) -> np.ndarray:
         """(n,) distance from each body's origin to where it ends in the direction of its arrow [µm]."""
         out = np.zeros(len(along))
         for k, (offsets, radii) in enumerate(self._spheres):
-            u, w = orientation[k, :3].astype(float), float(orientation[k, 3])
-            turn = 2.0 * np.cross(u, offsets)
-            out[k] = ((offsets + w * turn + np.cross(u, turn)) @ along[k] + radii).max()
+            out[k] = (rotate(orientation[k], offsets) @ along[k] + radii).max()
         return out
 
 

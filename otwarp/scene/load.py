@@ -13,7 +13,7 @@ from otwarp.scene.description import Body, Obstacle, Scene
 from otwarp.scene.overlap import check_overlaps
 from otwarp.scene.read_bodies import read_cell, read_instances, read_robot
 from otwarp.scene.read_environment import read_camera, read_flow, read_goal, read_medium, read_settings
-from otwarp.scene.read_obstacles import read_obstacle
+from otwarp.scene.read_obstacles import is_collider, read_obstacle
 from otwarp.scene.read_traps import check_holds, read_trap
 from otwarp.scene.source import Source, open_stage, quiet_usd, usd_reason
 
@@ -77,7 +77,7 @@ class _Sorted:
             if body is not None:
                 raise source.bad(prim, "apiSchemas", prim.GetName(), f"outside the body {body.GetPath()}")
             self.bodies.append(prim)
-        elif "PhysicsCollisionAPI" in applied and body is None and "OtSphereAPI" not in applied and _solid(prim):
+        elif is_collider(source, prim) and body is None and "OtSphereAPI" not in applied:
             self.obstacles.append(prim)
 
 
@@ -93,11 +93,6 @@ def _enclosing(source: Source, prim: Usd.Prim) -> Usd.Prim | None:
             return parent
         parent = parent.GetParent()
     return None
-
-
-def _solid(prim: Usd.Prim) -> bool:
-    enabled = prim.GetAttribute("physics:collisionEnabled")
-    return not enabled or enabled.Get() is not False
 
 
 def _read(source: Source, duration: float | None) -> Scene:

@@ -8,6 +8,7 @@ import numpy as np
 
 from otwarp.scene.attributes import bad
 from otwarp.scene.description import Body, Obstacle
+from otwarp.scene.mesh_overlap import inside_mesh, nearest_distance
 from otwarp.scene.transforms import rotation_matrix
 
 OVERLAP_TOLERANCE = 0.1
@@ -20,7 +21,7 @@ _HALF_SPACE = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0
 
 
 def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
-    """Check colliding spheres of different bodies, and each of them against analytic obstacles, at the start.
+    """Check colliding spheres of different bodies, and each of them against all obstacles, at the start.
 
     Raises:
         InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
@@ -39,9 +40,7 @@ def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstac
         limit = OVERLAP_TOLERANCE * min(radii[a[worst]], radii[b[worst]])
         raise bad(file, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
     for obstacle in obstacles:
-        if obstacle.shape == "mesh":
-            continue
-        depth = radii - signed_distance(obstacle, centres)
+        depth = radii - (mesh_distance if obstacle.shape == "mesh" else signed_distance)(obstacle, centres, radii)
         excess = depth - OVERLAP_TOLERANCE * radii
         worst = int(excess.argmax())
         if excess[worst] > 0.0:
@@ -108,10 +107,34 @@ def _expand(order: np.ndarray, rank: np.ndarray, first: np.ndarray, last: np.nda
     return np.stack([order[np.repeat(rank, count)], order[np.repeat(first, count) + offset]])
 
 
-def signed_distance(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
-    """Distance (n,) of points (n, 3) from the surface of an analytic obstacle at the start, negative inside [µm]."""
-    turn = rotation_matrix(obstacle.orientation.at(0.0))
-    local = (points - obstacle.position.at(0.0)) @ turn  # inverse rotation of row vectors
+def _local(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) in the frame of an obstacle at the start."""
+    turn = obstacle.orientation.at(0.0)
+    return (points - obstacle.position.at(0.0)) @ rotation_matrix(turn / np.linalg.norm(turn))
+
+
+def mesh_distance(obstacle: Obstacle, points: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Distance (n,) of points (n, 3) from a mesh at the start, searched up to `reach` (n,), negative inside [µm].
+
+    Points outside that are further away get inf, points inside that are deeper −reach.
+    """
+    local, corners = _local(obstacle, points), obstacle.vertices[obstacle.triangles]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    near = np.flatnonzero(((local >= low - reach[:, None]) & (local <= high + reach[:, None])).all(axis=1))
+    out = np.full(len(points), np.inf)
+    mesh = (obstacle.vertices, obstacle.triangles)
+    out[near] = nearest_distance(local[near], reach[near], *mesh)
+    inside = near[inside_mesh(local[near], *mesh)]
+    out[inside] = -np.minimum(out[inside], reach[inside])
+    return out
+
+
+def signed_distance(obstacle: Obstacle, points: np.ndarray, reach: np.ndarray | None = None) -> np.ndarray:
+    """Distance (n,) of points (n, 3) from the surface of an analytic obstacle at the start, negative inside [µm].
+
+    `reach` is there so that all shapes are asked alike; these distances are exact everywhere.
+    """
+    local = _local(obstacle, points)
     across, along = np.hypot(local[:, 0], local[:, 1]), local[:, 2]
     radius, half = obstacle.size[0], obstacle.size[1]
     if obstacle.shape == "plane":

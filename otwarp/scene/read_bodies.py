@@ -10,7 +10,9 @@ from pxr import Usd, UsdGeom
 from otwarp.scene import vocabulary
 from otwarp.scene.attributes import mobility_shift, read_values
 from otwarp.scene.description import Body, Material, Sphere
+from otwarp.scene.read_obstacles import is_collider
 from otwarp.scene.source import Source, quat, vec3
+from otwarp.scene.transforms import rotate
 
 
 def read_robot(source: Source, prim: Usd.Prim) -> Body:
@@ -94,9 +96,11 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
     """Read a PointInstancer whose prototypes are cells; one without cells is scenery and gives nothing.
 
     Raises:
-        InputError: A prototype that holds a robot or several cells, bad indices, or an uneven scale.
+        InputError: A prototype that holds a robot, several cells or an obstacle, bad indices, or an uneven scale.
     """
     instancer = UsdGeom.PointInstancer(prim)
+    if is_collider(source, prim):
+        raise source.bad(prim, "apiSchemas", "PhysicsCollisionAPI", "on prims that are obstacles, each by itself")
     prototypes = [source.stage.GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()]
     cells = [_prototype_cell(source, prim, prototype) for prototype in prototypes]
     if not any(cells):
@@ -104,15 +108,8 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
     indices = np.array(instancer.GetProtoIndicesAttr().Get(source.start) or [], dtype=int)
     if indices.size and (indices.min() < 0 or indices.max() >= len(prototypes)):
         raise source.bad(prim, "protoIndices", f"{indices.min()} … {indices.max()}", f"in [0, {len(prototypes) - 1}]")
-    code = Usd.TimeCode(source.start)
-    local = np.array(
-        instancer.ComputeInstanceTransformsAtTime(
-            code, code, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-        )
-    )
-    if len(local) != len(indices):
-        raise source.bad(prim, "positions", f"{len(local)} instances", f"as many as protoIndices, {len(indices)}")
-    shown = np.array(list(instancer.ComputeMaskAtTime(code)) or [True] * len(indices))
+    local = _instance_matrices(source, instancer, len(indices))
+    shown = np.array(list(instancer.ComputeMaskAtTime(source.start)) or [True] * len(indices))
     world = source.matrix(prim)
     bodies: dict[int, Body] = {}
     for kind, (prototype, cell) in enumerate(zip(prototypes, cells, strict=True)):
@@ -121,6 +118,41 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
             inner = source.relative(cell, prototype.GetParent())
             bodies |= _instances(source, prim, cell, chosen, inner @ local[chosen] @ world)
     return [bodies[index] for index in sorted(bodies)]
+
+
+def _instance_matrices(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
+    """(n, 4, 4) row-vector matrices of the instances, as USD computes them but for the rounding of their rotations."""
+    given = {
+        "positions": np.array(instancer.GetPositionsAttr().Get(source.start) or [], dtype=float).reshape(-1, 3),
+        "orientations": instance_orientations(source, instancer, count),
+        "scales": np.array(instancer.GetScalesAttr().Get(source.start) or np.ones((count, 3)), dtype=float),
+    }
+    for name, values in given.items():
+        if len(values) != count:
+            text = f"{len(values)} instances"
+            raise source.bad(instancer.GetPrim(), name, text, f"as many as protoIndices, {count}")
+    out = np.tile(np.eye(4), (count, 1, 1))
+    out[:, :3, :3] = given["scales"][:, :, None] * rotate(given["orientations"][:, None, :], np.eye(3))
+    out[:, 3, :3] = given["positions"]
+    return out
+
+
+def instance_orientations(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
+    """(n, 4) quaternions (x, y, z, w) of the instances, identity where none are authored.
+
+    They are normalised: the half precision of `orientations` is too coarse for a rotation without shear. The single
+    precision of `orientationsf` goes before it, as in USD.
+    """
+    for name in ("orientationsf", "orientations"):
+        attribute = instancer.GetPrim().GetAttribute(name)
+        value = attribute.Get(source.start) if attribute else None
+        if value:
+            turns = np.array(value, dtype=float).reshape(-1, 4)
+            length = np.linalg.norm(turns, axis=1, keepdims=True)
+            if not (np.isfinite(length) & (length > 0.0)).all():
+                raise source.bad(instancer.GetPrim(), name, "not finite, or zero", "rotations")
+            return turns / length
+    return np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
 
 
 def _prototype_cell(source: Source, instancer: Usd.Prim, prototype: Usd.Prim) -> Usd.Prim | None:
@@ -134,7 +166,13 @@ def _prototype_cell(source: Source, instancer: Usd.Prim, prototype: Usd.Prim) ->
             found.append(prim)
     if len(found) > 1:
         raise source.bad(instancer, "prototypes", f"{len(found)} cells in {prototype.GetPath()}", "one cell each")
-    return found[0] if found else None
+    cell = found[0] if found else None
+    for prim in Usd.PrimRange(prototype, Usd.TraverseInstanceProxies()):
+        if is_collider(source, prim) and not (cell and prim.GetPath().HasPrefix(cell.GetPath())):
+            # obstacles are not read from instances: leaving them out without a word would let bodies pass through
+            allowed = "on a cell, or outside a PointInstancer: instances are cells, obstacles are prims of their own"
+            raise source.bad(prim, "apiSchemas", "PhysicsCollisionAPI", allowed)
+    return cell
 
 
 def _instances(

@@ -8,6 +8,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene.description import Obstacle
+from otwarp.scene.motion import motion
 from otwarp.scene.source import Source, track, vec3
 from otwarp.scene.transforms import multiply
 
@@ -17,6 +18,12 @@ _AXES = {"X": (0.0, _HALF, 0.0, _HALF), "Y": (-_HALF, 0.0, 0.0, _HALF), "Z": (0.
 
 _CONSTANT = 1e-6
 """Relative change of a scale that counts as none."""
+
+
+def is_collider(source: Source, prim: Usd.Prim) -> bool:
+    """Whether a prim has PhysicsCollisionAPI and it is not switched off."""
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    return source.has(prim, "PhysicsCollisionAPI") and (not enabled or enabled.Get() is not False)
 
 
 def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
@@ -36,14 +43,12 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     kind = str(prim.GetTypeName())
     if kind not in readers:
         raise source.bad(prim, "apiSchemas", "PhysicsCollisionAPI", f"on one of {', '.join(readers)}, not {kind}")
-    codes = source.sample_codes(prim)
-    positions, rotations, scales = source.split(prim, source.matrices(prim, codes))
+    times, positions, rotations, scales = motion(source, prim)
     if np.abs(scales - scales[0]).max() > _CONSTANT * np.abs(scales[0]).max():
         raise source.bad(prim, "xformOp:scale", "(time samples that change it)", "constant in time")
     axis = str(prim.GetAttribute("axis").Get()) if kind in ("Cylinder", "Capsule", "Plane") else "Z"
     fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
     turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
-    times = source.seconds(np.array(codes))
     return Obstacle(
         prim=str(prim.GetPath()), position=track(times, positions), orientation=track(times, turned), **fields
     )

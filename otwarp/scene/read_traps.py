@@ -10,8 +10,8 @@ from pxr import Usd, UsdGeom
 from otwarp.scene import vocabulary
 from otwarp.scene.attributes import check_value, internal, read_values
 from otwarp.scene.description import Body, Medium, Track, Trap, TrapLaw
+from otwarp.scene.motion import motion
 from otwarp.scene.source import Source, quat, track
-from otwarp.scene.transforms import continuous
 
 TIME_SLACK = 1e-9
 """How far the samples of a moving trap may fall short of the run [s]: rounding of time codes."""
@@ -57,11 +57,10 @@ def check_holds(source: Source, traps: Sequence[Trap], bodies: Sequence[Body]) -
 
 
 def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, float, float]]:
-    codes = source.sample_codes(prim)
-    positions, rotations, _ = source.split(prim, source.matrices(prim, codes))
-    if np.abs(continuous(rotations) - rotations[0]).max() > _TURN:
+    times, positions, rotations, _ = motion(source, prim)
+    if np.abs(rotations - rotations[0]).max() > _TURN:
         raise source.bad(prim, "xformOp:orient", "(time samples that turn)", "constant: a trap may move, not turn")
-    return track(source.seconds(np.array(codes)), positions), quat(rotations[0])
+    return track(times, positions), quat(rotations[0])
 
 
 def _power(source: Source, prim: Usd.Prim, constant: float) -> Track:

@@ -16,8 +16,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from otwarp.scene.attributes import authored
 from otwarp.scene.description import Scene
+from otwarp.scene.read_bodies import instance_orientations
 from otwarp.scene.source import Source
-from otwarp.scene.transforms import decompose
+from otwarp.scene.transforms import conjugate, decompose, multiply, rotate
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame
@@ -84,10 +85,7 @@ def quatd(row: np.ndarray) -> Gf.Quatd:
 
 def into_frame(parent: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Rotations (..., 4) in world axes as seen from frames rotated by `parent` (..., 4): conj(parent)·turn."""
-    u, w = -parent[..., :3], parent[..., 3:]
-    v, s = turn[..., :3], turn[..., 3:]
-    vector = w * v + s * u + np.cross(u, v)
-    return np.concatenate([vector, w * s - (u * v).sum(-1, keepdims=True)], axis=-1)
+    return multiply(conjugate(parent), turn)
 
 
 class Placed:
@@ -201,11 +199,37 @@ class Traps:
             yield self.attributes[2 * n + 1].path, authored(float(f"{power:.7g}"), "power")
 
 
+@dataclass(frozen=True)
+class _Crowd:
+    """The bodies of one PointInstancer, and how it stood when they were read.
+
+    Attributes:
+        index: The bodies' indices in the scene.
+        slots: Their indices in the instancer.
+        matrix: (4, 4) local-to-world matrix of the instancer, in stage units.
+        turn: (4,) its rotation.
+        positions: (n, 3) of all instances, bodies or not, in the instancer's frame.
+        orientations: (n, 4) of all instances.
+        start: (b, 4) the bodies' orientations in the world.
+        shift: (b, 3) from the body to the origin of its instance, in the instancer's frame: a cell may sit off the
+            origin of its prototype.
+    """
+
+    index: list[int]
+    slots: list[int]
+    matrix: np.ndarray
+    turn: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+    start: np.ndarray
+    shift: np.ndarray
+
+
 class Instances:
-    """Bodies that are instances: the arrays of their PointInstancers."""
+    """Bodies that are instances: the arrays of their PointInstancers. What is no body stays as it was authored."""
 
     def __init__(self, source: Source, scene: Scene):
-        self._rows: list[tuple[list[int], list[int], np.ndarray, np.ndarray, np.ndarray]] = []
+        self._crowds: list[_Crowd] = []
         self._still: list[Sdf.Path] = []
         self.attributes, self._unit = [], source.unit
         bodies: dict[str, list[int]] = {}
@@ -214,14 +238,9 @@ class Instances:
                 bodies.setdefault(body.prim, []).append(i)
         for prim, index in bodies.items():
             instancer = UsdGeom.PointInstancer(source.stage.GetPrimAtPath(prim))
-            positions = np.array(instancer.GetPositionsAttr().Get(source.start), dtype=float).reshape(-1, 3)
-            matrix = source.matrix(instancer.GetPrim())
-            slots = [scene.bodies[i].instance or 0 for i in index]
-            start = np.array([scene.bodies[i].position for i in index]) / source.unit
-            # a cell may sit off the origin of its prototype: that offset stays as it was
-            shift = positions[slots] - _rows(start, np.linalg.inv(matrix))
-            self._rows.append((index, slots, matrix, positions, shift))
-            size = 64 + 20 * len(positions)
+            crowd = self._crowd(source, instancer, scene, index)
+            self._crowds.append(crowd)
+            size = 64 + 20 * len(crowd.positions)
             path = Sdf.Path(prim)
             self.attributes += [
                 Sampled(path.AppendProperty("positions"), Sdf.ValueTypeNames.Point3fArray, size),
@@ -229,6 +248,22 @@ class Instances:
             ]
             moving = ("velocities", "accelerations", "angularVelocities", "orientationsf")
             self._still += [path.AppendProperty(n) for n in moving if instancer.GetPrim().GetAttribute(n).HasValue()]
+
+    def _crowd(self, source: Source, instancer: UsdGeom.PointInstancer, scene: Scene, index: list[int]) -> _Crowd:
+        positions = np.array(instancer.GetPositionsAttr().Get(source.start), dtype=float).reshape(-1, 3)
+        matrix = source.matrix(instancer.GetPrim())
+        slots = [scene.bodies[i].instance or 0 for i in index]
+        centre = np.array([scene.bodies[i].position for i in index]) / source.unit
+        return _Crowd(
+            index=index,
+            slots=slots,
+            matrix=matrix,
+            turn=decompose(matrix[None])[1][0],
+            positions=positions,
+            orientations=instance_orientations(source, instancer, len(positions)),
+            start=np.array([scene.bodies[i].orientation for i in index]),
+            shift=positions[slots] - _rows(centre, np.linalg.inv(matrix)),
+        )
 
     def author(self, layer: Sdf.Layer) -> None:
         """Block attributes that would take precedence over the recorded ones."""
@@ -238,13 +273,15 @@ class Instances:
 
     def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
         """Positions (float) and orientations (half, as the schema wants it) in the instancer's frame."""
-        for n, (index, slots, matrix, positions, shift) in enumerate(self._rows):
-            local = positions.copy()
-            local[slots] = _rows(frame.position[world, index] / self._unit, np.linalg.inv(matrix)) + shift
-            turns = np.zeros((len(positions), 4))
-            turns[:, 3] = 1.0
-            turn = decompose(matrix[None])[1]
-            turns[slots] = into_frame(turn, np.asarray(frame.orientation[world, index], dtype=float))
+        for n, crowd in enumerate(self._crowds):
+            # how far each body has turned since the start, seen from the instancer; the rotation of a cell inside its
+            # prototype comes on top of the instance's own and must not be written into it
+            since = multiply(frame.orientation[world, crowd.index], conjugate(crowd.start))
+            since = into_frame(crowd.turn, multiply(since, crowd.turn))
+            centre = _rows(frame.position[world, crowd.index] / self._unit, np.linalg.inv(crowd.matrix))
+            local, turns = crowd.positions.copy(), crowd.orientations.copy()
+            local[crowd.slots] = centre + rotate(since, crowd.shift)
+            turns[crowd.slots] = multiply(since, turns[crowd.slots])
             yield self.attributes[2 * n].path, Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
             yield self.attributes[2 * n + 1].path, Vt.QuathArray.FromNumpy(turns.astype(np.float16))
 

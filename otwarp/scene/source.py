@@ -136,18 +136,6 @@ class Source:
         """Time codes as seconds from the start of the run."""
         return (np.asarray(codes, float) - self.start) / self.rate
 
-    def sample_codes(self, prim: Usd.Prim) -> list[float]:
-        """Sorted time codes at which the prim's world transform has samples, ancestors included."""
-        codes: set[float] = set()
-        while prim and not prim.IsPseudoRoot():
-            xformable = UsdGeom.Xformable(prim)
-            if xformable:
-                codes.update(xformable.GetTimeSamples())
-                if xformable.GetResetXformStack():
-                    break
-            prim = prim.GetParent()
-        return sorted(codes)
-
     def matrix(self, prim: Usd.Prim) -> np.ndarray:
         """(4, 4) row-vector local-to-world matrix at the start, in stage units."""
         matrix = np.array(self._cache.GetLocalToWorldTransform(prim))
@@ -156,9 +144,7 @@ class Source:
         return matrix
 
     def matrices(self, prim: Usd.Prim, codes: list[float]) -> np.ndarray:
-        """(n, 4, 4) local-to-world matrices at several time codes."""
-        if not codes:
-            return self.matrix(prim)[None]
+        """(n, 4, 4) local-to-world matrices at several time codes, in stage units."""
         cache, out = UsdGeom.XformCache(), []
         for code in codes:
             cache.SetTime(code)

@@ -100,6 +100,18 @@ def align_z(direction: np.ndarray) -> np.ndarray:
     return q / np.linalg.norm(q)
 
 
+def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by unit quaternions (..., 4) in (x, y, z, w); shapes broadcast."""
+    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    t = 2.0 * np.cross(q[..., :3], v)
+    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """The inverse rotations of unit quaternions (..., 4)."""
+    return np.asarray(q, dtype=float) * (-1.0, -1.0, -1.0, 1.0)
+
+
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Quaternion product: first b, then a. Shapes (..., 4) broadcast."""
     ax, ay, az, aw = np.moveaxis(np.asarray(a, float), -1, 0)

@@ -120,6 +120,10 @@ def restore(
         parameters=parameters,
         threads=threads,
     )
+    for name in ("trap_position", "trap_power"):
+        # commands that had come to differ from world to world need their rows back
+        if stored.get(f"control.{name}", np.zeros(())).shape[:1] == (sim.model.worlds,):
+            sim.control.widen(name)
     for name, array in _arrays(sim).items():
         if name not in stored or stored[name].shape[: array.ndim] != array.shape:
             raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} is missing or misshapen")

@@ -12,7 +12,7 @@ import warp as wp
 from otwarp.scene.description import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.pack_bodies import mobilities
-from otwarp.simulation.pack_traps import law_reach, model_name
+from otwarp.simulation.pack_traps import axial_or_radial, model_name, trap_reach
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
 
@@ -54,22 +54,23 @@ def _bodies(scene: Scene) -> list[dict[str, Any]]:
 
 
 def _traps(model: Model) -> list[dict[str, Any]]:
-    """One row per trap, at its first power and for the sphere it holds."""
+    """One row per trap, at its power at the start of world 0 and for the sphere it holds."""
+    scene, values = model.scene, model.values
+    spheres = [scene.bodies[b].spheres[i] if b >= 0 else None for b, i in model.held]
+    radii = np.array([s.radius if s else (t.radial.radius or 1.0) for t, s in zip(scene.traps, spheres, strict=True)])
+    reach, axial = trap_reach(scene, values, radii)[0], axial_or_radial(scene, values, "stiffness")[0]
     rows = []
-    for trap, (b, i) in zip(model.scene.traps, model.held, strict=True):
-        sphere = model.scene.bodies[b].spheres[i] if b >= 0 else None
-        radius = sphere.radius if sphere else (trap.radial.radius or 1.0)
-        scale = trap.radial.radius / radius if trap.radial.radius > 0.0 else 1.0
-        power = float(trap.power.values[0, 0])
-        axial = trap.axial or trap.radial
+    for t, (trap, sphere) in enumerate(zip(scene.traps, spheres, strict=True)):
+        power = float(values["trap_power"][0, t])
+        scale = power * (trap.radial.radius / radii[t] if trap.radial.radius > 0.0 else 1.0)
         rows.append(
             {
                 "name": trap.prim,
                 "model": model_name(trap),
                 "power": power,
-                "radial_stiffness": power / trap.radial.power * trap.radial.stiffness * scale,
-                "axial_stiffness": power / axial.power * axial.stiffness * scale,
-                "reach": _finite(law_reach(trap, radius)),
+                "radial_stiffness": float(values["trap_stiffness"][0, t] * scale),
+                "axial_stiffness": float(axial[t] * scale),
+                "reach": _finite(reach[t]),
                 "hand": trap.hand,
                 "animated": trap.position.animated or trap.power.animated,
                 "holds": sphere.prim if sphere else None,
@@ -99,7 +100,10 @@ def describe(
         "driver": model.features.driver,
         "bodies": _bodies(scene),
         "traps": _traps(model),
-        "obstacles": [{"name": o.prim, "shape": o.shape, "moves": o.position.animated} for o in scene.obstacles],
+        "obstacles": [
+            {"name": o.prim, "shape": o.shape, "moves": o.position.animated or o.orientation.animated}
+            for o in scene.obstacles
+        ],
         "time_scales": scales,
         "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in model.features.terms()],
         "memory": device_bytes(model, *groups),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,17 +17,17 @@ from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
-    equilibrium_point,
-    law_reach,
     model_name,
     pack_flow,
     pack_medium,
     pack_traps,
     rotate,
     trap_parameters,
+    trap_reach,
 )
 from otwarp.simulation.parameters import expand_all
-from otwarp.simulation.timescales import TimeScales, time_scales
+from otwarp.simulation.relaxation import Neighbours, TrapRelaxation
+from otwarp.simulation.timescales import TimeScales, time_scales, warn_of_lost_motion
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +43,10 @@ class Model:
         values: Parameters in force, `(1|W, …)` float64, by the names of `parameters.PARAMETERS`.
         overrides: Those of them that the user gave.
         reference: (B, 3) reference point (centre of diffusion) of each body in its prim's frame [µm].
-        held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body.
+        held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body. A trap that
+            names no sphere holds the nearest at the start, of all worlds, if that is within its reach.
+        held_range: (1|W, T) distance at which that sphere has escaped [µm], inf for none.
+        relaxation: Relaxation rates in the traps, by power.
         scales: Time scales and the time step.
         data: The kernels' view.
         meshes: Obstacle meshes, kept alive for the kernels.
@@ -59,6 +61,8 @@ class Model:
     overrides: dict[str, np.ndarray]
     reference: np.ndarray
     held: tuple[tuple[int, int], ...]
+    held_range: np.ndarray
+    relaxation: TrapRelaxation
     scales: TimeScales
     data: ModelData
     meshes: list[wp.Mesh]
@@ -91,28 +95,27 @@ class Model:
         Raises:
             InputError: Anything out of range.
         """
-        if worlds < 1:
-            raise InputError(f"worlds is {worlds}; allowed: 1 or more")
-        if not 0 <= seed < 2**32:
-            raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
-        if not scene.bodies:
-            raise InputError(
-                f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim"
-            )
+        _check(scene, worlds, seed)
         place = pick_device(device)
         moves = mobilities(scene)
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
         values = {**_scene_values(scene), **overrides}
+        near = Neighbours.of(scene, values)
+        held = near.held(scene)
         features = _features(scene, values)
+        relaxation = TrapRelaxation.of(scene, moves, values, near, held)
         scales = time_scales(
             scene,
             moves,
             values,
+            relaxation,
             contacts=features.contacts,
             wanted=time_step if time_step is not None else scene.settings.time_step,
         )
-        held = _held(scene)
-        data, meshes = _pack(scene, moves, values, features, held, place)
+        warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian)
+        held_range = _held_range(scene, values, held)
+        data, meshes = _pack(scene, moves, values, features, place)
+        data.traps = pack_traps(scene, values, _held_offsets(scene, held, moves), held_range, place)
         data.time_step = wp.float64(scales.time_step)
         data.seed = wp.uint32(seed)
         return cls(
@@ -125,6 +128,8 @@ class Model:
             overrides=overrides,
             reference=np.array([m.reference for m in moves]).reshape(-1, 3),
             held=held,
+            held_range=held_range,
+            relaxation=relaxation,
             scales=scales,
             data=data,
             meshes=meshes,
@@ -144,19 +149,27 @@ class Model:
         return position - rotate(orientation, self.reference)
 
 
+def _check(scene: Scene, worlds: int, seed: int) -> None:
+    """Refuse what no model can be built from."""
+    if worlds < 1:
+        raise InputError(f"worlds is {worlds}; allowed: 1 or more")
+    if not 0 <= seed < 2**32:
+        raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
+    if not scene.bodies:
+        raise InputError(f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+
+
 def _pack(
     scene: Scene,
     moves: list[BodyMobility],
     values: Mapping[str, np.ndarray],
     features: Features,
-    held: tuple[tuple[int, int], ...],
     device: wp.Device,
 ) -> tuple[ModelData, list[wp.Mesh]]:
-    """The kernels' view of the scene, and the meshes it refers to."""
+    """The kernels' view of all but the traps, and the meshes it refers to."""
     data = ModelData()
     data.bodies = len(scene.bodies)
     data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
-    data.traps = pack_traps(scene, values, _held_geometry(scene, held, moves), device)
     data.body = pack_bodies(scene, moves, device)
     data.contact = pack_contact(scene, moves, features.contacts, device)
     data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
@@ -206,41 +219,21 @@ def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
         moving_obstacles=bool(obstacles)
         and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
         pairs=pairs,
-        escapes=bool(models)
-        and any(math.isfinite(max(t.radial.cutoff, t.axial.cutoff if t.axial else 0.0)) for t in traps),
+        escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
     )
 
 
-def _held(scene: Scene) -> tuple[tuple[int, int], ...]:
-    """(body, sphere) each trap holds: the one it names, else the nearest trapped sphere within reach at the start."""
-    by_prim = {s.prim: (b, i) for b, body in enumerate(scene.bodies) for i, s in enumerate(body.spheres)}
-    rows = [
-        (b, i, s.radius, np.array(body.position) + rotate(np.array(body.orientation), np.array(s.offset)))
-        for b, body in enumerate(scene.bodies)
-        for i, s in enumerate(body.spheres)
-        if s.trapped
-    ]
-    held = []
-    for trap in scene.traps:
-        if trap.holds is not None:
-            held.append(by_prim[trap.holds])
-            continue
-        anchor = equilibrium_point(trap)
-        near = [(float(np.linalg.norm(x - anchor)), b, i, r) for b, i, r, x in rows]
-        gap, b, i, r = min(near, default=(math.inf, -1, -1, 1.0))
-        held.append((b, i) if gap <= law_reach(trap, r) else (-1, -1))
-    return tuple(held)
-
-
-def _held_geometry(
+def _held_offsets(
     scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]
-) -> list[tuple[int, np.ndarray, float]]:
-    """Per trap: body, offset of the held sphere from the body's reference point, distance at which it has escaped."""
-    out = []
-    for trap, (b, i) in zip(scene.traps, held, strict=True):
-        if b < 0:
-            out.append((-1, np.zeros(3), math.inf))
-        else:
-            sphere = scene.bodies[b].spheres[i]
-            out.append((b, np.array(sphere.offset) - moves[b].reference, law_reach(trap, sphere.radius)))
-    return out
+) -> list[tuple[int, np.ndarray]]:
+    """Per trap: body, and offset of the held sphere from the body's reference point [µm]."""
+    return [
+        (b, np.array(scene.bodies[b].spheres[i].offset) - moves[b].reference) if b >= 0 else (-1, np.zeros(3))
+        for b, i in held
+    ]
+
+
+def _held_range(scene: Scene, values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]) -> np.ndarray:
+    """(1|W, T) distance at which the held sphere has escaped [µm], inf where a trap holds none."""
+    radii = np.array([scene.bodies[b].spheres[i].radius if b >= 0 else 1.0 for b, i in held])
+    return np.where([b >= 0 for b, _ in held], trap_reach(scene, values, radii), np.inf)

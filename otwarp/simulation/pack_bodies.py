@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -10,17 +11,19 @@ import warp as wp
 from otwarp.hydrodynamics.mobility import BodyMobility, body_mobilities, from_override
 from otwarp.kernels.obstacles import FAR, SHAPES
 from otwarp.kernels.types import BodyData, ContactData, ObstacleData, mat66
-from otwarp.scene.description import Body, Scene
+from otwarp.scene.description import Body, Scene, Sphere, Vec3
 from otwarp.simulation.arrays import device_array
 from otwarp.units import STANDARD_GRAVITY
 
 
+def drag_spheres(body: Body) -> list[Sphere]:
+    """Spheres that feel the liquid: those that say so, or all of a body in which none does."""
+    return [s for s in body.spheres if s.drag] or list(body.spheres)
+
+
 def mobilities(scene: Scene) -> list[BodyMobility]:
     """Mobility of every body; equal bodies share one evaluation."""
-    dragging = [
-        ([s for s in body.spheres if s.drag] or list(body.spheres)) if body.mobility is None else list(body.spheres)
-        for body in scene.bodies
-    ]
+    dragging = [drag_spheres(body) for body in scene.bodies]
     geometry = [(np.array([s.offset for s in spheres]), np.array([s.radius for s in spheres])) for spheres in dragging]
     computed = body_mobilities(geometry)
     return [
@@ -32,29 +35,43 @@ def mobilities(scene: Scene) -> list[BodyMobility]:
 
 
 def is_rigid(body: Body) -> bool:
-    """Whether the body needs rotation: several spheres, one off-centre, or an authored mobility."""
+    """Whether the body needs rotation: several spheres, or an authored mobility.
+
+    A lone sphere has no orientation that anything depends on, wherever its prim's origin is.
+    """
     return len(body.spheres) > 1 or body.mobility is not None
 
 
-def union_volume(body: Body, cells: int = 96) -> float:
-    """Volume of the union of the body's spheres [µm³], by midpoint counting on a cubic grid (exact for one sphere)."""
-    radii = np.array([s.radius for s in body.spheres])
+def union_volume(body: Body) -> tuple[float, np.ndarray]:
+    """Volume [µm³] and centroid (3,) in the prim's frame [µm] of the union of the body's spheres.
+
+    By midpoint counting on a cubic grid about the middle of the union, so that what is symmetric stays so; exact for
+    one sphere.
+    """
+    volume, centroid = _union(tuple((s.offset, s.radius) for s in body.spheres))
+    return volume, np.array(centroid)
+
+
+@lru_cache(maxsize=4096)
+def _union(spheres: tuple[tuple[Vec3, float], ...], cells: int = 96) -> tuple[float, Vec3]:
+    """Volume and centroid of a union of (centre, radius); equal bodies are counted once."""
+    centres, radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
     if len(radii) == 1:
-        return float(4.0 / 3.0 * np.pi * radii[0] ** 3)
-    centres = np.array([s.offset for s in body.spheres])
+        return float(4.0 / 3.0 * np.pi * radii[0] ** 3), spheres[0][0]
     low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
-    h = (high - low).max() / cells
-    axes = [np.arange(a + 0.5 * h, b, h) for a, b in zip(low, high, strict=True)]
-    x, y, z = np.meshgrid(*axes, indexing="ij", sparse=True)
+    middle, h = 0.5 * (low + high), (high - low).max() / cells
+    counts = np.ceil((high - low) / h - 1e-9).astype(int)
+    x, y, z = np.meshgrid(*[h * (np.arange(n) - 0.5 * (n - 1)) for n in counts], indexing="ij", sparse=True)
     inside = np.zeros(np.broadcast_shapes(x.shape, y.shape, z.shape), dtype=bool)
-    for c, r in zip(centres, radii, strict=True):
+    for c, r in zip(centres - middle, radii, strict=True):
         inside |= (x - c[0]) ** 2 + (y - c[1]) ** 2 + (z - c[2]) ** 2 < r * r
-    return float(inside.sum() * h**3)
+    centroid = middle + [float((axis * inside).sum()) / inside.sum() for axis in (x, y, z)]
+    return float(inside.sum() * h**3), (float(centroid[0]), float(centroid[1]), float(centroid[2]))
 
 
 def weight(scene: Scene, body: Body) -> float:
     """Weight minus buoyancy [pN]."""
-    return (body.density - scene.medium.density) * union_volume(body) * STANDARD_GRAVITY
+    return (body.density - scene.medium.density) * union_volume(body)[0] * STANDARD_GRAVITY
 
 
 def _ragged(rows: Sequence[np.ndarray], width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -85,6 +102,9 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], device: wp.Device) -> B
     data.cholesky = device_array([m.cholesky for m in full], mat66, device)
     heavy = [weight(scene, b) for b in scene.bodies] if scene.settings.gravity else []
     data.weight = device_array(heavy, wp.float32, device)
+    # weight and buoyancy both act at the centroid, for the density of a body is uniform
+    turned = zip(scene.bodies, moves, strict=True) if heavy and any(rigid) else ()
+    data.weight_arm = device_array([union_volume(b)[1] - m.reference for b, m in turned], wp.vec3, device)
     bounds = [
         max(np.linalg.norm(np.array(s.offset) - m.reference) + s.radius for s in b.spheres)
         for b, m in zip(scene.bodies, moves, strict=True)
@@ -103,7 +123,8 @@ def _pack_flow_coupling(data: BodyData, scene: Scene, moves: list[BodyMobility],
     """How the spheres of rigid bodies couple to the flow; empty without a flow or without rigid bodies."""
     offsets, couplings = [], []
     for body, move in zip(scene.bodies, moves, strict=True):
-        spheres = [s for s in body.spheres if s.drag] or list(body.spheres)
+        spheres = drag_spheres(body)
+        assert len(spheres) == len(move.flow_coupling), f"{body.name}: one flow coupling per sphere that feels drag"
         wanted = scene.flow is not None and is_rigid(body)
         offsets.append(np.array([np.array(s.offset) - move.reference for s in spheres]) if wanted else np.zeros((0, 3)))
         couplings.append(move.flow_coupling if wanted else np.zeros((0, 6, 6)))

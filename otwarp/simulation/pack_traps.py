@@ -6,24 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.kernels.traps import TRAP_TERMS
 from otwarp.kernels.types import FlowData, MediumData, TrapData
 from otwarp.scene.description import Scene, Trap
+from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import device_array
 from otwarp.units import BOLTZMANN
 
 LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
 
 _HANDS = {"none": 0, "left": 1, "right": 2}
-
-
-def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Rotate vectors (..., 3) by quaternions (..., 4) in (x, y, z, w)."""
-    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
-    t = 2.0 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
 
 
 def model_name(trap: Trap) -> str:
@@ -36,23 +31,38 @@ def beam_axis(trap: Trap) -> np.ndarray:
     return rotate(np.array(trap.orientation), np.array([0.0, 0.0, 1.0]))
 
 
-def equilibrium_point(trap: Trap, time: float = 0.0) -> np.ndarray:
-    """(3,) point where the trap's force vanishes at `time` [µm]."""
-    return trap.position.at(time) + trap.equilibrium * beam_axis(trap)
+def equilibrium_points(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(1|W, T, 3) points where the forces of the traps vanish at the start [µm]."""
+    along = [t.equilibrium * beam_axis(t) for t in scene.traps]
+    return values["trap_position"] + np.array(along).reshape(-1, 3)
 
 
-def law_reach(trap: Trap, radius: float) -> float:
-    """Distance from the equilibrium point beyond which a sphere of `radius` feels nothing [µm]."""
-    cutoff = max(trap.radial.cutoff, trap.axial.cutoff if trap.axial else 0.0)
-    return cutoff * radius / trap.radial.radius if trap.radial.radius > 0.0 else cutoff
+def axial_or_radial(scene: Scene, values: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """(1|W, T) law parameter `name` along the beam, which is the radial one where one isotropic curve serves."""
+    split = np.array([t.axial is not None for t in scene.traps], dtype=bool)
+    return np.where(split, values[f"trap_axial_{name}"], values[f"trap_{name}"])
+
+
+def trap_reach(scene: Scene, values: Mapping[str, np.ndarray], radii: ArrayLike) -> np.ndarray:
+    """Distance from the equilibrium point beyond which a sphere feels nothing of a trap [µm].
+
+    Args:
+        radii: Radius of the sphere, one for all traps or (T,) [µm].
+
+    Returns:
+        (1|W, T), inf for a law without an end.
+    """
+    fitted = np.array([t.radial.radius for t in scene.traps])
+    scale = np.where(fitted > 0.0, np.asarray(radii) / np.where(fitted > 0.0, fitted, 1.0), 1.0)
+    return np.maximum(values["trap_cutoff"], axial_or_radial(scene, values, "cutoff")) * scale
 
 
 def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
-    """Per-trap parameters of the scene in the form of `parameters.expand`: (1, T) and (1, T, 3), forces per mW."""
+    """Per-trap parameters of the scene at the start, as `parameters.expand` makes them; forces per mW."""
     traps = scene.traps
     out = {
-        "trap_position": np.array([[t.position.values[0] for t in traps]]).reshape(1, len(traps), 3),
-        "trap_power": np.array([[t.power.values[0, 0] for t in traps]]),
+        "trap_position": np.array([[t.position.at(0.0) for t in traps]]).reshape(1, len(traps), 3),
+        "trap_power": np.array([[t.power.at(0.0)[0] for t in traps]]),
         "trap_speed_limit": np.array([[t.speed_limit for t in traps]]),
     }
     for prefix, laws in (("trap_", [t.radial for t in traps]), ("trap_axial_", [t.axial or t.radial for t in traps])):
@@ -64,9 +74,18 @@ def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def pack_traps(
-    scene: Scene, values: Mapping[str, np.ndarray], held: list[tuple[int, np.ndarray, float]], device: wp.Device
+    scene: Scene,
+    values: Mapping[str, np.ndarray],
+    held: list[tuple[int, np.ndarray]],
+    held_range: np.ndarray,
+    device: wp.Device,
 ) -> TrapData:
-    """Trap constants; `values` holds the `(1|W, T)` parameters, `held` (body, offset, reach) per trap.
+    """Trap constants.
+
+    Args:
+        values: The `(1|W, T)` parameters.
+        held: Per trap the body of the sphere it holds, -1 for none, and the sphere's offset in that body [µm].
+        held_range: (1|W, T) distance at which that sphere has escaped [µm].
 
     Raises:
         InputError: Curves across and along the beam that were fitted for spheres of different radii.
@@ -94,9 +113,9 @@ def pack_traps(
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
     data.law_radius = device_array([t.radial.radius for t in traps], wp.float32, device)
     data.hand = device_array([_HANDS[t.hand] for t in traps], wp.int32, device)
-    data.held_body = device_array([b for b, _, _ in held], wp.int32, device)
-    data.held_offset = device_array([o for _, o, _ in held], wp.vec3, device)
-    data.held_range = device_array([r for _, _, r in held], wp.float32, device)
+    data.held_body = device_array([b for b, _ in held], wp.int32, device)
+    data.held_offset = device_array([o for _, o in held], wp.vec3, device)
+    data.held_range = device_array(held_range, wp.float32, device, ndim=2)
     _pack_keys(data, traps, device)
     return data
 

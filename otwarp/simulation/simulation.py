@@ -63,7 +63,7 @@ class Simulation:
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
         self._readout = Readout.empty(self.model)
-        self._measured_at: int | None = None
+        self._measured_at: tuple[int, int] | None = None
         self._step = make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
         self._stepper = GridStepper(*parts) if self.model.features.driver == "grid" else FusedStepper(*parts, threads)
@@ -115,15 +115,52 @@ class Simulation:
             if progress is not None:
                 progress(self.time)
 
+    def set_state(self, *, position: ArrayLike | None = None, orientation: ArrayLike | None = None) -> None:
+        """Put the bodies elsewhere; what is not given stays. A fault that a body has stays, too.
+
+        Args:
+            position: Reference points (centres of diffusion), (B, 3) for all worlds or (W, B, 3) [µm].
+            orientation: Quaternions (x, y, z, w), (B, 4) or (W, B, 4); their lengths do not matter.
+
+        Raises:
+            InputError: A wrong shape, a number that is not finite, a quaternion of length 0, or an orientation where no
+                body rotates.
+        """
+        rows = {}
+        for name, values, width in (("position", position, 3), ("orientation", orientation, 4)):
+            if values is not None:
+                rows[name] = self._state_rows(name, np.asarray(values, dtype=float), width)
+        for name, values in rows.items():
+            getattr(self.state, name).assign(values.astype(np.float32))
+        self._stepper.place()
+        self._measured_at = None
+
+    def _state_rows(self, name: str, values: np.ndarray, width: int) -> np.ndarray:
+        """(W, B, width) values for an array of the state."""
+        full = (self.model.worlds, len(self.scene.bodies), width)
+        if name == "orientation" and not self.model.features.rigid:
+            raise InputError("state orientation cannot be set, no body rotates; allowed: position alone")
+        if values.shape not in (full, full[1:]):
+            raise InputError(f"state {name} has shape {values.shape}; allowed: {full[1:]} or {full}")
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            raise InputError(f"state {name} has the value {values[bad][0]:g}; allowed: finite numbers")
+        if name == "orientation":
+            length = np.linalg.norm(values, axis=-1, keepdims=True)
+            if np.any(length == 0.0):
+                raise InputError("state orientation has a quaternion of length 0; allowed: any other length")
+            values = values / length
+        return np.broadcast_to(values, full)
+
     @property
     def readout(self) -> Readout:
         """What was measured at the present state (evaluated when asked for)."""
-        if self._measured_at != self.state.step or self._measured_at is None:
+        if self._measured_at != (self.state.step, self.control.writes):
             self.measure()
         return self._readout
 
     def measure(self) -> Readout:
-        """Evaluate trap forces and distances anew, for instance after writing `control`."""
+        """Evaluate trap forces and distances anew, for instance after assigning to an array of `state` or `control`."""
         if self._step.readout:
             model = self.model
             per_trap, per_sphere, per_hand = self._step.readout
@@ -133,7 +170,7 @@ class Simulation:
             wp.launch(per_trap, dim=(worlds, f.traps), inputs=views, device=model.device)
             wp.launch(per_sphere, dim=(worlds, f.bodies), inputs=views, device=model.device)
             wp.launch(per_hand, dim=(worlds, 2), inputs=[model.data, out], device=model.device)
-        self._measured_at = self.state.step
+        self._measured_at = (self.state.step, self.control.writes)
         return self._readout
 
     def prim_poses(self) -> tuple[np.ndarray, np.ndarray]:

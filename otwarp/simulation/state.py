@@ -7,20 +7,40 @@ B bodies, T traps, S trapped spheres.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
+from otwarp.errors import InputError
 from otwarp.kernels.readout import TrapReadoutData
 from otwarp.kernels.types import ControlData, ReadoutData, StateData
 from otwarp.simulation.arrays import device_array, filled
 from otwarp.simulation.model import Model
+from otwarp.simulation.parameters import expand
+from otwarp.simulation.timescales import check_powers
+
+
+class _Bound:
+    """Arrays that a compiled or captured step has bound: written in place, never replaced."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        bound = vars(self).get(name)
+        group, fields = type(self).__name__.lower(), type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        if isinstance(bound, wp.array) and value is not bound:
+            how = {"control": f"control.set({name}=...)", "state": f"sim.set_state(...) or state.{name}.assign(...)"}
+            allowed = how.get(group, "reading it")
+            raise InputError(f"{group}.{name} cannot be replaced, the step is bound to its array; allowed: {allowed}")
+        if name not in fields:
+            raise InputError(f"{group}.{name} does not exist; allowed: {', '.join(fields)}")
+        object.__setattr__(self, name, value)
 
 
 @dataclass(eq=False, kw_only=True)
-class State:
-    """What moves.
+class State(_Bound):
+    """What moves. `Simulation.set_state` puts bodies elsewhere; `.assign(...)` is not seen by the neighbour grid.
 
     Attributes:
         position: (W, B) vec3, reference point (centre of diffusion) of each body [µm].
@@ -60,22 +80,35 @@ class State:
 
 
 @dataclass(eq=False, kw_only=True)
-class Control:
-    """What an operator or controller commands; write with `.assign(...)`.
+class Control(_Bound):
+    """What an operator or controller commands: read the arrays, write with `set`.
+
+    `.assign(...)` on an array works too, but nothing then checks what is written, stops a trap from following its time
+    samples, or refreshes the readout (see `Simulation.measure`).
 
     Attributes:
         trap_position: (1|W, T) vec3, commanded foci [µm].
         trap_power: (1|W, T) commanded powers [mW].
         follow: (T) int32: bit 0, the position follows the scene's time samples instead; bit 1, the power does.
+        model: What it commands.
+        writes: Calls of `set` so far.
+        layout: Counts the times an array had to be replaced by a larger one.
     """
 
     trap_position: wp.array
     trap_power: wp.array
     follow: wp.array
+    model: Model
+    writes: int = 0
+    layout: int = 0
 
     @classmethod
     def start(cls, model: Model) -> Control:
-        """Commands as authored: animated traps follow their time samples, unless the user gave other values."""
+        """Commands as authored: animated traps follow their time samples.
+
+        With `trap_position` (or `trap_power`) among the parameters the positions (powers) of all traps stand still at
+        what was given; `set(follow=...)` lets chosen traps follow again.
+        """
         follow = [
             (t.position.animated and "trap_position" not in model.overrides)
             | (2 * (t.power.animated and "trap_power" not in model.overrides))
@@ -85,7 +118,84 @@ class Control:
             trap_position=device_array(model.values["trap_position"], wp.vec3, model.device, ndim=2),
             trap_power=device_array(model.values["trap_power"], wp.float32, model.device, ndim=2),
             follow=device_array(follow, wp.int32, model.device),
+            model=model,
         )
+
+    def set(
+        self,
+        *,
+        trap_position: ArrayLike | None = None,
+        trap_power: ArrayLike | None = None,
+        follow: ArrayLike | None = None,
+    ) -> None:
+        """Command traps from the next step on; nothing is written unless all of it is accepted.
+
+        Args:
+            trap_position: Foci [µm]: (3,), (T, 3), (W, 1, 3) or (W, T, 3).
+            trap_power: Powers [mW]: scalar, (T,), (W, 1) or (W, T).
+            follow: What follows the scene's time samples, for all traps or per trap (T): 0 or False nothing, 1 the
+                position, 2 the power, 3 or True both. Commands then wait until they are no longer followed. None: what
+                is commanded in this call stops following in all traps, the rest goes on. A trap without time samples
+                has nothing to follow.
+
+        Raises:
+            InputError: A wrong shape or value, or a power that the time step cannot carry; the message names the
+                largest stable one.
+
+        Warns:
+            UserWarning: A power for which the predicted error of stationary variances exceeds `COARSE`.
+
+        Example:
+            >>> import otwarp as ot
+            >>> sim = ot.Simulation(ot.Scene.load("scenes/single_bead.usda"), worlds=2, device="cpu")
+            >>> sim.control.set(trap_position=(0.5, 0.0, 5.0), trap_power=[[1.0], [5.0]])
+            >>> sim.control.trap_power.numpy().ravel().tolist()
+            [1.0, 5.0]
+        """
+        asked = {"trap_position": trap_position, "trap_power": trap_power}
+        worlds, traps = self.model.worlds, len(self.model.scene.traps)
+        given = {n: expand(n, v, worlds=worlds, traps=traps) for n, v in asked.items() if v is not None}
+        bits = self._bits(given, follow)
+        if trap_power is not None or follow is not None:
+            power = given["trap_power"] if trap_power is not None else self.trap_power.numpy()
+            peaks = [
+                t.power.values.max() if bit & 2 else p
+                for t, bit, p in zip(self.model.scene.traps, bits, power.max(axis=0), strict=True)
+            ]
+            check_powers(self.model, np.array(peaks, dtype=float))
+        for name, values in given.items():
+            if len(values) > getattr(self, name).shape[0]:
+                self.widen(name)
+            array = getattr(self, name)
+            array.assign(np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(np.float32))
+        if traps:
+            self.follow.assign(bits)
+        self.writes += 1
+
+    def widen(self, name: str) -> None:
+        """Give `trap_position` or `trap_power` a row for every world."""
+        old = getattr(self, name)
+        rows = np.broadcast_to(old.numpy(), (self.model.worlds, *old.numpy().shape[1:]))
+        vars(self)[name] = device_array(rows, old.dtype, self.model.device, ndim=2)
+        self.layout += 1
+
+    def _bits(self, given: Mapping[str, np.ndarray], follow: ArrayLike | None) -> np.ndarray:
+        """(T,) int32 `follow` after a call of `set`."""
+        traps = self.model.scene.traps
+        if follow is None:
+            keep = 3 - ("trap_position" in given) - 2 * ("trap_power" in given)
+            return self.follow.numpy() & np.int32(keep) if len(traps) else np.zeros(0, dtype=np.int32)
+        bits = np.asarray(follow)
+        bits = 3 * bits.astype(int) if bits.dtype == bool else bits
+        if bits.shape not in ((), (1,), (len(traps),)):
+            raise InputError(
+                f"control follow has shape {bits.shape}; allowed: scalar or (traps,), traps = {len(traps)}"
+            )
+        bad = ~np.isin(bits, (0, 1, 2, 3))
+        if np.any(bad):
+            raise InputError(f"control follow has the value {bits[bad].ravel()[0]}; allowed: 0, 1, 2 or 3")
+        animated = np.array([t.position.animated or t.power.animated for t in traps], dtype=bool)
+        return np.where(animated, bits, 0).astype(np.int32)
 
     def data(self) -> ControlData:
         """The kernels' view."""
@@ -95,7 +205,7 @@ class Control:
 
 
 @dataclass(eq=False, kw_only=True)
-class Readout:
+class Readout(_Bound):
     """What was measured at the present state; contact is that of the last step.
 
     Attributes:

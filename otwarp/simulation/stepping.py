@@ -10,7 +10,9 @@ import warp as wp
 
 from otwarp.kernels.contact import Contact
 from otwarp.kernels.features import MAX_BODY_CONTACTS
-from otwarp.kernels.grid import RELAXATIONS, GridData, PushData, place_spheres, tick
+from otwarp.kernels.grid import place_spheres, tick
+from otwarp.kernels.grid_contacts import CHUNKS, RELAXATIONS
+from otwarp.kernels.grid_data import GridData, PushData
 from otwarp.kernels.step import Step
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
@@ -40,7 +42,9 @@ class FusedStepper:
 
     def __init__(self, step: Step, model: Model, state: State, control: Control, readout: Readout, threads: int | None):
         self.step, self.model = step, model
-        self.views = (model.data, control.data(), state.data(), readout.data())
+        self.parts = (state, control, readout)
+        self.layout = -1
+        self.views: tuple = ()
         wanted = threads or usable_cores()
         chunks = min(wanted, model.worlds) if model.device.is_cpu else 1
         edges = np.linspace(0, model.worlds, chunks + 1).astype(int)
@@ -60,8 +64,19 @@ class FusedStepper:
             device=self.model.device,
         )
 
+    def place(self) -> None:
+        """Take note of bodies that were put elsewhere: nothing is kept of where they were."""
+
+    def _look(self) -> None:
+        """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
+        state, control, readout = self.parts
+        if self.layout != control.layout:
+            self.views = (self.model.data, control.data(), state.data(), readout.data())
+            self.layout = control.layout
+
     def advance(self, first_step: int, steps: int) -> None:
         """Take `steps` steps from `first_step`."""
+        self._look()
         for start in range(first_step, first_step + steps, STEPS_PER_LAUNCH):
             count = min(STEPS_PER_LAUNCH, first_step + steps - start)
             if self.pool is None:
@@ -87,7 +102,7 @@ class GridStepper:
         for kernel in step.kernels:
             load(kernel, model.device)
         self.place()
-        self.graph = self._capture()
+        self.graph, self.layout = self._capture(), control.layout
 
     def _allocate(self) -> GridData:
         model, f = self.model, self.step.features
@@ -100,6 +115,9 @@ class GridStepper:
         data.contact = wp.zeros((w * touching, MAX_BODY_CONTACTS), dtype=Contact, device=device)
         data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
         data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
+        data.ahead = wp.zeros((w * touching, MAX_BODY_CONTACTS), dtype=wp.float32, device=device)
+        data.moving = wp.zeros((w, RELAXATIONS if f.contacts else 0), dtype=wp.int32, device=device)
+        data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
         placed = w * self.spheres if f.pairs else 0
         data.centre = wp.zeros(placed, dtype=wp.vec3, device=device)
         data.group = wp.zeros(placed, dtype=wp.int32, device=device)
@@ -156,10 +174,14 @@ class GridStepper:
             table = wp.uint64(self.table.id if self.table is not None else 0)
             inputs = [model.data, state, readout, self.scratch, self.push[0], table]
             wp.launch(self.step.find, dim=each, inputs=inputs, device=device)
+            inputs = [model.data, self.scratch, self.push[0]]
+            wp.launch(self.step.weigh, dim=self.scratch.share.shape, inputs=inputs, device=device)
+            # one thread per world on the CPU makes a sweep over a settled world free
+            shares = 1 if device.is_cpu else self.step.features.bodies
             for sweep in range(RELAXATIONS):
                 before, after = self.push[sweep % 2], self.push[1 - sweep % 2]
-                inputs = [model.data, readout, self.scratch, before, after]
-                wp.launch(self.step.relax, dim=each, inputs=inputs, device=device)
+                inputs = [model.data, readout, self.scratch, before, after, sweep, shares]
+                wp.launch(self.step.relax, dim=(model.worlds, shares), inputs=inputs, device=device)
         inputs = [model.data, control, state, readout, self.scratch, self.push[0]]
         wp.launch(self.step.commit, dim=each, inputs=inputs, device=device)
         wp.launch(tick, dim=1, inputs=[self.scratch], device=device)
@@ -173,6 +195,9 @@ class GridStepper:
 
     def advance(self, first_step: int, steps: int) -> None:
         """Take `steps` steps from `first_step`."""
+        if self.layout != self.control.layout:
+            # an array of the control grew and is another one now; the graph holds the old address
+            self.graph, self.layout = self._capture(), self.control.layout
         self.scratch.clock.fill_(first_step)
         if self.table is not None:
             # Warp 1.19: a captured build copies the grid's descriptor from one host variable that all grids of the

@@ -1,24 +1,44 @@
-"""Relaxation rates of a scene and the time step that follows from them and the wanted accuracy."""
+"""What limits the time step of a scene, and the step that follows from it and the wanted accuracy."""
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.scene.description import Body, Scene, Trap
-from otwarp.simulation.pack_traps import beam_axis, equilibrium_point, law_reach, rotate
+from otwarp.scene.description import Scene
+from otwarp.simulation.relaxation import TrapRelaxation
+from otwarp.simulation.speeds import (
+    adhesion_speed,
+    flow_speed,
+    places,
+    prescribed_speed,
+    settling_speed,
+    turning_rate,
+)
 from otwarp.units import BOLTZMANN
+
+if TYPE_CHECKING:
+    from otwarp.simulation.model import Model
 
 STABLE_PRODUCT = 2.0
 """Largest rate × time step for which the explicit step of a linear spring is stable."""
 
 TRAVEL_FRACTION = 0.1
 """Largest displacement per step of anything that collides, relative to the smallest colliding radius."""
+
+TURN = 0.1
+"""Largest turn of a rigid body per step by flow and weight [rad]."""
+
+
+COARSE = 0.1
+"""Predicted relative error of stationary variances above which a commanded power draws a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +49,10 @@ class TimeScales:
         trap_relaxation: Fastest relaxation in the traps, 1/rate.
         stiffest_body: Name of the body it belongs to.
         diffusion: Time to diffuse `TRAVEL_FRACTION` of the smallest colliding radius.
-        travel: Time in which the fastest trap, obstacle or flow moves by that much.
+        travel: Time in which the fastest trap, obstacle (its turning included) or flow moves by that much.
+        settling: Time in which the heaviest body sinks or rises by that much.
+        adhesion: Time in which the pull-off force closes a gap of that much.
+        turning: Time in which flow and weight turn a rigid body by `TURN`.
         time_step: Step in use.
         largest_stable: Largest stable step, inf without traps.
         variance_error: Predicted relative error of stationary variances, rate·dt/2 to first order.
@@ -40,93 +63,68 @@ class TimeScales:
     stiffest_body: str | None
     diffusion: float | None
     travel: float | None
+    settling: float | None
+    adhesion: float | None
+    turning: float | None
     time_step: float
     largest_stable: float
     variance_error: float
     chosen_by: str
 
 
-def _stiffness(trap: Trap, power: float, radius: float, curves: tuple[float, float]) -> np.ndarray:
-    """(3, 3) stiffness of a trap near its equilibrium [pN/µm]."""
-    scale = trap.radial.radius / radius if trap.radial.radius > 0.0 else 1.0
-    axis = beam_axis(trap)
-    along = np.outer(axis, axis)
-    return power * scale * (curves[0] * (np.eye(3) - along) + curves[1] * along)
+def variance_error(rate: float, time_step: float) -> float:
+    """Relative error of the stationary variance of a spring of `rate` [1/s], 1/(1 − rate·dt/2) − 1."""
+    half = 0.5 * rate * time_step
+    return half / (1.0 - half) if half < 1.0 else math.inf
 
 
-def _body_rate(
-    scene: Scene, body: Body, move: BodyMobility, powers: np.ndarray, curves: np.ndarray, viscosity: float
-) -> float:
-    """Fastest relaxation rate of a body held by the traps around it at the start [1/s].
-
-    Each trap acts on the nearest sphere it can reach; a lone sphere in the strongest trap is the least that counts,
-    because a sphere may enter a trap later.
-    """
-    spheres = [s for s in body.spheres if s.trapped]
-    if not spheres:
-        return 0.0
-    total, worst = np.zeros((6, 6)), 0.0
-    offsets = rotate(np.array(body.orientation), np.array([s.offset for s in spheres]))
-    reference = rotate(np.array(body.orientation), move.reference)
-    for i, trap in enumerate(scene.traps):
-        gaps = np.linalg.norm(np.array(body.position) + offsets - equilibrium_point(trap), axis=1)
-        nearest = int(np.argmin(gaps))
-        radius = spheres[nearest].radius
-        k = _stiffness(trap, powers[i], radius, (curves[0, i], curves[1, i]))
-        worst = max(worst, float(np.linalg.eigvalsh(k).max()) * move.mobility[0, 0] / viscosity)
-        if gaps[nearest] <= law_reach(trap, radius):
-            arm = offsets[nearest] - reference
-            cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
-            lever = np.hstack([np.eye(3), -cross])
-            total += lever.T @ k @ lever
-    turn = np.zeros((6, 6))
-    turn[:3, :3] = turn[3:, 3:] = rotate(np.array(body.orientation), np.eye(3)).T
-    mobility = turn @ move.mobility @ turn.T / viscosity
-    return max(worst, float(np.linalg.eigvals(mobility @ total).real.max()))
+def authored_powers(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(T,) largest power of each trap in any world and at any time [mW]."""
+    peaks = np.array([t.power.values.max() for t in scene.traps])
+    return np.maximum(values["trap_power"].max(axis=0), peaks) if len(peaks) else peaks
 
 
-def _fastest_motion(scene: Scene, flow_speed: float) -> float:
-    """Fastest prescribed motion in the scene [µm/s]."""
-    speeds = [flow_speed]
-    for item in (*scene.traps, *scene.obstacles):
-        times, places = item.position.times, item.position.values
-        if len(times) > 1:
-            speed = float((np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)).max())
-            speeds.append(min(speed, getattr(item, "speed_limit", math.inf)))
-    return max(speeds)
+def _within(distance: float, speed: float) -> float | None:
+    return distance / speed if speed > 0.0 else None
 
 
-def _stiffest(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float
-) -> tuple[float, str | None]:
-    """Fastest relaxation rate in the traps [1/s] over all bodies, worlds and times, and the body it belongs to."""
-    if not scene.traps:
-        return 0.0, None
-    powers = np.maximum(values["trap_power"].max(axis=0), [t.power.values.max() for t in scene.traps])
-    curves = np.array([values["trap_stiffness"].max(axis=0), values["trap_axial_stiffness"].max(axis=0)])
-    rates = [
-        _body_rate(scene, body, move, powers, curves, viscosity) for body, move in zip(scene.bodies, moves, strict=True)
-    ]
-    first = int(np.argmax(rates))
-    return float(rates[first]), scene.bodies[first].name if rates[first] > 0.0 else None
-
-
-def _travel_times(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float
-) -> tuple[float | None, float | None]:
-    """Times to diffuse and to be moved `TRAVEL_FRACTION` of the smallest colliding radius [s]."""
+def _motions(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float, contacts: bool
+) -> dict[str, float | None]:
+    """Times to be moved `TRAVEL_FRACTION` of the smallest colliding radius, and to turn by `TURN` [s]."""
+    turning = _within(TURN, turning_rate(scene, moves, values, viscosity))
+    if not contacts:
+        return dict.fromkeys(("diffusion", "travel", "settling", "adhesion")) | {"turning": turning}
     small = TRAVEL_FRACTION * min(s.radius for b in scene.bodies for s in b.spheres if s.collides)
     hot = float(values["medium_temperature"].max()) if scene.settings.brownian else 0.0
     spread = max(BOLTZMANN * hot * m.mobility[0, 0] / viscosity for m in moves)
-    fastest = _fastest_motion(scene, float(np.abs(values["flow_speed"]).max()) if scene.flow else 0.0)
-    return (
-        float(small**2 / (2.0 * spread)) if spread > 0.0 else None,
-        float(small / fastest) if fastest > 0.0 else None,
-    )
+    return {
+        "diffusion": float(small**2 / (2.0 * spread)) if spread > 0.0 else None,
+        "travel": _within(small, prescribed_speed(scene, values)),
+        "settling": _within(small, settling_speed(scene, moves, viscosity)),
+        "adhesion": _within(small, adhesion_speed(scene, moves, viscosity)),
+        "turning": turning,
+    }
+
+
+_LIMITS = {
+    "diffusion": "diffusion of the smallest colliding sphere",
+    "travel": "fastest prescribed motion",
+    "settling": "sinking or rising under weight",
+    "adhesion": "approach under adhesion",
+    "turning": "turning of rigid bodies by flow and weight",
+}
+"""What the user is told when a time of `_motions` decides the step."""
 
 
 def time_scales(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], *, contacts: bool, wanted: float | None
+    scene: Scene,
+    moves: list[BodyMobility],
+    values: Mapping[str, np.ndarray],
+    relaxation: TrapRelaxation,
+    *,
+    contacts: bool,
+    wanted: float | None,
 ) -> TimeScales:
     """Time scales of a scene and its step; `values` are the `(1|W, …)` parameters of `parameters.PARAMETERS`.
 
@@ -134,6 +132,7 @@ def time_scales(
     dt = 2·accuracy/k gives the wanted relative error in the stiffest mode and less in all others.
 
     Args:
+        relaxation: Rates in the traps.
         contacts: Whether anything can touch anything.
         wanted: Explicit time step [s], or None.
 
@@ -141,12 +140,11 @@ def time_scales(
         InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
     """
     viscosity = float(values["medium_viscosity"].min())
-    rate, stiffest = _stiffest(scene, moves, values, viscosity)
-    diffusion, travel = _travel_times(scene, moves, values, viscosity) if contacts else (None, None)
+    rate, stiffest = relaxation.fastest(authored_powers(scene, values))
+    motions = _motions(scene, moves, values, viscosity, contacts)
     limits = {
         "trap relaxation and wanted accuracy": 2.0 * scene.settings.accuracy / rate if rate > 0.0 else math.inf,
-        "diffusion of the smallest colliding sphere": diffusion or math.inf,
-        "fastest prescribed motion": travel or math.inf,
+        **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "frame interval": 1.0 / scene.settings.frames_per_second,
     }
     chosen_by = min(limits, key=lambda name: limits[name])
@@ -164,10 +162,63 @@ def time_scales(
     return TimeScales(
         trap_relaxation=1.0 / rate if rate > 0.0 else None,
         stiffest_body=stiffest,
-        diffusion=diffusion,
-        travel=travel,
+        **motions,
         time_step=step,
         largest_stable=stable,
-        variance_error=0.5 * rate * step / (1.0 - 0.5 * rate * step),
+        variance_error=variance_error(rate, step),
         chosen_by=chosen_by,
     )
+
+
+def check_powers(model: Model, powers: np.ndarray) -> None:
+    """Refuse powers (T,) [mW] that the time step of a model cannot carry; warn where variances would be `COARSE`.
+
+    Raises:
+        InputError: Unstable; the message names the largest stable power, with all powers scaled alike.
+    """
+    authored = authored_powers(model.scene, model.values)
+    # float32 powers read back may differ from the authored ones in the last bit
+    if np.all(powers <= authored * (1.0 + 1e-6)):
+        return
+    rate, body = model.relaxation.fastest(powers)
+    dt, stable = model.time_step, STABLE_PRODUCT / rate if rate > 0.0 else math.inf
+    worst = int(np.argmax(np.where(powers > authored, powers * model.relaxation.stiffness, -1.0)))
+    trap = model.scene.traps[worst].prim
+    if dt >= stable:
+        raise InputError(
+            f"trap {trap}: power {powers[worst]:g} mW is unstable with the time step {dt:.4g} s, body {body} relaxes "
+            f"at {rate:.4g} 1/s; allowed: below {powers[worst] * stable / dt:.4g} mW (all powers scaled alike), or a "
+            f"time step below {stable:.4g} s"
+        )
+    error = variance_error(rate, dt)
+    if error > COARSE:
+        warnings.warn(
+            f"trap {trap}: at power {powers[worst]:g} mW the time step {dt:.4g} s makes stationary variances of body "
+            f"{body} {100.0 * error:.3g} % too large",
+            stacklevel=3,
+        )
+
+
+def warn_of_lost_motion(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], time_step: float, *, brownian: bool
+) -> None:
+    """Warn when flow, weight or the speed limit of a trap moves less per step than coordinates resolve.
+
+    Positions are float32: far from the origin a small step rounds to nothing, every time. Noise dithers the steps of
+    bodies, so with it flow and weight act in the mean; a focus has no noise. A trap that moves slowly along its time
+    samples loses nothing, because its place is computed anew in every step.
+    """
+    viscosity = float(values["medium_viscosity"].min())
+    limits = values["trap_speed_limit"]
+    steady = 0.0 if brownian else max(flow_speed(scene, values), settling_speed(scene, moves, viscosity))
+    slowest = float(limits[np.isfinite(limits)].min(initial=np.inf))
+    extent = float(np.abs(places(scene, values)).max())
+    spacing = float(np.spacing(np.float32(extent)))
+    for what, speed in (("flow or weight, without noise,", steady), ("the speed limit of a trap,", slowest)):
+        if 0.0 < speed * time_step < spacing:
+            warnings.warn(
+                f"scene {scene.file or scene.root}: {what} of {speed:.3g} µm/s in time steps of {time_step:.3g} s is "
+                f"lost in the rounding of float32 coordinates at {extent:.3g} µm; "
+                f"allowed: time steps above {spacing / speed:.3g} s, or a scene nearer to the origin",
+                stacklevel=2,
+            )

@@ -80,6 +80,13 @@ CASES = {
     "no such device": (lambda t: [BEAD, "--device", "cuda:9"], ["device", "cuda:9", "cpu"]),
     "no frames": (lambda t: [BEAD, "--fps", "0"], ["frames per second", "0"]),
     "trap speed 0": (lambda t: [BEAD, "--trap-speed", "0"], ["--trap-speed", "0"]),
+    "trap speed inf": (lambda t: [BEAD, "--trap-speed", "inf"], ["--trap-speed", "inf", "finite"]),
+    "worlds of a checkpoint": (lambda t: [BEAD, "--resume", "x.npz", "--worlds", "2"], ["--worlds is 2", "--resume"]),
+    "seed of a checkpoint": (lambda t: [BEAD, "--resume", "x.npz", "--seed", "0"], ["--seed is 0", "--resume"]),
+    "step of a checkpoint": (
+        lambda t: [BEAD, "--resume", "x.npz", "--time-step", "1e-3"],
+        ["--time-step is 0.001", "--resume"],
+    ),
     "samples too short": (
         lambda t: [str(SCENES / "cell_delivery.usda"), "--duration", "1000"],
         ["/World/Traps", "1000"],
@@ -110,6 +117,24 @@ def test_run_refuses_a_folder_it_cannot_write(tmp_path: Path, capfd: pytest.Capt
     assert code == 2
     assert error.count("\n") == 1 and str(blocker) in error
     assert blocker.read_text() == "in the way"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(28, "No space left on device", "run.nc"), "run.nc: No space left on device"),
+        (OSError("trajectory.usdc: could not be written"), "trajectory.usdc: could not be written"),
+    ],
+)
+def test_a_full_disk_is_one_line(
+    error: OSError, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("otwarp.record.run.record_run", full)
+    assert main(["run", BEAD, "--out", str(tmp_path / "out")]) == 1
+    assert capfd.readouterr().err == f"otwarp: {words}\n"
 
 
 def test_unknown_command_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:

@@ -85,7 +85,10 @@ def expected_move(model: Model, world: int, b: int, position: np.ndarray, q: np.
     force, torque = traps.body_wrench(
         [(TRAP, TRAP.position.at(0), 12.0)], position, orientation, move.reference, spheres
     )
-    force = force - np.array([0.0, 0.0, weight(body)])
+    load = np.array([0.0, 0.0, -weight(body)])
+    force = force + load
+    if b == 0:
+        torque = torque + np.cross(matrix(orientation) @ (robot_union()[1] - move.reference), load)
     flows = []
     for offset, _ in spheres:
         point = position + matrix(orientation) @ (offset - move.reference)
@@ -107,19 +110,19 @@ def expected_move(model: Model, world: int, b: int, position: np.ndarray, q: np.
 
 def weight(body: Body) -> float:
     """Weight minus buoyancy [pN]."""
-    volume = 4 / 3 * np.pi * 0.7**3 if body is BEAD else robot_volume()
+    volume = 4 / 3 * np.pi * 0.7**3 if body is BEAD else robot_union()[0]
     return (body.density - SCENE.medium.density) * volume * STANDARD_GRAVITY
 
 
 @cache
-def robot_volume() -> float:
-    """Volume of the robot's union [µm³], counted on a grid that is not the model's."""
+def robot_union() -> tuple[float, np.ndarray]:
+    """Volume [µm³] and centroid [µm] of the robot's union, counted on a grid that is not the model's."""
     h = 0.031
     x, y, z = np.meshgrid(*[np.arange(-2.0, 4.0, h)] * 3, indexing="ij", sparse=True)
     inside = np.zeros((x.size, y.size, z.size), dtype=bool)
     for s in ROBOT.spheres:
         inside |= (x - s.offset[0]) ** 2 + (y - s.offset[1]) ** 2 + (z - s.offset[2]) ** 2 < s.radius**2
-    return float(inside.sum()) * h**3
+    return float(inside.sum()) * h**3, np.array([(axis * inside).sum() for axis in (x, y, z)]) / inside.sum()
 
 
 def test_free_step_is_that_of_the_twin(model, device):

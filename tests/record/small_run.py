@@ -141,6 +141,7 @@ def frame(scene: Scene, index: int, *, worlds: int = 1, rate: float = RATE, **ch
         "trap_power": np.full((worlds, traps), 20.0 + time),
         "trap_force": np.broadcast_to([0.0, -0.25, 0.0], (worlds, traps, 3)),
         "trap_distance": np.full((worlds, traps), 0.25),
+        "escape_time": np.full((worlds, traps), np.nan),
         "contact_force": force,
         "contact_load": np.linalg.norm(force, axis=2),
     }

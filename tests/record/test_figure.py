@@ -57,7 +57,7 @@ def test_panels_that_say_nothing_are_left_out(scene: Scene, tmp_path: Path) -> N
 
 def _only_first(item) -> dict[str, np.ndarray]:
     names = ("position", "orientation", "contact_force", "contact_load")
-    traps = ("trap_position", "trap_power", "trap_force", "trap_distance")
+    traps = ("trap_position", "trap_power", "trap_force", "trap_distance", "escape_time")
     return {n: getattr(item, n)[:, :1] for n in names} | {n: getattr(item, n)[:, :0] for n in traps}
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from otwarp.record.monitor import GRACE, Monitor, robot_distance
 from otwarp.record.statistics import RunningStatistics
-from otwarp.scene.description import Scene, TrapLaw
+from otwarp.record.summary import escapes, statistics
+from otwarp.scene.description import Scene
 from tests.record.small_run import HELD, RATE, frame
 
 LAST = 1e-12
@@ -120,14 +121,34 @@ def test_statistics_stop_at_the_outcome(scene: Scene) -> None:
     assert monitor.distance.pooled()["mean"] == pytest.approx(0.1)
 
 
-def test_escapes_are_counted_each_time_a_sphere_leaves_the_reach(scene: Scene) -> None:
-    law = TrapLaw(stiffness=1.0, cutoff=2.0, radius=0.5)
-    traps = tuple(dataclasses.replace(t, radial=law) for t in scene.traps)
-    monitor = Monitor(dataclasses.replace(scene, traps=traps), HELD, 1)
-    # the sphere is twice as large as the one of the law: the reach is 4 µm
-    for index, distance in enumerate([1.0, 3.9, 4.1, 5.0, 1.0, np.nan, np.nan, 0.5]):
-        monitor.update(frame(scene, index, trap_distance=np.array([[distance, 0.0]])))
-    assert monitor.escapes.tolist() == [2]
+def test_escapes_are_those_of_the_device_up_to_the_outcome(scene: Scene) -> None:
+    monitor = Monitor(scene, HELD, 3)
+    escaped = np.full((3, 2), np.nan)
+    for index in range(3, 9):
+        if index == 5:
+            escaped[0, 1] = 4.5 / RATE  # between two frames: no distance says so
+            escaped[1, 0] = 1.0 / RATE  # before this run was resumed
+        if index == 8:
+            escaped[2, 0] = 7.5 / RATE  # after the outcome
+        item = frame(scene, index, worlds=3, escape_time=escaped.copy())
+        monitor.update(at_goal(scene, item, 2) if index == 6 else item)
+    np.testing.assert_array_equal(monitor.escape_time, [[np.nan, 4.5 / RATE], [np.nan] * 2, [np.nan] * 2])
+    assert escapes(monitor) == (1, {"trap": "/World/Traps/right", "world": 0, "time_s": 4.5 / RATE})
+    assert escapes(Monitor(scene, HELD, 3)) == (0, None)
+
+
+def test_contact_forces_are_left_out_where_nothing_can_touch(scene: Scene) -> None:
+    ghosts = tuple(
+        dataclasses.replace(b, spheres=tuple(dataclasses.replace(s, collides=False) for s in b.spheres))
+        for b in scene.bodies
+    )
+    lone = dataclasses.replace(scene, bodies=(scene.bodies[0], *ghosts[1:]))
+    for changed, touching in ((scene, True), (lone, True), (dataclasses.replace(lone, obstacles=()), False)):
+        monitor = Monitor(changed, HELD, 1)
+        monitor.update(frame(changed, 0))
+        assert monitor.touching == touching
+        assert [key in statistics(monitor) for key in ("contact_force", "cell_load")] == [touching, touching]
+        assert "trap_distance" in statistics(monitor)
 
 
 def test_without_a_goal_there_are_statistics_only(scene: Scene) -> None:

@@ -71,12 +71,15 @@ def test_warnings_name_the_line_and_the_share(scene: Scene, tmp_path: Path) -> N
         out.warn("the step is coarse")
         for index in range(4):
             far = np.array([[2.5 if index == 3 else 0.5, 0.5]])
-            out.write(frame(scene, index, trap_distance=far))
+            escaped = np.array([[0.021 if index == 3 else np.nan, np.nan]])
+            out.write(frame(scene, index, trap_distance=far, escape_time=escaped))
     assert out.summary["warnings"] == [
         "the step is coarse",
         "the robot–trap distance was above its warning line of 1 µm for 12 % of the time",
-        "1 time a sphere left the reach of the trap that holds it",
+        "a trap lost the sphere that it holds: /World/Traps/left at t = 0.021 s",
     ]
+    assert out.summary["escapes"] == 1
+    assert out.summary["first_escape"] == {"trap": "/World/Traps/left", "world": 0, "time_s": 0.021}
 
 
 def test_while_it_runs_the_summary_says_so_and_an_error_becomes_its_status(scene: Scene, tmp_path: Path) -> None:

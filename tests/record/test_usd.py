@@ -13,7 +13,8 @@ from otwarp.scene import record as record_module
 from otwarp.scene.description import Scene
 from otwarp.scene.force_arrows import ARROW_SCALE, SHORTEST
 from otwarp.scene.record import CLIP_FRAMES, UsdRecording
-from tests.record.small_run import HELD, RATE, frame
+from otwarp.scene.transforms import multiply, rotation_matrix
+from tests.record.small_run import HELD, RATE, frame, write_stage
 
 UNIT = 0.5
 """µm per stage unit of the small stage."""
@@ -160,14 +161,14 @@ def test_arrows_have_the_documented_length_and_direction_and_hide_when_there_is_
     trap = stage.GetPrimAtPath("/World/Forces/trap_World_Traps_left")
     matrix = np.array(UsdGeom.XformCache(1.0).GetLocalToWorldTransform(trap)) * UNIT
     np.testing.assert_allclose(matrix[2, :3], [0.0, -0.25 * ARROW_SCALE, 0.0], atol=EXACT)
+    # the sphere that the trap holds has a radius of 1 µm; its arrow starts where the sphere ends
+    np.testing.assert_allclose(matrix[3, :3], frames[1].position[0, 0] + [0.0, -1.0, 0.0], atol=EXACT)
     assert 0.25 * ARROW_SCALE > SHORTEST
     box = UsdGeom.BBoxCache(1.0, ["guide"]).ComputeWorldBound(arrow).ComputeAlignedRange()
     assert box.GetSize()[0] * UNIT == pytest.approx((1.0 + 1.0 / RATE) * ARROW_SCALE)
 
 
 def test_parents_that_move_or_are_uneven_do_not_distort_the_recording(tmp_path: Path) -> None:
-    from tests.record.small_run import write_stage
-
     path = write_stage(tmp_path / "scene")
     text = path.read_text()
     moving = text.replace(
@@ -213,3 +214,69 @@ def test_a_run_that_dies_while_it_is_merged_still_opens(
     assert stage.GetEndTimeCode() == 59.0
     for code in CODES:
         check(stage, scene, code)
+
+
+CROWD = """    def PointInstancer "Crowd"
+    {
+        double3 xformOp:translate = (0, 40, 0)
+        double xformOp:rotateX = 30
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+        int[] protoIndices = [0, 1, 0, 0]
+        int64[] invisibleIds = [3]
+        point3f[] positions = [(0, 0, 10), (50, 0, 10), (30, 0, 10), (70, 0, 10)]
+        quath[] orientations = [(0, 0, 0, 1), (0.6, 0, 0, 0.8), (0.6, 0.8, 0, 0), (0.8, 0, 0.6, 0)]
+        rel prototypes = [</World/Crowd/Kind>, </World/Crowd/Leaf>]
+        def Xform "Kind"
+        {
+            double3 xformOp:translate = (3, 0, 1)
+            double xformOp:rotateY = 70
+            uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+            def Sphere "Cell" (prepend apiSchemas = ["OtCellAPI"])
+            {
+                double radius = 2
+                float3[] extent = [(-2, -2, -2), (2, 2, 2)]
+                double3 xformOp:translate = (0, 2, 0)
+                uniform token[] xformOpOrder = ["xformOp:translate"]
+            }
+        }
+        def Cube "Leaf"
+        {
+        }
+    }
+"""
+
+
+def test_cells_off_the_origin_of_a_turned_prototype_play_back_where_they_were(tmp_path: Path) -> None:
+    path = write_stage(tmp_path / "scene")
+    text = path.read_text()
+    old = text[text.index('    def PointInstancer "Crowd"') : text.index('    def Xform "Traps"')]
+    path.write_text(text.replace(old, CROWD))
+    scene = Scene.load(path)
+    crowd_bodies = [i for i, body in enumerate(scene.bodies) if body.instance is not None]
+    assert [scene.bodies[i].instance for i in crowd_bodies] == [0, 2]
+    start = frame(scene, 0)
+    still = np.broadcast_to([b.orientation for b in scene.bodies], start.orientation.shape)
+    about = np.array([np.sin(0.4), 0.0, 0.0, np.cos(0.4)])
+    frames = [
+        dataclasses.replace(start, orientation=still),
+        dataclasses.replace(frame(scene, 1), orientation=multiply(about, still)),
+    ]
+    record(scene, tmp_path / "run", frames).close()
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Crowd"))
+    base = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(instancer.GetPrim()))
+    cell = np.array(UsdGeom.XformCache().GetLocalTransformation(stage.GetPrimAtPath("/World/Crowd/Kind/Cell"))[0])
+    for code, item in enumerate(frames):
+        matrices = np.array(
+            instancer.ComputeInstanceTransformsAtTime(
+                code, code, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+            )
+        )
+        for body in crowd_bodies:
+            whole = cell @ matrices[scene.bodies[body].instance or 0] @ base
+            # half-precision turns (5e-4) move a centre 4.2 stage units from the origin of its instance
+            np.testing.assert_allclose(whole[3, :3] * UNIT, item.position[0, body], atol=4.2 * HALF * UNIT)
+            np.testing.assert_allclose(whole[:3, :3].T, rotation_matrix(item.orientation[0, body]), atol=2.0 * HALF)
+        turns = np.array(instancer.GetOrientationsAttr().Get(code), dtype=float)
+        # scenery and hidden instances stay as authored, (x, y, z, w)
+        np.testing.assert_allclose(turns[[1, 3]], [[0.0, 0.0, 0.8, 0.6], [0.0, 0.6, 0.0, 0.8]], atol=HALF)

@@ -295,5 +295,19 @@ def test_bad_instancers(stage_file: StageFile, capfd: pytest.CaptureFixture[str]
         ),
         ((radius, "double radius = -3\n        }"), "/World/Cells/Kind: radius = -3.0"),
         ((radius, "double ot:cell:youngModulus = 3\n        }"), "/World/Cells/Kind: ot:cell:youngModulus"),
+        (
+            (
+                'Sphere "Kind" (prepend apiSchemas = ["OtCellAPI"',
+                'Sphere "Kind" (prepend apiSchemas = ["PhysicsCollisionAPI"',
+            ),
+            "/World/Cells/Kind: apiSchemas = PhysicsCollisionAPI: must be on a cell, or outside a PointInstancer",
+        ),
+        (
+            ('PointInstancer "Cells"', 'PointInstancer "Cells" (prepend apiSchemas = ["PhysicsCollisionAPI"])'),
+            "/World/Cells: apiSchemas = PhysicsCollisionAPI: must be on prims that are obstacles",
+        ),
     ):
         assert refused(stage_file.write(good, change), capfd).startswith(expected)
+    head = '["OtCellAPI"])\n        {\n            double radius = 3\n'
+    solid = (head, head.replace('["OtCellAPI"', '["OtCellAPI", "PhysicsCollisionAPI"'))
+    assert len(stage_file.load(good, solid).bodies) == 4

@@ -10,7 +10,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.scene import Body, Obstacle, Sphere, Track
-from otwarp.scene.overlap import candidate_pairs, check_overlaps, signed_distance
+from otwarp.scene.overlap import candidate_pairs, check_overlaps, mesh_distance, signed_distance
 from otwarp.scene.transforms import rotation_matrix
 
 TURN = np.array([0.1, -0.2, 0.3, np.sqrt(1 - 0.14)])
@@ -143,3 +143,51 @@ def test_distance_agrees_with_a_sampled_surface(shape, size) -> None:
     assert np.abs(np.abs(distance) - samples.query(points)[0]).max() < resolution
     assert signed_distance(obstacle, place[None])[0] < 0.0
     assert np.any(distance > 0.0)
+
+
+def block(place: tuple[float, float, float], half: float = 5.0, *, inward: bool = False) -> Obstacle:
+    """A cube as a mesh: outward faces, every face with vertices of its own, as programs write flat shading."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float) * half
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.arange(24).reshape(6, 4)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return Obstacle(
+        prim="/M",
+        shape="mesh",
+        position=Track.constant(place),
+        orientation=Track.constant(TURN),
+        vertices=corners[np.array(faces).ravel()],
+        triangles=triangles[:, ::-1] if inward else triangles,
+    )
+
+
+def test_a_mesh_is_as_far_as_the_box_it_draws() -> None:
+    box = dataclasses.replace(block((1.0, 2.0, 3.0)), shape="box", size=(5.0, 5.0, 5.0))
+    points = np.random.default_rng(2).uniform(-12.0, 12.0, (400, 3)) + np.array([1.0, 2.0, 3.0])
+    exact = signed_distance(box, points)
+    found = mesh_distance(block((1.0, 2.0, 3.0)), points, np.full(400, 2.0))
+    assert found == pytest.approx(np.where(exact > 2.0, np.inf, np.maximum(exact, -2.0)), abs=1e-12)
+    assert (exact < -2.0).any() and (np.abs(exact) < 2.0).any()
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [((0.0, 0.0, 0.0), "2 µm"), ((4.0, 0.0, 0.0), "2 µm"), ((5.5, 0.0, 0.0), "0.5 µm"), ((6.0, 0.0, 0.0), None)],
+    ids=["deep inside", "inside", "through the surface", "outside"],
+)
+def test_a_bead_in_a_mesh_is_refused(place: tuple[float, float, float], words: str | None) -> None:
+    bead = Body(prim="/A", position=tuple(rotation_matrix(TURN) @ place), spheres=(Sphere(prim="/A/1", radius=1.0),))
+    if words is None:
+        check_overlaps("scene", [bead], [block((0.0, 0.0, 0.0))])
+        return
+    with pytest.raises(InputError, match=f"/A: overlap with /M = {words}"):
+        check_overlaps("scene", [bead], [block((0.0, 0.0, 0.0))])
+
+
+def test_a_mesh_that_faces_inwards_or_is_open_has_room_inside() -> None:
+    bead = Body(prim="/A", spheres=(Sphere(prim="/A/1", radius=1.0),))
+    check_overlaps("scene", [bead], [block((0.0, 0.0, 0.0), inward=True)])
+    whole = block((0.0, 0.0, 0.0))
+    check_overlaps("scene", [bead], [dataclasses.replace(whole, triangles=whole.triangles[1:])])
+    touching_face = dataclasses.replace(bead, position=tuple(rotation_matrix(TURN) @ (4.5, 0.0, 0.0)))
+    with pytest.raises(InputError, match=r"overlap with /M = 0\.5 µm"):
+        check_overlaps("scene", [touching_face], [block((0.0, 0.0, 0.0), inward=True)])

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from otwarp.scene.description import Flow, Medium, Scene, Settings
+from otwarp.simulation.pack_bodies import mobilities, union_volume
+from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import (
@@ -48,7 +50,8 @@ def test_terminal_velocity_and_uniform_flow(device):
     velocity = (sim.state.position.numpy()[0] - start) / sim.time
     sink = (density - Medium().density) * 4 / 3 * np.pi * STANDARD_GRAVITY / drag(1.0)
     np.testing.assert_allclose(velocity[0], [FLOW["speed"], 0.0, -sink], rtol=1e-4, atol=1e-4)
-    # the robot is heavier and larger: it moves by its own mobility, and turns by none (its weight acts at the centre)
+    # the robot is heavier and larger: it moves by its own mobility, and does not turn (its centroid lies on
+    # the vertical through its centre of diffusion)
     load = float(sim.model.data.body.weight.numpy()[1])
     expected = [FLOW["speed"], 0.0, 0.0] - load * (five_sphere_mobility().mobility / VISCOSITY)[:3, 2]
     assert sink < -expected[2]
@@ -183,3 +186,39 @@ def test_orientation_stays_a_unit_quaternion(device):
     q = sim.state.orientation.numpy().astype(float)[0, 1]
     assert np.linalg.norm(q) == pytest.approx(1.0, abs=3e-7)
     assert abs(q @ sim.model.start_orientation()[1]) < 0.999  # and it did turn
+
+
+def test_a_bottom_heavy_body_turns_until_it_hangs(device):
+    """Weight acts at the centroid: a large sphere beside a small one swings below it, at the rate arm·W·μ_r."""
+    pear = dataclasses.replace(robot("Pear", shape=(((0.0, 0, 0), 1.5), ((2.0, 0, 0), 0.7))), density=4000e-12)
+    sim = Simulation(Scene(bodies=(pear,), settings=QUIET), device=device)
+    move, load = mobilities(sim.scene)[0], float(sim.model.data.body.weight.numpy()[0])
+    arm = union_volume(pear)[1] - move.reference
+    np.testing.assert_allclose(sim.model.data.body.weight_arm.numpy()[0], arm, rtol=1e-6)
+    assert arm[0] < -0.05
+    sim.step(20)
+    axis = rotate(sim.state.orientation.numpy()[0, 0], np.array([1.0, 0.0, 0.0]))
+    # the arm lies along −x and the force along −z, so the torque is about −y: the small end rises
+    rate = load * abs(arm[0]) * move.mobility[4, 4] / VISCOSITY
+    assert axis[2] == pytest.approx(rate * sim.time, rel=1e-2)
+    sim.step(int(8.0 / rate / sim.time_step))
+    axis = rotate(sim.state.orientation.numpy()[0, 0], np.array([1.0, 0.0, 0.0]))
+    assert axis[2] > 0.99
+
+
+def test_a_sphere_without_drag_in_a_body_with_a_given_mobility(device):
+    """Bodies after it read their own couplings: in a uniform flow all drift with it."""
+    given = tuple(np.array(five_sphere_mobility().mobility).ravel())
+    first = dataclasses.replace(robot("A"), mobility=given)
+    dry = dataclasses.replace(first.spheres[1], drag=False)
+    first = dataclasses.replace(first, spheres=(first.spheres[0], dry, *first.spheres[2:]))
+    settings = dataclasses.replace(QUIET, gravity=False)
+    scene = Scene(bodies=(first, robot("B", (0, 30.0, 0))), settings=settings, flow=Flow(kind="uniform", **FLOW))
+    sim = Simulation(scene, device=device)
+    data = sim.model.data.body
+    assert data.drag_offset.shape == data.flow_coupling.shape == (9,)
+    start, q = sim.state.position.numpy().copy(), sim.state.orientation.numpy().copy()
+    sim.step(100)
+    moved = (sim.state.position.numpy() - start)[0] / sim.time
+    np.testing.assert_allclose(moved, [[FLOW["speed"], 0, 0]] * 2, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(sim.state.orientation.numpy(), q, atol=1e-5)

@@ -1,0 +1,118 @@
+"""How fast things move and turn for reasons other than traps and noise: flow, obstacles, weight, adhesion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from otwarp.hydrodynamics.mobility import BodyMobility
+from otwarp.scene.description import Obstacle, Scene
+from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound, union_volume, weight
+from otwarp.simulation.pack_traps import rotate
+from otwarp.simulation.relaxation import point_mobility
+
+
+def places(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(n, 3) where bodies start and where traps go [µm]: where things are to be expected."""
+    rows = [np.array([b.position for b in scene.bodies]).reshape(-1, 3), values["trap_position"].reshape(-1, 3)]
+    return np.concatenate([*rows, *[t.position.values for t in scene.traps]])
+
+
+def body_bound(scene: Scene) -> float:
+    """Radius about its prim's origin that holds any body [µm]."""
+    return max(float(np.linalg.norm(s.offset)) + s.radius for b in scene.bodies for s in b.spheres)
+
+
+def flow_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
+    """Fastest flow where bodies and traps are [µm/s]; a shear flow has no fastest place of its own."""
+    if scene.flow is None:
+        return 0.0
+    if scene.flow.kind != "shear":
+        return float(np.abs(values["flow_speed"]).max())
+    inverse = np.array(scene.flow.orientation) * [-1.0, -1.0, -1.0, 1.0]
+    height = np.abs(rotate(inverse, places(scene, values) - scene.flow.origin)[:, 2]).max() + body_bound(scene)
+    return float(np.abs(values["flow_shear_rate"]).max() * height)
+
+
+def trap_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
+    """Fastest motion of a focus along its time samples, no faster than its limit allows [µm/s]."""
+    limits = values["trap_speed_limit"].max(axis=0)
+    speeds = [0.0]
+    for trap, limit in zip(scene.traps, limits, strict=True):
+        times, points = trap.position.times, trap.position.values
+        if len(times) > 1:
+            fastest = float((np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(times)).max())
+            speeds.append(min(fastest, float(limit)))
+    return max(speeds)
+
+
+def obstacle_speed(obstacle: Obstacle, reached: np.ndarray) -> float:
+    """Fastest motion of a point of an obstacle's surface [µm/s]: that of its origin, and its turning times its size.
+
+    Args:
+        reached: (n, 3) where bodies are [µm]: a turning plane has no end, and counts as far as these.
+    """
+    times, points, turns = obstacle.position.times, obstacle.position.values, obstacle.orientation.values
+    if len(times) < 2:
+        return 0.0
+    arm = obstacle_bound(obstacle.shape, obstacle.size, obstacle.vertices)
+    if obstacle.shape == "plane":
+        arm = max(float(np.linalg.norm(reached - p, axis=1).max()) for p in points)
+    steps = np.diff(times)
+    # the angle from the chord, which keeps its digits for small turns
+    near = np.minimum(
+        np.linalg.norm(turns[1:] - turns[:-1], axis=1), np.linalg.norm(turns[1:] + turns[:-1], axis=1)
+    )  # fmt: skip
+    angle = 4.0 * np.arcsin(np.clip(0.5 * near, 0.0, 1.0))
+    return float(((np.linalg.norm(np.diff(points, axis=0), axis=1) + arm * angle) / steps).max())
+
+
+def prescribed_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
+    """Fastest prescribed motion: flow, traps and obstacles [µm/s]."""
+    reached = places(scene, values)
+    moving = [obstacle_speed(o, reached) for o in scene.obstacles]
+    return max(flow_speed(scene, values), trap_speed(scene, values), *moving, 0.0)
+
+
+def settling_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) -> float:
+    """Fastest sinking or rising under weight [µm/s], |W|·μ."""
+    if not scene.settings.gravity:
+        return 0.0
+    pairs = zip(scene.bodies, moves, strict=True)
+    return max(abs(weight(scene, b)) * float(np.linalg.eigvalsh(m.mobility[:3, :3])[-1]) for b, m in pairs) / viscosity
+
+
+def adhesion_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) -> float:
+    """Fastest approach under the pull-off force 2πRW [µm/s].
+
+    For two spheres R·(μ₁ + μ₂) = 1/(6πη) whatever their radii, so that of one sphere on a plane serves for all pairs.
+    """
+    work = max((b.material.adhesion for b in scene.bodies if any(s.collides for s in b.spheres)), default=0.0)
+    if work <= 0.0:
+        return 0.0
+    kinds = {(id(m), s.offset, s.radius): (m, s) for b, m in zip(scene.bodies, moves, strict=True) for s in b.spheres}
+    pulls = [s.radius * point_mobility(m, np.array(s.offset)) for m, s in kinds.values() if s.collides]
+    return 2.0 * math.pi * work * max(pulls) / viscosity
+
+
+def turning_rate(scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float) -> float:
+    """Fastest turning of a rigid body in the flow and under the torque of its weight [rad/s].
+
+    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel), and |W|·arm·μ_r.
+    """
+    rigid = [(b, m) for b, m in zip(scene.bodies, moves, strict=True) if is_rigid(b)]
+    if not rigid:
+        return 0.0
+    flow, gradient, hanging = scene.flow, 0.0, 0.0
+    if flow is not None and flow.kind == "shear":
+        gradient = float(np.abs(values["flow_shear_rate"]).max())
+    elif flow is not None and flow.kind == "poiseuille":
+        gradient = 2.0 * float(np.abs(values["flow_speed"]).max()) / flow.half_height
+    if scene.settings.gravity:
+        for body, move in rigid:
+            arm = float(np.linalg.norm(union_volume(body)[1] - move.reference))
+            turn = float(np.linalg.eigvalsh(move.mobility[3:, 3:])[-1])
+            hanging = max(hanging, abs(weight(scene, body)) * arm * turn / viscosity)
+    return gradient + hanging
