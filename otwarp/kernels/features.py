@@ -34,6 +34,8 @@ class Features:
         moving_obstacles: Some of them move.
         pairs: Bodies can touch each other.
         escapes: Traps hold spheres that can escape.
+        max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
+            thread keeps that room to itself.
     """
 
     driver: Literal["solo", "world", "grid"] = "solo"
@@ -51,6 +53,7 @@ class Features:
     moving_obstacles: bool = False
     pairs: bool = False
     escapes: bool = False
+    max_contacts: int = MAX_CONTACTS
 
     @property
     def contacts(self) -> bool:

@@ -7,7 +7,7 @@ from otwarp.kernels.contact import UNSETTLED, Contact
 from otwarp.kernels.detect import obstacle_contacts_term, pair_contacts_term
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import Fault, finite, raise_fault
-from otwarp.kernels.features import MAX_CONTACTS, Features
+from otwarp.kernels.features import Features
 from otwarp.kernels.rotation import rotate_by
 from otwarp.kernels.solve import apply_loads, solve_contacts
 from otwarp.kernels.types import ControlData, ModelData, Pose, ReadoutData, StateData
@@ -113,13 +113,13 @@ def make_world_step(f: Features) -> wp.Kernel:
             if wp.static(f.rigid):
                 rotation[b] = state.orientation[world, b]
         if wp.static(f.contacts):
-            contacts = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=Contact)
-            matrix = wp.zeros(shape=(wp.static(MAX_CONTACTS * MAX_CONTACTS),), dtype=float)
-            free = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
-            right = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
-            pivot = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=float)
-            order = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=int)
-            on = wp.zeros(shape=(wp.static(MAX_CONTACTS),), dtype=int)
+            contacts = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
+            matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
+            free = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+            on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
         for i in range(steps):
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step

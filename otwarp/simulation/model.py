@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.features import MAX_WORLD_BODIES, Features
+from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
@@ -188,6 +188,15 @@ def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
     }
 
 
+def _room_for_contacts(scene: Scene, pairs: bool) -> int:
+    """Contacts a world can have at most, as a power of two (so that similar scenes share a step), up to the limit."""
+    spheres = [sum(s.collides for s in body.spheres) for body in scene.bodies]
+    possible = sum(spheres) * len(scene.obstacles)
+    if pairs:
+        possible += (sum(spheres) ** 2 - sum(n * n for n in spheres)) // 2
+    return min(MAX_CONTACTS, 1 << max(2, (possible - 1).bit_length()))
+
+
 def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
     """The terms this scene needs."""
     bodies, traps = scene.bodies, scene.traps
@@ -219,6 +228,7 @@ def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
         moving_obstacles=bool(obstacles)
         and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
         pairs=pairs,
+        max_contacts=_room_for_contacts(scene, pairs) if driver == "world" else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
     )
 
