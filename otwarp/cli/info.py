@@ -20,10 +20,13 @@ from otwarp.cli.options import device_option, json_option, scene_argument, time_
 @json_option
 def info(scene: Path, worlds: int, time_step: float | None, device: str | None, as_json: bool) -> None:
     """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
+    from otwarp.record.capacity import check_worlds
     from otwarp.scene.description import Scene
     from otwarp.simulation.info import describe
 
-    about = describe(Scene.load(scene), worlds=worlds, time_step=time_step, device=device)
+    loaded = Scene.load(scene)
+    check_worlds(loaded, worlds, device)
+    about = describe(loaded, worlds=worlds, time_step=time_step, device=device)
     if as_json:
         click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
     else:

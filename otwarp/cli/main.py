@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import sys
+from typing import Any
 
 import click
 
 import otwarp
+from otwarp.cli.stop import Terminated, terminable
 from otwarp.errors import InputError, SimulationError
 
 COMMANDS = {
@@ -22,6 +24,11 @@ EXIT_SYSTEM = 1
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
 EXIT_INTERRUPTED = 130
+EXIT_TERMINATED = 143
+
+
+class Stopped(Exception):
+    """An interrupt on its way through click, which would print an empty line at a KeyboardInterrupt."""
 
 
 class LazyGroup(click.Group):
@@ -37,26 +44,42 @@ class LazyGroup(click.Group):
             return None
         return getattr(importlib.import_module(f"otwarp.cli.{cmd_name}"), cmd_name)
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Call the subcommand."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Stopped(error) from error
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(otwarp.__version__, prog_name="otwarp")
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Digital twin of an optical-tweezers microrobotics lab.
 
     Scenes are USD stages; lengths in their files are micrometres. Exit codes: 0 done, 1 the system would not (disk
-    full, folder gone), 2 bad input, 3 the simulation stopped because its state was no longer physical, 130 interrupted.
+    full, folder gone), 2 bad input, 3 the simulation stopped because its state was no longer physical, 130
+    interrupted, 143 terminated.
     """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code; every error is one line on standard error."""
     try:
-        result = cli.main(args=arguments, prog_name="otwarp", standalone_mode=False)
+        with terminable():
+            result = cli.main(args=arguments, prog_name="otwarp", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
         return _fail(error.format_message(), EXIT_BAD_INPUT)
@@ -67,6 +90,9 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", EXIT_SYSTEM)
+    except Stopped as error:
+        terminated = isinstance(error.__cause__, Terminated)
+        return _fail(*(("terminated", EXIT_TERMINATED) if terminated else ("interrupted", EXIT_INTERRUPTED)))
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted", EXIT_INTERRUPTED)
 

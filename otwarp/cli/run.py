@@ -13,6 +13,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from otwarp.cli import stop
 from otwarp.cli.options import (
     device_option,
     json_option,
@@ -108,10 +109,10 @@ def _refuse_with_resume(context: click.Context) -> None:
 
 
 @contextmanager
-def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None] | None]:
-    """A bar with the real-time factor on standard error, or nothing when that is not a terminal."""
+def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
+    """A bar with the real-time factor on standard error, if that is a terminal; at every frame, heed SIGTERM."""
     if not sys.stderr.isatty():
-        yield None
+        yield lambda simulated, wall: stop.check()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -125,9 +126,16 @@ def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None] | 
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("run", total=duration, speed="")
+        begins: list[float] = []
 
         def update(simulated: float, wall: float) -> None:
-            bar.update(task, completed=simulated, speed=f"{simulated / max(wall, 1e-9):.1f}× real time")
+            stop.check()
+            if not begins:
+                # a resumed run starts late: what came before took none of this wall time
+                begins.append(simulated)
+                bar.reset(task, completed=simulated, total=duration, speed="")
+                return
+            bar.update(task, completed=simulated, speed=f"{(simulated - begins[0]) / max(wall, 1e-9):.1f}× real time")
 
         yield update
 

@@ -24,7 +24,9 @@ def validate(context: click.Context, scene: Path, as_json: bool) -> int:
         click.echo(json.dumps({"scene": str(scene), "valid": report.ok, "findings": findings}, indent=2))
     else:
         for finding in report.findings:
-            click.echo(f"{finding.severity}: {finding.message}", err=finding.severity == "error")
+            click.echo(
+                f"{finding.severity}: {scene}: {finding.prim}: {finding.message}", err=finding.severity == "error"
+            )
         if report.ok:
             click.echo(f"{scene}: valid")
     return 0 if report.ok else 2

@@ -112,8 +112,10 @@ def _frames(
         progress(len(codes), len(codes))
 
 
-def _check_folder(target: str | Path) -> None:
-    """Fail before the long work on a file that can never be written."""
+def _check_file(target: str | Path, suffix: str) -> None:
+    """Fail before the long work on a file that can never be written, or whose name lies about what is in it."""
+    if Path(target).suffix.lower() != suffix:
+        raise InputError(f"{target}: suffix = {Path(target).suffix or '(none)'}, allowed {suffix}")
     folder = Path(target).absolute().parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f"{target}: cannot be written (folder {folder} is missing or not writable)")
@@ -162,10 +164,13 @@ def preview(
     """
     if out is None and movie is None:
         raise InputError("preview: neither a picture (-o FILE.png) nor a movie (--movie FILE.gif) was asked for")
+    if out is None and (frame is not None or time is not None):
+        name, value = ("frame", f"{frame}") if frame is not None else ("time", f"{time:g} s")
+        raise InputError(f"preview: {name} = {value} with a movie, which shows the whole run; allowed: with a picture")
     film = open_film(path)
-    for target in (out, movie):
+    for target, suffix in ((out, ".png"), (movie, ".gif")):
         if target is not None:
-            _check_folder(target)
+            _check_file(target, suffix)
     look = {"size": size, "camera": camera, "forces": forces, "style": style, "samples": samples, "device": device}
     if movie is not None and (film.count < 2 or most_frames < 2):
         least = min(film.count, most_frames)

@@ -12,6 +12,8 @@ at 12 random moments each, all three left readable files with every frame that h
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +29,9 @@ from otwarp.scene.description import Obstacle, Scene, Track
 LARGEST_RECORD = 2**32 - 4
 """Bytes that one variable may have per frame in this format."""
 
+
+_RECORDS_AT = 4
+"""Where the header has the number of records, behind the magic number of the format."""
 
 DRAWN_BODIES = 500
 """Up to so many bodies the file also says of which spheres each is made, for figures."""
@@ -66,6 +71,9 @@ class NetcdfRecording:
         seed: Key of the random streams.
         time_step: [s].
         frames_per_second: [1/s].
+
+    Raises:
+        OSError: The file cannot be written (here, and from `write` and `close`).
     """
 
     def __init__(
@@ -82,9 +90,16 @@ class NetcdfRecording:
     ):
         import netCDF4
 
-        self._worlds, self._frames = worlds, 0
+        self._worlds, self._frames, self._path = worlds, 0, path
         part = path.with_name(f".{path.name}.part")
         self._file = netCDF4.Dataset(part, "w", format="NETCDF3_64BIT_OFFSET")
+        with self._writing():
+            self._head(scene, monitor, total_worlds, seed, time_step, frames_per_second)
+        part.replace(path)
+
+    def _head(
+        self, scene: Scene, monitor: Monitor, total_worlds: int, seed: int, time_step: float, frames_per_second: float
+    ) -> None:
         # Records are written whole: filling them first would only double the work.
         self._file.set_fill_off()
         self._file.setncatts(
@@ -105,7 +120,29 @@ class NetcdfRecording:
         )
         self._declare(scene, monitor)
         self._file.sync()
-        part.replace(path)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Turn the library's errors into an OSError, and let go of the file."""
+        import netCDF4
+
+        try:
+            yield
+        except RuntimeError as error:
+            # After a failed write the library crashes when it closes the file, as it also would when the object is
+            # collected; marked as closed, the file is left alone, but for the number of its records.
+            netCDF4.Dataset._isopen.__set__(self._file, 0)  # type: ignore[attr-defined]
+            self._forget_record()
+            raise OSError(f"{self._path}: could not be written ({error})") from None
+
+    def _forget_record(self) -> None:
+        """Put the number of whole records into the header: the last one may have been cut off."""
+        try:
+            with self._path.open("r+b") as file:
+                file.seek(_RECORDS_AT)
+                file.write(self._frames.to_bytes(4, "big"))
+        except OSError:
+            pass  # the folder has gone, and the file with it
 
     def _declare(self, scene: Scene, monitor: Monitor) -> None:
         count = {"world": self._worlds, "body": len(scene.bodies), "trap": len(scene.traps)}
@@ -155,18 +192,24 @@ class NetcdfRecording:
 
     def write(self, frame: Frame) -> None:
         """Append one frame; it is on disk (as far as the operating system can be trusted) when this returns."""
+        if not self._path.exists():
+            raise OSError(f"{self._path}: was removed during the run")
         n, variables = self._frames, self._file.variables
-        for name in self._fields:
-            variables[name][n] = getattr(frame, name)[: self._worlds]
-        variables["step"][n] = frame.step
-        variables["time"][n] = frame.time
-        self._file.sync()
+        with self._writing():
+            for name in self._fields:
+                variables[name][n] = getattr(frame, name)[: self._worlds]
+            variables["step"][n] = frame.step
+            variables["time"][n] = frame.time
+            self._file.sync()
         self._frames = n + 1
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
         if self._file.isopen():
-            self._file.close()
+            with self._writing():
+                self._file.close()
+            if self._frames:
+                self._forget_record()  # an interrupt may have come within a frame, before its time was written
 
 
 def check_size(scene: Scene, worlds: int) -> int:

@@ -85,6 +85,8 @@ class Recorder:
         self._status, self._frames, self._closed = "running", 0, False
         self._warnings: list[str] = []
         self._netcdf: NetcdfRecording | None = None
+        self._begun = self._failed = False
+        self._made: list[Path] = []
         self.summary: dict[str, Any] = {}
         check_folder(self.folder, scene.file)
         self._usd = None
@@ -110,7 +112,12 @@ class Recorder:
     ) -> None:
         if error is not None:
             self.stop(" ".join(str(error).split()) or ("interrupted" if kind is KeyboardInterrupt else kind.__name__))  # type: ignore[union-attr]
-        self.close()
+        try:
+            self.close()
+        except OSError:
+            # what ended the run says more than what then went wrong with its files
+            if error is None:
+                raise
 
     def warn(self, text: str) -> None:
         """Put a sentence among the warnings of the summary."""
@@ -130,12 +137,19 @@ class Recorder:
         """
         if self._closed:
             raise ValueError("this recorder is closed; allowed: frames before close()")
-        if self._netcdf is None:
-            self._begin(frame)
-        else:
+        if self._frames:
             frame.check(self.scene, self._worlds)
             if frame.time <= self._last.time:
                 raise ValueError(f"frame time is {frame.time:g} s; allowed: above {self._last.time:g} s")
+        try:
+            self._write(frame)
+        except OSError:
+            self._failed = True
+            raise
+
+    def _write(self, frame: Frame) -> None:
+        if not self._begun:
+            self._begin(frame)
         assert self._netcdf is not None
         self._netcdf.write(frame)
         if self._usd is not None:
@@ -146,22 +160,53 @@ class Recorder:
             self._refresh()
 
     def close(self) -> None:
-        """Finish all files and draw the figure; safe to call twice."""
+        """Finish all files and draw the figure; without a whole frame, leave none. Safe to call twice.
+
+        Raises:
+            OSError: The disk is full, or the folder has gone; what could be finished is.
+        """
         if self._closed:
             return
         self._closed = True
-        if self._netcdf is None:
+        if not self._frames:
+            self._discard()
             return
+        assert self._netcdf is not None
+        problems: list[OSError] = []
+        for finish in (self._netcdf.close, self._usd.close if self._usd is not None else None):
+            try:
+                if finish is not None:
+                    finish()
+            except OSError as error:
+                problems.append(error)
+                self.stop(" ".join(str(error).split()))
         if self._status == "running":
             self._status = "finished"
-        self._netcdf.close()
-        if self._usd is not None:
-            self._usd.close()
-        self._refresh()
-        if self.figure:
+        try:
+            self._refresh()
+        except OSError as error:
+            problems.append(error)
+        if problems:
+            raise problems[0]
+        if self.figure and not self._failed:
             from otwarp.record.figure import draw
 
             draw(self.folder, world=min(self._usd_world or 0, self._recorded - 1))
+
+    def _discard(self) -> None:
+        """Remove what was begun for a first frame that never became whole."""
+        if not self._begun:
+            return
+        if self._netcdf is not None:
+            self._netcdf.close()
+        if self._usd is not None:
+            self._usd.abandon()
+        try:
+            _remove_run(self.folder)
+            for folder in self._made:
+                folder.rmdir()
+        except OSError:
+            pass  # the folder has gone, or somebody else has put something there
 
     def _begin(self, frame: Frame) -> None:
         """Everything that depends on the number of worlds, then the change from the earlier run to this one."""
@@ -176,6 +221,8 @@ class Recorder:
                 f"recorded worlds = {self._recorded}; allowed: at most {most} (4 GiB per variable and frame)"
             )
         self.monitor = Monitor(self.scene, self.held, self._worlds)
+        self._made = [f for f in (self.folder, *self.folder.parents) if not f.exists()]
+        self._begun = True
         self.folder.mkdir(parents=True, exist_ok=True)
         _remove_run(self.folder)
         self._started = self._refreshed = clock.perf_counter()

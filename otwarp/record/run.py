@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -11,10 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+from otwarp.record.capacity import check_worlds
 from otwarp.record.frame import Frame
-from otwarp.record.recorder import Recorder
+from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
+
+MOST_STEPS = 1e12
+"""A run of more steps is refused: at a microsecond each it takes twelve days."""
 
 
 def capture_frame(sim: Simulation) -> Frame:
@@ -82,7 +87,7 @@ def record_run(
         forces: Write force arrows into the USD recording.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; `worlds`, `seed`, `time_step` and `parameters` are then its own.
-        progress: Called with simulated time and wall time after every frame.
+        progress: Called with simulated time and wall time [s] after every frame, the first one included.
 
     Returns:
         The summary that was written to `summary.json`.
@@ -90,25 +95,23 @@ def record_run(
     Raises:
         InputError: An argument that cannot be accepted; nothing is written.
         SimulationError: The run stopped; everything up to the last good frame is on disk.
+        OSError: The disk is full, or the folder has gone.
     """
     rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+    if checkpoint is not None:
+        _check_checkpoint(Path(checkpoint), Path(folder))
     if resume is not None:
         sim = Simulation.restore(resume, scene, device=device, threads=threads)
     else:
+        check_worlds(scene, worlds, device)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
         sim = Simulation(scene, device=device, threads=threads, **about)
     _check_step(sim, rate)
+    run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
     with Recorder(
-        sim.scene,
-        Path(folder),
-        frames_per_second=rate,
-        worlds=recorded_worlds,
-        forces=forces,
-        seed=sim.model.seed,
-        time_step=sim.time_step,
-        held=sim.model.held,
+        sim.scene, Path(folder), frames_per_second=rate, worlds=recorded_worlds, forces=forces, **run
     ) as recorder:
         _frames(sim, recorder, rate, progress)
     if checkpoint is not None:
@@ -117,12 +120,45 @@ def record_run(
 
 
 def _check_step(sim: Simulation, rate: float) -> None:
-    """Refuse frames that come faster than steps, and a run that is over before its first."""
+    """Refuse frames that come faster than steps, and a run that is over before it starts or never ends."""
     if 1.0 / rate < sim.time_step:
         raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
-    duration = sim.scene.settings.duration
-    if round(duration / sim.time_step) < 1:
-        raise InputError(f"duration is {duration:g} s; allowed: at least one time step, {sim.time_step:.6g} s")
+    duration, step = sim.scene.settings.duration, sim.time_step
+    if not duration / step <= MOST_STEPS:
+        raise InputError(
+            f"duration is {duration:g} s at a time step of {step:.6g} s, {duration / step:.3g} steps; "
+            f"allowed: up to {MOST_STEPS:g} steps"
+        )
+    if round(duration / step) < 1:
+        raise InputError(f"duration is {duration:g} s; allowed: at least one time step, {step:.6g} s")
+    # as much less than a frame as frame_steps forgives
+    if duration * rate < 1.0 - 1e-9:
+        raise InputError(
+            f"duration is {duration:g} s; allowed: at least one frame, {1.0 / rate:.6g} s at {rate:g} frames per second"
+        )
+    if sim.state.step >= round(duration / step):
+        raise InputError(
+            f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is {duration:g} s; "
+            "allowed: a longer duration"
+        )
+
+
+def _check_checkpoint(path: Path, folder: Path) -> None:
+    """Find out before the run whether its end can be saved; the run's own folder is still to be made."""
+    try:
+        inside = path.absolute().parent == folder.absolute()
+        if path.is_dir():
+            raise IsADirectoryError("it is a folder")
+        if inside and path.name in FILES:
+            raise FileExistsError("it is a file of the run")
+        if path.parent.is_dir() or not inside:
+            with tempfile.TemporaryFile(dir=path.parent):
+                pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f"checkpoint = {path}: cannot be written ({reason}); allowed: a file in a writable folder"
+        ) from None
 
 
 def frame_steps(duration: float, rate: float, time_step: float, *, first: int = 0) -> Iterator[int]:
@@ -148,6 +184,8 @@ def _frames(sim: Simulation, recorder: Recorder, rate: float, progress: Callable
     """Step from frame to frame until the scene's duration."""
     started = clock.perf_counter()
     recorder.write(capture_frame(sim))
+    if progress is not None:
+        progress(sim.time, 0.0)
     for stop in frame_steps(sim.scene.settings.duration, rate, sim.time_step, first=sim.state.step):
         sim.step(stop - sim.state.step)
         recorder.write(capture_frame(sim))

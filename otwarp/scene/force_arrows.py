@@ -1,8 +1,9 @@
 """Force arrows of a recorded run: one prim per trap and per body, in world coordinates.
 
 An arrow has the length |F|·`arrow_scale` (µm per pN, also authored as `customData` of the prim above the arrows),
-points along the force on the body, and is hidden while it is too short to see. A contact arrow starts where the body's
-outline ends, a trap's where the sphere it holds ends (at its focus, if it holds none).
+points along the force on the body, and is hidden while it is too short to see. A trap's arrow starts where the sphere
+it holds ends (at its focus, if it holds none). A contact arrow starts where the part of the body that touches things
+ends: its colliding spheres that are not trapped (the dish of a robot), else its colliding spheres.
 Instances of a PointInstancer get none: ten thousand arrows say less than none.
 """
 
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, UsdGeom, Vt
 
-from otwarp.scene.description import Scene
+from otwarp.scene.description import Body, Scene, Sphere
 from otwarp.scene.recorded_prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
 from otwarp.scene.source import Source
 from otwarp.scene.transforms import rotate
@@ -46,12 +47,11 @@ class ForceArrows:
             name += "_run"
         self.root = root.AppendChild(name)
         self._bodies = [i for i, b in enumerate(scene.bodies) if b.instance is None]
+        touching = [_touching(scene.bodies[i]) for i in self._bodies]
+        self._centre = np.array([np.mean([s.offset for s in part], axis=0) for part in touching]).reshape(-1, 3)
         self._spheres = [
-            (
-                np.array([s.offset for s in scene.bodies[i].spheres]),
-                np.array([s.radius for s in scene.bodies[i].spheres]),
-            )
-            for i in self._bodies
+            (np.array([s.offset for s in part]) - centre, np.array([s.radius for s in part]))
+            for part, centre in zip(touching, self._centre, strict=True)
         ]
         self._held = [b for b, _ in held]
         spheres = [scene.bodies[b].spheres[s] if b >= 0 else None for b, s in held]
@@ -92,9 +92,11 @@ class ForceArrows:
         force = np.concatenate([frame.trap_force[world], frame.contact_force[world, self._bodies]]).astype(float)
         size = np.linalg.norm(force, axis=1)
         along = np.where(size[:, None] > 0.0, force / np.where(size > 0.0, size, 1.0)[:, None], (0.0, 0.0, 1.0))
-        tail = np.concatenate([self._held_spheres(frame, world), frame.position[world, self._bodies]]).astype(float)
+        pose = frame.orientation[world, self._bodies]
+        contact = frame.position[world, self._bodies] + rotate(pose, self._centre)
+        tail = np.concatenate([self._held_spheres(frame, world), contact]).astype(float)
         n = len(self._radius)
-        edge = np.concatenate([self._radius, self._outline(frame.orientation[world, self._bodies], along[n:])])
+        edge = np.concatenate([self._radius, self._outline(pose, along[n:])])
         tail = (tail + edge[:, None] * along) / self._unit
         length = size * self._length
         shown, length = length >= SHORTEST, np.maximum(length, SHORTEST) / self._unit
@@ -114,11 +116,17 @@ class ForceArrows:
         return np.where(np.array(self._held)[:, None] >= 0, place, frame.trap_position[world])
 
     def _outline(self, orientation: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """(n,) distance from each body's origin to where it ends in the direction of its arrow [µm]."""
+        """(n,) distance from the centre of each touching part to where it ends in the direction of its arrow [µm]."""
         out = np.zeros(len(along))
         for k, (offsets, radii) in enumerate(self._spheres):
             out[k] = (rotate(orientation[k], offsets) @ along[k] + radii).max()
         return out
+
+
+def _touching(body: Body) -> list[Sphere]:
+    """The spheres of a body that contact forces act on, as far as can be said without knowing the contact."""
+    colliding = [s for s in body.spheres if s.collides]
+    return [s for s in colliding if not s.trapped] or colliding or list(body.spheres)
 
 
 def _from_z(along: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ def read_scene(stage: Usd.Stage, *, file: str, duration: float | None = None) ->
     with quiet_usd():
         try:
             return _read(Source(stage, file), duration)
-        except Tf.ErrorException as error:  # anything else that USD finds wrong while it is read
+        except (Tf.ErrorException, UnicodeDecodeError) as error:  # anything else that USD finds wrong while it is read
             raise InputError(f"{file}: contents = {usd_reason(error)}: must be a valid stage") from None
 
 

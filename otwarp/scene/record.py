@@ -24,7 +24,8 @@ import os
 import re
 import shutil
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,7 @@ from otwarp.errors import InputError
 from otwarp.scene.description import Scene
 from otwarp.scene.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recorded_prims import BodyPoses, Instances, SampleSource, Traps, attribute
-from otwarp.scene.source import Source, open_stage
+from otwarp.scene.source import Source, open_stage, usd_reason
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame
@@ -68,6 +69,7 @@ class UsdRecording:
 
     Raises:
         InputError: The scene has no file, or the file no longer opens.
+        OSError: From its methods: the disk is full, or the folder has gone.
     """
 
     def __init__(
@@ -114,6 +116,13 @@ class UsdRecording:
         _export(manifest, self._clip_folder / "manifest.usdc")
         _export(self._still(), folder / "trajectory.usdc")
 
+    def abandon(self) -> None:
+        """Let go of the files, as they are."""
+        self._clip = None
+        if self._end is not None:
+            os.close(self._end[0])
+            self._end = None
+
     def write(self, frame: Frame) -> None:
         """Take one frame; frames come in order of time."""
         code = frame.time * self._rate
@@ -151,8 +160,14 @@ class UsdRecording:
         """Flush, and merge the clips into one trajectory unless that would take too much memory."""
         if self._clip is None:
             return
+        try:
+            with _on_disk(self._folder):
+                self._finish()
+        finally:
+            self.abandon()
+
+    def _finish(self) -> None:
         self.flush()
-        self._clip = None
         if self._frames * self._frame_size <= LARGEST_MERGE:
             merged = self._still()
             self._declare(merged)
@@ -161,9 +176,6 @@ class UsdRecording:
             _export(merged, self._folder / "trajectory.usdc")
             self._write_root(clips=False)
             shutil.rmtree(self._clip_folder)
-        if self._end is not None:
-            os.close(self._end[0])
-            self._end = None
 
     def _merge(self, merged: Sdf.Layer, clip: Sdf.Layer) -> None:
         with Sdf.ChangeBlock():
@@ -252,9 +264,17 @@ def _asset(file: Path, folder: Path) -> str:
 def _export(layer: Sdf.Layer, path: Path) -> None:
     """Write a layer beside its destination and put it there as a whole."""
     part = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
+    if not path.parent.is_dir():  # USD would make it again, without the rest of the run
+        raise OSError(f"{path.parent}: was removed during the run")
+    with _on_disk(path):
         if not layer.Export(str(part)):
             raise OSError(f"{path}: could not be written")
-    except Tf.ErrorException as error:
-        raise OSError(f"{path}: could not be written ({error})") from None
     part.replace(path)
+
+
+@contextmanager
+def _on_disk(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise OSError(f"{path}: could not be written ({usd_reason(error)})") from None

@@ -19,6 +19,9 @@ from otwarp.scene.transforms import SHEAR_TOLERANCE, decompose
 
 register()
 
+FARTHEST = 1e9
+"""Largest coordinate of anything in a scene [µm]; single precision is coarser than 60 µm there."""
+
 SCALE_TOLERANCE = 1e-6
 """Largest relative difference of the three scales of a sphere; single-precision scales reach 1e-7."""
 
@@ -52,7 +55,7 @@ def open_stage(path: Path) -> Usd.Stage:
             if known and not known.dirty:
                 known.Reload()
             stage = Usd.Stage.Open(str(path))
-        except (Tf.ErrorException, RuntimeError) as error:
+        except (Tf.ErrorException, RuntimeError, UnicodeDecodeError) as error:
             raise InputError(f"{path}: contents = {usd_reason(error)}: {allowed}, whole and valid") from None
         for error in stage.GetCompositionErrors():
             raise bad(str(path), _site(error), "composition", usd_reason(error), "a reference that resolves")
@@ -61,7 +64,10 @@ def open_stage(path: Path) -> Usd.Stage:
 
 def usd_reason(error: object) -> str:
     """USD's own account of an error as one line, without its source locations."""
-    text = str(error)
+    try:
+        text = str(error)
+    except UnicodeDecodeError as undecodable:  # it quotes the file's own bytes
+        text = bytes(undecodable.object).decode("utf-8", "replace")
     if isinstance(error, Tf.ErrorException) and "'" in text:
         text = text.split(" : '", 1)[-1].strip().splitlines()[0].rstrip("'")
     return " ".join(text.split())[:300]
@@ -125,8 +131,10 @@ class Source:
         """A length attribute of a gprim (radius, height, size) in stage units at the start.
 
         Raises:
-            InputError: Not finite, or not positive.
+            InputError: Not finite, not positive, or changing in time.
         """
+        if prim.GetAttribute(name).GetNumTimeSamples() > 0:
+            raise self.bad(prim, name, "(time samples)", "constant in time")
         value = float(prim.GetAttribute(name).Get(self.start))
         if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
             raise self.bad(prim, name, value, f"in {'(' if positive else '['}0, inf) stage units")
@@ -162,14 +170,17 @@ class Source:
         """Positions [µm], quaternions and scales [µm per local unit] of local-to-world matrices.
 
         Raises:
-            InputError: A scale of zero, or shear.
+            InputError: A scale of zero, shear, or a place beyond `FARTHEST`.
         """
         if np.any(np.linalg.norm(matrices[:, :3, :3], axis=2) == 0.0):
             raise self.bad(prim, "xformOp:scale", 0, "nonzero")
         positions, rotations, scales, shear = decompose(matrices)
         if shear.max() > SHEAR_TOLERANCE:
             raise self.bad(prim, "xformOpOrder", "a transform with shear", "translation, rotation and scale")
-        return positions * self.unit, rotations, scales * self.unit
+        places = positions * self.unit
+        if (far := np.abs(places).max(initial=0.0)) > FARTHEST:
+            raise self.bad(prim, "xformOp:translate", f"{far:g} µm from the origin", f"within {FARTHEST:g} µm of it")
+        return places, rotations, scales * self.unit
 
     def pose(self, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (3,), quaternion (4,) and scale (3,) at the start."""

@@ -228,7 +228,7 @@ def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
         moving_obstacles=bool(obstacles)
         and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
         pairs=pairs,
-        max_contacts=_room_for_contacts(scene, pairs) if driver == "world" else MAX_CONTACTS,
+        max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
     )
 

@@ -30,6 +30,12 @@ def _truncated_crate(tmp_path: Path) -> str:
     return str(path)
 
 
+def _stray_bytes(tmp_path: Path) -> str:
+    path = tmp_path / "stray.usda"
+    path.write_bytes(Path(BEAD).read_bytes().replace(b"double ot:trap:power", b"double ot:trap:po\xff\xfewer", 1))
+    return str(path)
+
+
 def _text_file(tmp_path: Path) -> str:
     path = tmp_path / "notes.usda"
     path.write_text("these are not USD\n")
@@ -74,6 +80,9 @@ CASES = {
     ),
     "negative duration": (lambda t: [BEAD, "--duration", "-1"], ["duration", "-1"]),
     "no worlds": (lambda t: [BEAD, "--worlds", "0"], ["worlds", "0", "1"]),
+    "worlds beyond memory": (lambda t: [BEAD, "--worlds", "3000000000"], ["worlds is 3000000000", "1 … ", "memory"]),
+    "trap speed beyond a step": (lambda t: [BEAD, "--trap-speed", "1e9"], ["duration is 1e-09 s", "at least one"]),
+    "not UTF-8": (lambda t: [_stray_bytes(t)], ["stray.usda", "contents", "valid"]),
     "worlds not a number": (lambda t: [BEAD, "--worlds", "many"], ["--worlds", "many"]),
     "seed out of range": (lambda t: [BEAD, "--seed", "-5"], ["seed", "-5"]),
     "unstable step": (lambda t: [BEAD, "--time-step", "1.0"], ["time step", "unstable", "below"]),
@@ -145,4 +154,7 @@ def test_unknown_command_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
 def test_validate_refuses_with_exit_code_2(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = _replaced(tmp_path, "double ot:trap:power =", "double ot:trap:powr =")
     assert main(["validate", path]) == 2
-    assert "ot:trap:powr" in capfd.readouterr().err
+    name = "ot:trap:powr = (unknown attribute): must be a name of the vocabulary; did you mean ot:trap:power?"
+    assert capfd.readouterr().err == f"error: {path}: /World/Traps/trap: {name}\n"
+    assert main(["validate", str(tmp_path / "absent.usda")]) == 2
+    assert capfd.readouterr().err.startswith(f"error: {tmp_path / 'absent.usda'}: /: file = missing: must be a USD")

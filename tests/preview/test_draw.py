@@ -180,6 +180,21 @@ def test_bad_paths(run, tmp_path):
         preview(run)
 
 
+@pytest.mark.parametrize(("out", "movie"), [("p.jpg", None), ("p", None), (None, "p.mp4"), ("p.png", "p.png")])
+def test_a_file_whose_name_says_another_format_is_refused(run, tmp_path, out, movie):
+    files = [None if name is None else tmp_path / name for name in (out, movie)]
+    with pytest.raises(InputError, match=r"p.*: suffix = .*, allowed \.(png|gif)$"):
+        preview(run, files[0], movie=files[1], **SMALL)
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("moment", [{"frame": 2}, {"time": 0.1}])
+def test_a_movie_of_one_moment_is_refused(run, tmp_path, moment):
+    with pytest.raises(InputError, match=r"preview: (frame = 2|time = 0\.1 s) with a movie"):
+        preview(run, movie=tmp_path / "a.gif", **moment, **SMALL)
+    assert not (tmp_path / "a.gif").exists()
+
+
 def test_a_still_stage_has_no_movie(tmp_path):
     stage = stages.new_stage(tmp_path / "still.usda")
     stage.Save()

@@ -140,6 +140,27 @@ def test_a_resumed_run_starts_at_its_own_time(scene: Scene, tmp_path: Path) -> N
     check(stage, scene, 41.5)
 
 
+def test_contact_arrows_start_at_the_dish_of_a_robot_and_turn_with_it(scene: Scene, tmp_path: Path) -> None:
+    handle = dataclasses.replace(scene.bodies[0].spheres[0], offset=(0.0, 0.0, 0.0), radius=1.0)
+    dish = [
+        dataclasses.replace(handle, offset=(6.0, y, 0.0), radius=0.5, trapped=False, collides=True) for y in (-1.0, 3.0)
+    ]
+    ghost = dataclasses.replace(handle, offset=(0.0, 0.0, 9.0), trapped=False, collides=False)
+    robot = dataclasses.replace(scene.bodies[0], spheres=(handle, *dish, ghost))
+    scene = dataclasses.replace(scene, bodies=(robot, *scene.bodies[1:]))
+    turned = np.array(frame(scene, 0).orientation)
+    turned[0, 0] = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
+    force = np.zeros_like(frame(scene, 0).contact_force)
+    force[0, 0] = (0.0, 0.0, 2.0)
+    item = frame(scene, 0, orientation=turned, contact_force=force)
+    record(scene, tmp_path / "run", [item], forces=True).close()
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+    arrow = stage.GetPrimAtPath("/World/Forces/contact_World_Group_left")
+    tail = np.array(UsdGeom.XformCache(0.0).GetLocalToWorldTransform(arrow))[3, :3] * UNIT
+    # centre of the dish (6, 1, 0) a quarter turn on, and up by the radius of its spheres
+    np.testing.assert_allclose(tail, item.position[0, 0] + [-1.0, 6.0, 0.5], atol=EXACT)
+
+
 def test_arrows_have_the_documented_length_and_direction_and_hide_when_there_is_no_force(
     scene: Scene, tmp_path: Path
 ) -> None:

@@ -32,6 +32,18 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
         [("ot:trap:power", "ot:trap:powr")],
         r"/World/Trap: ot:trap:powr = \(unknown attribute\): must be .*did you mean ot:trap:power\?",
     ),
+    "prefix in capitals": (
+        [("double ot:trap:power", "double OT:trap:power")],
+        r"/World/Trap: OT:trap:power = \(unknown attribute\): must be .*did you mean ot:trap:power\?",
+    ),
+    "radius that changes": (
+        [("double radius = 1.5", "double radius.timeSamples = { 0: 1.5, 60: 2 }")],
+        r"/World/Robot/Ball: radius = \(time samples\): must be constant in time",
+    ),
+    "too far away": (
+        [("translate = (10, 0, 5)", "translate = (10, -2e9, 5)")],
+        r"/World/Cell: xformOp:translate = 2e\+09 µm from the origin: must be within 1e\+09 µm of it",
+    ),
     "misspelt schema": (
         [("OtCellAPI", "OtCelAPI")],
         r"/World/Cell: apiSchemas = OtCelAPI: must be .*did you mean OtCellAPI\?",
