@@ -26,7 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "vision": ROOT | {"simulation", "hydrodynamics"},
     "ros": ROOT | {"teleop", "haptics"},
     "preview": ROOT | {"device", "scene"},
-    "record": ROOT | {"scene", "simulation"},
+    "record": ROOT | {"scene", "simulation", "device"},
     "device": {"errors"},
     "errors": set(),
     "units": set(),
