@@ -244,9 +244,9 @@ def _cost_table(found: dict[str, dict[str, Any]], bodies: int) -> Table:
         rows.append(
             (
                 term,
-                f"{f['off'].median:.1f}",
-                f"{f['on'].median:.1f}",
-                f["cost"].text("+.1f"),
+                f"{f['off'].median:.3g}",
+                f"{f['on'].median:.3g}",
+                f["cost"].text("+.3g"),
                 before if before == after else f"{before} → {after}",
                 f"{f['bytes_per_world'][1] - f['bytes_per_world'][0]:+d}",
             )
@@ -262,9 +262,9 @@ def _sum_table(sums: dict[str, dict[str, Any]]) -> Table:
     rows = [
         (
             label,
-            f["step"].text(".1f"),
-            f["cost"].text("+.1f") if f["sum_of_parts"] is not None else "",
-            f"{f['sum_of_parts']:+.1f}" if f["sum_of_parts"] is not None else "",
+            f["step"].text(".3g"),
+            f["cost"].text("+.3g") if f["sum_of_parts"] is not None else "",
+            f"{f['sum_of_parts']:+.3g}" if f["sum_of_parts"] is not None else "",
             str(f["bytes_per_world"]),
         )
         for label, f in sums.items()
@@ -281,7 +281,7 @@ def _readout_table(found: dict[str, dict[str, Any]]) -> Table:
     return Table(
         title="Trap readout, each time it is asked for [ns per body]",
         head=("scene", "traps", "cost"),
-        rows=[(labels[name], str(f["traps"]), f["cost"].text(".1f")) for name, f in found.items()],
+        rows=[(labels[name], str(f["traps"]), f["cost"].text(".3g")) for name, f in found.items()],
     )
 
 
