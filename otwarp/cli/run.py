@@ -129,6 +129,7 @@ def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
         begins: list[float] = []
 
         def update(simulated: float, wall: float) -> None:
+            """Move the bar to the simulated time."""
             stop.check()
             if not begins:
                 # a resumed run starts late: what came before took none of this wall time

@@ -90,6 +90,7 @@ def _draw(ready: Uploaded, pixels: np.ndarray, first: int, last: int, total: wp.
     listed = wp.array(pixels, dtype=int, device=device)
 
     def launch(start: int, count: int) -> None:
+        """Draw `count` of the listed pixels, from `start` on."""
         wp.launch(
             draw_pixels,
             dim=count,

@@ -53,6 +53,7 @@ def motion(source: Source, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.n
     ends = source.split(prim, source.matrices(prim, codes))
 
     def poses_at(wanted: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Poses at the wanted time codes, as `source.split` gives them."""
         matrices = source.matrices(prim, wanted.tolist())
         if matrix_ops:
             scale = ends[2][np.searchsorted(authored, wanted, side="right") - 1] / source.unit

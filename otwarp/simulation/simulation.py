@@ -132,7 +132,8 @@ class Simulation:
                 rows[name] = self._state_rows(name, np.asarray(values, dtype=float), width)
         for name, values in rows.items():
             getattr(self.state, name).assign(values.astype(np.float32))
-        self._stepper.place()
+        if isinstance(self._stepper, GridStepper):
+            self._stepper.place()
         self._measured_at = None
 
     def _state_rows(self, name: str, values: np.ndarray, width: int) -> np.ndarray:

@@ -64,9 +64,6 @@ class FusedStepper:
             device=self.model.device,
         )
 
-    def place(self) -> None:
-        """Take note of bodies that were put elsewhere: nothing is kept of where they were."""
-
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
         state, control, readout = self.parts
