@@ -17,6 +17,7 @@ COMMANDS = {
     "info": "Say what a scene holds, how it will be stepped, and why.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
+    "forces": "Evaluate the optical force on a sphere exactly.",
 }
 """Subcommands and their one-line help; each lives in the module of its name and is imported when called."""
 

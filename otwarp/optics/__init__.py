@@ -1,0 +1,25 @@
+"""Optical forces: beams as angular spectra, Mie scattering, exact forces, and fits of their curves.
+
+Float64 NumPy throughout. Nothing here knows a scene.
+"""
+
+from otwarp.optics.analysis import TrapProperties, stiffness, trap_properties
+from otwarp.optics.beam import Beam
+from otwarp.optics.exact import Evaluation, evaluate, force
+from otwarp.optics.fit import CurveFit, PiecewiseLaw, fit_harmonic, fit_piecewise
+from otwarp.optics.mie import Sphere
+
+__all__ = [
+    "Beam",
+    "CurveFit",
+    "Evaluation",
+    "PiecewiseLaw",
+    "Sphere",
+    "TrapProperties",
+    "evaluate",
+    "fit_harmonic",
+    "fit_piecewise",
+    "force",
+    "stiffness",
+    "trap_properties",
+]

@@ -1,0 +1,60 @@
+"""Point sets and forces as CSV files with columns x_um,y_um,z_um and Qx,Qy,Qz."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from otwarp.errors import InputError
+
+POINT_COLUMNS = ("x_um", "y_um", "z_um")
+FORCE_COLUMNS = ("Qx", "Qy", "Qz")
+
+
+def read_points(path: Path) -> np.ndarray:
+    """Read sphere centres relative to the focus, (n, 3) µm; other columns are ignored.
+
+    Raises:
+        InputError: No such file, a missing column, or an entry that is not a finite number.
+    """
+    try:
+        with path.open(newline="") as file:
+            reader = csv.DictReader(file)
+            missing = [c for c in POINT_COLUMNS if c not in (reader.fieldnames or [])]
+            if missing:
+                raise InputError(f"{path}: column {missing[0]} is missing; allowed: {', '.join(POINT_COLUMNS)}")
+            rows = [[_number(path, reader.line_num, c, row[c]) for c in POINT_COLUMNS] for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "not a CSV file"
+        raise InputError(f"points file {path} cannot be read: {reason}") from error
+    return np.array(rows, dtype=float).reshape(-1, 3)
+
+
+def _number(path: Path, line: int, column: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise InputError(f"{path}: line {line}, column {column} is {text!r}; allowed: a finite number")
+    return value
+
+
+def write_forces(path: Path, points: np.ndarray, force: np.ndarray) -> None:
+    """Write points and forces with all digits, to a temporary file that then takes the name.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([*POINT_COLUMNS, *FORCE_COLUMNS])
+            writer.writerows([[repr(float(v)) for v in (*p, *q)] for p, q in zip(points, force, strict=True)])
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"forces file {path} cannot be written: {error.strerror}") from error
