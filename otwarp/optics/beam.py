@@ -1,8 +1,8 @@
 """Focused beams as angular spectra of plane waves.
 
 E(r) = ∫ a(s) exp(i k s·r) dΩ with k = 2π n/λ, over directions s = (sin t cos p, sin t sin p, cos t); the focus is at
-the origin and the beam travels along +z. A pupil field with Jones vector (Eₓ, E_y) gives, by the rotation of Richards and
-Wolf (1959, doi:10.1098/rspa.1959.0200),
+the origin and the beam travels along +z. A pupil field with Jones vector (Eₓ, E_y) gives, by the rotation of Richards
+and Wolf (1959, doi:10.1098/rspa.1959.0200),
 a(s) = A(t) exp(iℓp) [(Eₓ cos p + E_y sin p) t̂ + (−Eₓ sin p + E_y cos p) p̂].
 The kinds of beam differ in A(t) alone.
 """
