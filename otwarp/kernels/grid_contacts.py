@@ -72,6 +72,14 @@ def insert_sorted(near: wp.array(dtype=wp.int32), found: int, value: int):
     near[k] = value
 
 
+@wp.func
+def overlap_of(model: ModelData, grid: GridData, world: int, i: int, j: int) -> float:
+    """Overlap of two spheres of a world [µm]."""
+    spheres = model.contact.sphere.shape[0]
+    way = grid.centre[world * spheres + i] - grid.centre[world * spheres + j]
+    return model.contact.sphere[i][3] + model.contact.sphere[j][3] - wp.length(way)
+
+
 def neighbour_term(f: Features) -> wp.Function:
     """`(model, state, readout, grid, table, world, a, pose, count, step) -> count` of contacts with other bodies.
 
@@ -79,13 +87,6 @@ def neighbour_term(f: Features) -> wp.Function:
     """
     touch = touch_term(f)
     body_pose = body_pose_term(f)
-
-    @wp.func
-    def overlap_of(model: ModelData, grid: GridData, world: int, i: int, j: int) -> float:
-        """Overlap of two spheres of a world [µm]."""
-        spheres = model.contact.sphere.shape[0]
-        way = grid.centre[world * spheres + i] - grid.centre[world * spheres + j]
-        return model.contact.sphere[i][3] + model.contact.sphere[j][3] - wp.length(way)
 
     @wp.func
     def contact_of(
@@ -282,11 +283,10 @@ def gap_error(c: Contact, start: float, wanted: float) -> float:
     return error
 
 
-def make_relax(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of the bodies): one sweep, and the contact readout.
+def relax_body_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, before, after, sweep, world, a)`: one sweep over the contacts of one body.
 
-    Both partners compute the same λ from the same numbers, so the third law holds to rounding. A lone contact is
-    solved by the first sweep. The momentum of each contact is that of its own condition 1 + crowding·k·give.
+    The momentum of each contact is that of its own condition 1 + crowding·k·give.
     """
     opening = opening_term(f)
 
@@ -338,6 +338,17 @@ def make_relax(f: Features) -> wp.Kernel:
             after.angular[world, a] = angular
         readout.contact_force[world, a] = force
         readout.contact_load[world, a] = total
+
+    return relax_body
+
+
+def make_relax(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of the bodies): one sweep, and the contact readout.
+
+    Both partners compute the same λ from the same numbers, so the third law holds to rounding. A lone contact is
+    solved by the first sweep.
+    """
+    relax_body = relax_body_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def relax(

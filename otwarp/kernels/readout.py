@@ -23,10 +23,8 @@ class TrapReadoutData:
     hand_force: wp.array2d(dtype=wp.vec3)  # (W, 2) sum over the traps of the left and the right hand [pN]
 
 
-def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
-    """Kernels over (world, trap), (world, sphere) and (world, hand), to be launched in this order."""
-    trap_command = trap_command_term(f)
-    trap_force = trap_force_term(f.trap_models)
+def sphere_position_term(f: Features) -> wp.Function:
+    """`(model, state, world, b, offset) -> position` of a sphere of a body [µm]."""
 
     @wp.func
     def sphere_position(model: ModelData, state: StateData, world: int, b: int, offset: wp.vec3) -> wp.vec3:
@@ -35,6 +33,15 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         if wp.static(f.rigid):
             rotation = state.orientation[world, b]
         return state.position[world, b] + wp.quat_rotate(rotation, offset)
+
+    return sphere_position
+
+
+def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
+    """Kernels over (world, trap), (world, sphere) and (world, hand), to be launched in this order."""
+    trap_command = trap_command_term(f)
+    trap_force = trap_force_term(f.trap_models)
+    sphere_position = sphere_position_term(f)
 
     @wp.func
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:

@@ -83,12 +83,43 @@ def all_good(
     return good
 
 
+def take_moves_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, position, rotation, linear, angular, step)`: arrive at `step`."""
+    note_escapes = escape_term(f) if f.escapes else None
+
+    @wp.func
+    def take_moves(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        world: int,
+        position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat),
+        linear: wp.array(dtype=wp.vec3),
+        angular: wp.array(dtype=wp.vec3),
+        step: wp.int64,
+    ):
+        """Move and turn every body, and note what its traps have lost."""
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            position[b] = position[b] + linear[b]
+            if wp.static(f.rigid):
+                rotation[b] = rotate_by(rotation[b], angular[b])
+            if wp.static(f.escapes):
+                time = wp.float64(step) * model.time_step
+                pose = Pose(position[b], rotation[b])
+                note_escapes(model, control, state, readout, world, b, pose, step, time)
+
+    return take_moves
+
+
 def make_world_step(f: Features) -> wp.Kernel:
     """Step for a few bodies that may touch: one thread per world, state in local arrays for all `steps`."""
     free_move = free_move_term(f)
     move_trap = move_trap_term(f) if f.speed_limits else None
     find_contacts = find_contacts_term(f) if f.contacts else None
-    note_escapes = escape_term(f) if f.escapes else None
+    take_moves = take_moves_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def world_step(
@@ -140,14 +171,7 @@ def make_world_step(f: Features) -> wp.Kernel:
                     report_contacts(readout, world, bodies, contacts, count)
             if not all_good(readout, world, bodies, position, linear, angular, step):
                 break
-            after = time + model.time_step
-            for b in range(bodies):
-                position[b] = position[b] + linear[b]
-                if wp.static(f.rigid):
-                    rotation[b] = rotate_by(rotation[b], angular[b])
-                if wp.static(f.escapes):
-                    pose = Pose(position[b], rotation[b])
-                    note_escapes(model, control, state, readout, world, b, pose, step + wp.int64(1), after)
+            take_moves(model, control, state, readout, world, position, rotation, linear, angular, step + wp.int64(1))
         for b in range(bodies):
             state.position[world, b] = position[b]
             if wp.static(f.rigid):

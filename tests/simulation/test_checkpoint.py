@@ -81,7 +81,7 @@ def saved(tmp_path, device) -> Path:
     return sim.save(tmp_path / "bead.npz")
 
 
-def refused(path: Path, match: str) -> None:
+def check_refused(path: Path, match: str) -> None:
     with pytest.raises(InputError, match=match) as error:
         Simulation.restore(path, device="cpu")
     assert "\n" not in str(error.value)
@@ -107,7 +107,7 @@ def test_good_checkpoint_restores(saved):
 def test_truncated_files(saved, cut):
     whole = saved.read_bytes()
     saved.write_bytes(whole[: int(cut if cut >= 1 else cut * len(whole))])
-    refused(saved, "is not a readable otwarp checkpoint")
+    check_refused(saved, "is not a readable otwarp checkpoint")
 
 
 def test_flipped_bits(saved):
@@ -115,30 +115,30 @@ def test_flipped_bits(saved):
     at = whole.index(b"state.position.npy") + 160
     whole[at] ^= 0xFF
     saved.write_bytes(bytes(whole))
-    refused(saved, "is not a readable otwarp checkpoint")
+    check_refused(saved, "is not a readable otwarp checkpoint")
 
 
 def test_foreign_files(tmp_path, saved):
     text = tmp_path / "notes.npz"
     text.write_text("not an archive")
-    refused(text, "is not a readable otwarp checkpoint")
+    check_refused(text, "is not a readable otwarp checkpoint")
     np.save(tmp_path / "plain.npy", np.ones(3))
-    refused(tmp_path / "plain.npy", "is not a readable otwarp checkpoint")
+    check_refused(tmp_path / "plain.npy", "is not a readable otwarp checkpoint")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
-    refused(tmp_path / "other.npz", "is not a readable otwarp checkpoint.*about")
+    check_refused(tmp_path / "other.npz", "is not a readable otwarp checkpoint.*about")
     np.savez(tmp_path / "listed.npz", about=np.array("[1, 2]"))
-    refused(tmp_path / "listed.npz", "is not a readable otwarp checkpoint")
-    refused(tmp_path / "absent.npz", "No such file")
-    refused(tmp_path, "cannot be read")
+    check_refused(tmp_path / "listed.npz", "is not a readable otwarp checkpoint")
+    check_refused(tmp_path / "absent.npz", "No such file")
+    check_refused(tmp_path, "cannot be read")
 
 
 def test_incomplete_checkpoints(saved):
     rewrite(saved, about={"format": 99})
-    refused(saved, "has checkpoint format 99; allowed: 1")
+    check_refused(saved, "has checkpoint format 99; allowed: 1")
     rewrite(saved, about={"format": 1}, **{"state.position": np.zeros((5, 1, 3), dtype=np.float32)})
-    refused(saved, r"state\.position is missing or misshapen")
+    check_refused(saved, r"state\.position is missing or misshapen")
     rewrite(saved, drop=("state.position",))
-    refused(saved, r"state\.position is missing or misshapen")
+    check_refused(saved, r"state\.position is missing or misshapen")
 
 
 def test_changed_scenes(saved):
@@ -146,9 +146,9 @@ def test_changed_scenes(saved):
     text = stage.read_text()
     assert "ot:trap:power = 0.02" in text
     stage.write_text(text.replace("ot:trap:power = 0.02", "ot:trap:power = 0.021"))
-    refused(saved, r"bead\.usda (differs|has changed)")
+    check_refused(saved, r"bead\.usda (differs|has changed)")
     stage.unlink()
-    refused(saved, r"bead\.usda")
+    check_refused(saved, r"bead\.usda")
 
 
 def test_only_scenes_from_files_can_be_saved(tmp_path, device):
