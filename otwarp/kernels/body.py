@@ -60,7 +60,8 @@ def trap_wrench_term(f: Features) -> wp.Function:
             anchor = wp.vec3(command[0], command[1], command[2])
             anchor += model.traps.equilibrium[trap] * model.traps.axis[trap]
             radius = model.body.trapped[element][3]
-            force = command[3] * trap_force(model.traps, world, trap, pose.position - anchor, radius)
+            kind = model.body.trapped_kind[element]
+            force = command[3] * trap_force(model.traps, world, trap, pose.position - anchor, radius, kind)
         return Wrench(force, wp.vec3(0.0))
 
     @wp.func
@@ -81,7 +82,8 @@ def trap_wrench_term(f: Features) -> wp.Function:
                 sphere = model.body.trapped[element]
                 arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
                 displacement = pose.position + arm - anchor
-                force = command[3] * trap_force(model.traps, world, trap, displacement, sphere[3])
+                kind = model.body.trapped_kind[element]
+                force = command[3] * trap_force(model.traps, world, trap, displacement, sphere[3], kind)
                 total.force += force
                 total.torque += wp.cross(arm, force)
         return total

@@ -1,12 +1,13 @@
 """Optical traps: where they are, and the force each exerts on a sphere.
 
-A force term has the signature `(traps, world, trap, displacement, radius) -> force per mW`, with `displacement` the
-vector from the trap's equilibrium point to the sphere's centre. A new model is one function and one line of
-`TRAP_TERMS`.
+A force term has the signature `(traps, world, trap, displacement, radius, kind) -> force per mW`, with `displacement`
+the vector from the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is
+one function and one line of `TRAP_TERMS`.
 """
 
 import warp as wp
 
+from otwarp.kernels.force_table import table_term
 from otwarp.kernels.keyframes import find_key, key_weight
 from otwarp.kernels.types import ControlData, TrapData, world_row
 
@@ -44,7 +45,9 @@ def law_scale(traps: TrapData, trap: int, radius: float) -> float:
 
 
 @wp.func
-def harmonic_isotropic(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+def harmonic_isotropic(
+    traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int
+) -> wp.vec3:
     """F = −K·d per mW inside the cutoff, equal in all directions."""
     s = law_scale(traps, trap, radius)
     k = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
@@ -53,7 +56,7 @@ def harmonic_isotropic(traps: TrapData, world: int, trap: int, displacement: wp.
 
 
 @wp.func
-def harmonic_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+def harmonic_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
     """F = −K_r·ρ − K_z·z per mW, each inside its own cutoff."""
     s = law_scale(traps, trap, radius)
     axis = traps.axis[trap]
@@ -73,7 +76,9 @@ def harmonic_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3
 
 
 @wp.func
-def piecewise_isotropic(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+def piecewise_isotropic(
+    traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int
+) -> wp.vec3:
     """The paper's eq. 1, directed to the trap and equal in all directions, per mW."""
     s = law_scale(traps, trap, radius)
     ratio = piecewise_ratio(
@@ -88,7 +93,7 @@ def piecewise_isotropic(traps: TrapData, world: int, trap: int, displacement: wp
 
 
 @wp.func
-def piecewise_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+def piecewise_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
     """Eq. 1 with separate curves across and along the beam, per mW; zero beyond the larger cutoff."""
     s = law_scale(traps, trap, radius)
     axis = traps.axis[trap]
@@ -119,11 +124,38 @@ def piecewise_split(traps: TrapData, world: int, trap: int, displacement: wp.vec
     return force
 
 
+def tabulated_term(interpolation: str, layers: int) -> wp.Function:
+    """The table of the trap's beam and the sphere's kind, with z measured from the focus along the beam."""
+    force_at = table_term(interpolation, layers)
+
+    @wp.func
+    def tabulated(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+        """Into the beam's frame, which is the world's up to a rotation, and back."""
+        axis = traps.axis[trap]
+        side = traps.side[trap]
+        up = wp.cross(axis, side)
+        z = wp.dot(displacement, axis) + traps.equilibrium[trap]
+        x = wp.dot(displacement, side)
+        y = wp.dot(displacement, up)
+        f = force_at(traps.tables, traps.table[trap, kind], x, y, z)
+        return f[0] * side + f[1] * up + f[2] * axis
+
+    return tabulated
+
+
+LAYER_NAMES = {1: "", 2: "_polarized", 3: "_vortex"}
+"""What the key of a table's term says about its layers."""
+
 TRAP_TERMS: dict[str, tuple[int, wp.Function]] = {
     "harmonic_isotropic": (0, harmonic_isotropic),
     "harmonic_split": (1, harmonic_split),
     "piecewise_isotropic": (2, piecewise_isotropic),
     "piecewise_split": (3, piecewise_split),
+    **{
+        f"table_{interpolation}{name}": (4 + 3 * cubic + layers - 1, tabulated_term(interpolation, layers))
+        for cubic, interpolation in enumerate(("bilinear", "bicubic"))
+        for layers, name in LAYER_NAMES.items()
+    },
 }
 """Force models by name: the key stored in `TrapData.model`, and the term."""
 
@@ -136,13 +168,13 @@ def trap_force_term(models: tuple[str, ...]) -> wp.Function:
     rest = trap_force_term(models[1:])
 
     @wp.func
-    def either(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float) -> wp.vec3:
+    def either(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
         """This model, or one of the rest."""
         force = wp.vec3(0.0)
         if traps.model[trap] == wp.static(key):
-            force = head(traps, world, trap, displacement, radius)
+            force = head(traps, world, trap, displacement, radius, kind)
         else:
-            force = rest(traps, world, trap, displacement, radius)
+            force = rest(traps, world, trap, displacement, radius, kind)
         return force
 
     return either

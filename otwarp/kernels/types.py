@@ -6,6 +6,8 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 
 import warp as wp
 
+from otwarp.kernels.force_table import ForceTableData
+
 vec4 = wp.vec4
 mat66 = wp.types.matrix(shape=(6, 6), dtype=wp.float32)
 vec6 = wp.types.vector(length=6, dtype=wp.float32)
@@ -25,6 +27,9 @@ class TrapData:
 
     model: wp.array(dtype=wp.int32)  # (T) key of kernels.traps.TRAP_TERMS
     axis: wp.array(dtype=wp.vec3)  # (T) beam direction
+    side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
+    table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
+    tables: ForceTableData
     equilibrium: wp.array(dtype=wp.float32)  # (T) along the axis, from the focus [µm]
     law_radius: wp.array(dtype=wp.float32)  # (T) sphere radius the law holds for [µm], 0: any
     stiffness: wp.array2d(dtype=wp.float32)  # (1|W, T) radial or isotropic K [pN/µm/mW]
@@ -62,6 +67,7 @@ class BodyData:
     largest: wp.array(dtype=wp.float32)  # (B) radius of the largest trapped sphere [µm]
     trapped_start: wp.array(dtype=wp.int32)  # (B + 1)
     trapped: wp.array(dtype=wp.vec4)  # (S) offset and radius of the spheres that traps act on
+    trapped_kind: wp.array(dtype=wp.int32)  # (S) optical kind: spheres of equal radius and index
     drag_start: wp.array(dtype=wp.int32)  # (B + 1), filled when there is flow
     drag_offset: wp.array(dtype=wp.vec3)  # spheres that couple to the flow
     flow_coupling: wp.array(dtype=mat66)  # their share of the body's velocity, body frame

@@ -1,4 +1,4 @@
-"""Optical forces: beams as angular spectra, Mie scattering, exact forces, and fits of their curves.
+"""Optical forces: beams as angular spectra, Mie scattering, exact forces, their tables, and fits of their curves.
 
 Float64 NumPy throughout. Nothing here knows a scene.
 """
@@ -8,11 +8,13 @@ from otwarp.optics.beam import Beam
 from otwarp.optics.exact import Evaluation, evaluate, force
 from otwarp.optics.fit import CurveFit, PiecewiseLaw, fit_harmonic, fit_piecewise
 from otwarp.optics.mie import Sphere
+from otwarp.optics.table import ForceTable
 
 __all__ = [
     "Beam",
     "CurveFit",
     "Evaluation",
+    "ForceTable",
     "PiecewiseLaw",
     "Sphere",
     "TrapProperties",

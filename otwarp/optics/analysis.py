@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,11 @@ STEP = 0.01
 """Largest step of the central differences [µm]; Richardson extrapolation with half of it."""
 
 
+ESCAPED = 0.05
+"""Fraction of the largest restoring force below which a sphere counts as escaped: far from a beam a weak pull may last
+for many micrometres without holding anything against thermal motion."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrapProperties:
     """Properties of a trap for one sphere, at the beam's power.
@@ -25,6 +31,8 @@ class TrapProperties:
         others: Other stable points on the axis [µm].
         stiffness: −dF/dx along x, y and z at the equilibrium [pN/µm].
         escape_force: Largest restoring force on the ways out along x, y, and up and down the beam [pN].
+        escape_distance: How far from the equilibrium these ways pull back with less than `ESCAPED` of their largest
+            force [µm], for good or up to the next well.
         depth: Least work to pull the sphere out along one of these ways [pN·µm].
     """
 
@@ -32,6 +40,7 @@ class TrapProperties:
     others: tuple[float, ...]
     stiffness: tuple[float, float, float]
     escape_force: tuple[float, float, float, float]
+    escape_distance: tuple[float, float, float, float]
     depth: float
 
 
@@ -66,12 +75,13 @@ def trap_properties(beam: Beam, sphere: Sphere) -> TrapProperties:
             "beam; allowed: a higher numerical aperture or a lower index contrast"
         )
     point = np.array([0.0, 0.0, stable[0]])
-    escapes, works = zip(*(_way_out(beam, sphere, point, np.array(d)) for d in _WAYS), strict=True)
+    escapes, ends, works = zip(*(_way_out(beam, sphere, point, np.array(d)) for d in _WAYS), strict=True)
     return TrapProperties(
         equilibrium=stable[0],
         others=stable[1:],
         stiffness=stiffness(beam, sphere, point),
         escape_force=escapes,
+        escape_distance=ends,
         depth=min(works),
     )
 
@@ -95,12 +105,15 @@ def stiffness(beam: Beam, sphere: Sphere, point: np.ndarray) -> tuple[float, flo
     return out[0], out[1], out[2]
 
 
-def _way_out(beam: Beam, sphere: Sphere, start: np.ndarray, direction: np.ndarray) -> tuple[float, float]:
-    """Largest restoring force [pN] on a straight way out, and the work up to where it vanishes [pN·µm]."""
+def _way_out(beam: Beam, sphere: Sphere, start: np.ndarray, direction: np.ndarray) -> tuple[float, float, float]:
+    """Largest restoring force [pN] on a straight way out, where it ends [µm], and the work up to there [pN·µm]."""
     reach = 3.0 * sphere.radius + 4.0 * beam.wavelength
     distance = np.linspace(0.0, reach, 241)
     pull = -beam.force_scale * force(beam, sphere, start + distance[:, None] * direction) @ direction
     turns = np.flatnonzero((pull[1:-1] > 0.0) & (pull[2:] <= 0.0))
     end = turns[0] + 2 if len(turns) else len(distance)
     inside = pull[:end]
-    return float(inside.max()), float(np.trapezoid(np.maximum(inside, 0.0), distance[:end]))
+    largest = int(np.argmax(inside))
+    weak = np.flatnonzero(inside[largest:] < ESCAPED * inside[largest])
+    last = float(distance[largest + weak[0]]) if len(weak) else math.inf
+    return float(inside.max()), last, float(np.trapezoid(np.maximum(inside, 0.0), distance[:end]))

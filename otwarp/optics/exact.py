@@ -44,18 +44,24 @@ class Evaluation:
     error: float
 
 
-def force(beam: Beam, sphere: Sphere, points: np.ndarray) -> np.ndarray:
-    """Dimensionless force Q (n, 3) at sphere centres `points` (n, 3) relative to the focus [µm]; see `evaluate`."""
+def force(beam: Beam, sphere: Sphere, points: np.ndarray, *, device: str | None = None) -> np.ndarray:
+    """Dimensionless force Q (n, 3) at sphere centres `points` (n, 3) relative to the focus [µm].
+
+    NumPy computes it as `evaluate` does; with the name of a Warp device its float64 kernel does, without an error
+    estimate but faster: see `otwarp.optics.batched`.
+
+    Raises:
+        InputError: As `evaluate`, or no such device.
+    """
+    if device is not None:
+        from otwarp.optics.batched import batched_force
+
+        return batched_force(beam, sphere, points, device=device)
     return evaluate(beam, sphere, points).force
 
 
-def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
-    """Force, torque and absorption with an error estimate.
-
-    Args:
-        beam: The incident beam.
-        sphere: The sphere.
-        points: (n, 3) centres of the sphere relative to the focus [µm].
+def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.ndarray, int]:
+    """Points as a float array (n, 3), and the highest multipole order that the sphere scatters.
 
     Raises:
         InputError: Points of the wrong shape or not finite, or a sphere too large to converge.
@@ -70,7 +76,21 @@ def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
     if size > LARGEST_SIZE:
         limit = LARGEST_SIZE / beam.wavenumber
         raise InputError(f"sphere radius is {sphere.radius:g} µm; allowed: up to {limit:.3g} µm at this wavelength")
-    orders = highest_order(size)
+    return places, highest_order(size)
+
+
+def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
+    """Force, torque and absorption with an error estimate.
+
+    Args:
+        beam: The incident beam.
+        sphere: The sphere.
+        points: (n, 3) centres of the sphere relative to the focus [µm].
+
+    Raises:
+        InputError: Points of the wrong shape or not finite, or a sphere too large to converge.
+    """
+    places, orders = checked_points(beam, sphere, points)
     if len(places) == 0:
         return Evaluation(force=np.zeros((0, 3)), torque=np.zeros((0, 3)), absorbed=np.zeros(0), error=0.0)
     extent = beam.wavenumber * np.linalg.norm(places, axis=1)
@@ -82,7 +102,7 @@ def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
     while start < len(places):
         count = _batch(orders)
         chosen = order_of[start : start + count]
-        nodes = _nodes(orders, float(extent[chosen[-1]]))
+        nodes = quadrature_nodes(orders, float(extent[chosen[-1]]))
         result[chosen] = _act(beam, sphere, places[chosen], orders, nodes)
         probe = chosen[[0, len(chosen) // 2, -1]]
         finer = _act(beam, sphere, places[probe], orders + 4, int(1.35 * nodes) + 12)
@@ -96,7 +116,7 @@ def _batch(orders: int) -> int:
     return max(8, int(BATCH_BYTES / (16 * 8 * (2 * orders + 3) * (orders + 2))))
 
 
-def _nodes(orders: int, extent: float) -> int:
+def quadrature_nodes(orders: int, extent: float) -> int:
     """Quadrature nodes that resolve the multipoles and the phase of a point at k·distance `extent`."""
     return 48 + int(0.7 * (orders + extent))
 

@@ -55,7 +55,7 @@ def bessel_j(orders: int, x: np.ndarray) -> np.ndarray:
     """
     top = float(np.max(x, initial=0.0))
     start = 2 * (int(max(orders, top) + 12.0 * max(orders, top, 1.0) ** (1.0 / 3.0)) // 2) + 16
-    safe = np.maximum(x, 1e-8)
+    safe = np.maximum(x, 1e-14)
     above, here = np.zeros_like(safe), np.full_like(safe, 1e-300)
     total = np.zeros_like(safe)
     out = np.empty((orders + 1, *x.shape))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import operator
 from collections.abc import Mapping
 from decimal import Decimal
 from typing import Any
@@ -154,23 +155,26 @@ def check_value(file: str, path: object, name: str, attribute: Attribute, value:
     """
     if attribute.usd_type == "double[]":
         good = len(value) in (0, 36) and all(math.isfinite(v) for v in value)
-    elif attribute.usd_type == "double":
+    elif attribute.number:
         good = attribute.low <= value <= attribute.high  # False for NaN
         good = good and not (attribute.low_open and value == attribute.low)
         good = good and not (attribute.high_open and value == attribute.high)
         good = good and (math.isfinite(value) or (attribute.infinite and value > 0.0))
+        good = good or (attribute.zero and value == 0.0)
     else:
         good = not attribute.allowed or value in attribute.allowed
     if not good:
-        unit = "" if attribute.usd_type != "double" else _si_suffix(attribute)
-        raise bad(file, path, name, value, f"in {attribute.range_text()}{unit}" if unit else attribute.range_text())
+        raise bad(file, path, name, value, _allowed(attribute))
 
 
-def _si_suffix(attribute: Attribute) -> str:
+def _allowed(attribute: Attribute) -> str:
     from otwarp.scene.schema import unit_text
 
+    if not attribute.number:
+        return attribute.range_text()
+    lead = "" if attribute.zero else "a whole number in " if attribute.usd_type == "int" else "in "
     unit = unit_text(attribute)
-    return f" {unit}" if unit != "1" else " "
+    return f"{lead}{attribute.range_text()}{'' if unit == '1' else f' {unit}'}"
 
 
 def author_values(
@@ -180,6 +184,9 @@ def author_values(
 
     `values` maps fields to internal units (to USD units with `si`); a relationship takes a list of paths and is
     authored only when there is one.
+
+    Raises:
+        InputError: A value that USD would round to a whole number, or could not hold.
     """
     prim.AddAppliedSchema(f"{schema.name}:{instance}" if instance else schema.name)
     for attribute in schema.attributes:
@@ -191,4 +198,16 @@ def author_values(
             continue
         if attribute.usd_type == "double" and not si:
             value = authored(value, attribute.dimension)
+        if attribute.usd_type == "int":
+            value = _whole(prim, name, attribute, value)
         prim.CreateAttribute(name, Sdf.ValueTypeNames.Find(attribute.usd_type), False).Set(value)
+
+
+def _whole(prim: Usd.Prim, name: str, attribute: Attribute, value: Any) -> int:
+    # USD cuts 1.5 down to 1 without a word, and fails on what is beyond 32 bits.
+    try:
+        whole = operator.index(value)
+    except TypeError:
+        raise bad("SceneBuilder", prim.GetPath(), name, value, _allowed(attribute)) from None
+    check_value("SceneBuilder", prim.GetPath(), name, attribute, whole)
+    return whole

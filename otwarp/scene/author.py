@@ -262,16 +262,14 @@ class SceneBuilder:
         prim = UsdGeom.Xform.Define(self._stage, self._parents(trap.prim)).GetPrim()
         author_tracks(prim, self._rate, trap.position, trap.orientation)
         times, values = trap.power.times, trap.power.values[:, 0]
-        author_values(
-            prim, vocabulary.TRAP, vars(trap) | {"power": values[0], "holds": [trap.holds] * bool(trap.holds)}
-        )
+        changed = {"power": values[0], "holds": [trap.holds] * bool(trap.holds), "glass_index": trap.glass_index or 0.0}
+        author_values(prim, vocabulary.TRAP, vars(trap) | changed)
         if len(times) > 1:
             power = prim.GetAttribute("ot:trap:power")
             power.Clear()
             for time, value in zip(times, values, strict=True):
                 power.Set(authored(value, "power"), float(time) * self._rate)
-        pairs = [("isotropic", trap.radial)] if trap.axial is None else [("radial", trap.radial), ("axial", trap.axial)]
-        for instance, law in pairs:
+        for instance, law in _laws(trap):
             author_values(prim, vocabulary.TRAP_LAW, _law(law), instance=instance, si=True)
         draw_beam(self._stage, self._looks, prim, color, opacity)
         return prim
@@ -352,6 +350,14 @@ class SceneBuilder:
         author_values(ball.GetPrim(), vocabulary.GOAL, vars(goal) | {"cell": [goal.cell], "robots": goal.robots})
         self._look(ball.GetPrim(), color, opacity)
         return ball.GetPrim()
+
+
+def _laws(trap: Trap) -> list[tuple[str, TrapLaw]]:
+    if trap.radial is None:
+        if trap.axial is not None:
+            raise InputError(f"SceneBuilder: {trap.prim}: radial = None: must be a TrapLaw beside an axial one")
+        return []
+    return [("isotropic", trap.radial)] if trap.axial is None else [("radial", trap.radial), ("axial", trap.axial)]
 
 
 def _law(law: TrapLaw) -> dict[str, Any]:

@@ -17,6 +17,9 @@ Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
 
+OPTICAL_MODELS = ("table", "exact")
+"""Force models of a trap that need no force curve."""
+
 
 def _same(a: object, b: object) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
@@ -138,9 +141,20 @@ class Trap(_ByValue):
         wavelength: Vacuum wavelength [µm].
         numerical_aperture: NA of the objective.
         polarization: One of the tokens of the vocabulary.
-        model: Force model, a token of the vocabulary.
-        radial, axial: Force curves across and along the beam; `axial` is None when one isotropic curve serves.
-        equilibrium: Where the force vanishes, µm from the focus along the beam; d is measured from there.
+        model: Force model: `harmonic` and `piecewise` follow the force curves; `table` and `exact` compute the force
+            from the beam and each sphere.
+        beam: Angular spectrum of the beam, `gaussian`, `sine` or `aplanatic`.
+        filling: Radius where the intensity in the pupil falls to 1/e², over the radius of the aperture [1].
+        charge: Azimuthal charge ℓ of a vortex beam.
+        depth: Nominal depth of the focus below the cover glass [µm]; with `glass_index`, the spherical aberration of
+            the interface between glass and medium.
+        glass_index: Refractive index of the cover glass and immersion oil [1], or None for no interface.
+        tolerance: Largest error of the force table, relative to the peak force [1].
+        interpolation: Interpolation in the force table, `bilinear` or `bicubic`.
+        radial, axial: Force curves across and along the beam; `axial` is None when one isotropic curve serves, and
+            both are None when none is authored, as only an optical trap may.
+        equilibrium: Where the force curves vanish, µm from the focus along the beam; d is measured from there. An
+            optical trap computes its own equilibrium and ignores this one.
         hand: Which hand moves it.
         speed_limit: Fastest the focus may move [µm/s], inf for none.
         holds: Prim path of the sphere this trap is meant to hold, or None: the nearest trapped sphere at the start.
@@ -154,12 +168,24 @@ class Trap(_ByValue):
     numerical_aperture: float = 1.25
     polarization: str = "circular"
     model: str = "piecewise"
-    radial: TrapLaw
+    beam: str = "gaussian"
+    filling: float = 1.0
+    charge: int = 0
+    depth: float = 0.0
+    glass_index: float | None = None
+    tolerance: float = 1e-3
+    interpolation: str = "bilinear"
+    radial: TrapLaw | None = None
     axial: TrapLaw | None = None
     equilibrium: float = 0.0
     hand: Literal["none", "left", "right"] = "none"
     speed_limit: float = float("inf")
     holds: str | None = None
+
+    @property
+    def optical(self) -> bool:
+        """Whether its force is computed from the beam and each sphere (model `table` or `exact`)."""
+        return self.model in OPTICAL_MODELS
 
 
 @dataclass(frozen=True, kw_only=True)

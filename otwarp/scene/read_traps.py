@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import check_value, internal, read_values
-from otwarp.scene.description import Body, Medium, Track, Trap, TrapLaw
+from otwarp.scene.attributes import authored, check_value, internal, read_values
+from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap, TrapLaw
 from otwarp.scene.motion import motion
 from otwarp.scene.source import Source, quat, track
 
@@ -24,14 +25,14 @@ def read_trap(source: Source, prim: Usd.Prim, medium: Medium, duration: float) -
     """Read one prim with OtTrapAPI.
 
     Raises:
-        InputError: NA ≥ medium index, no force curve, time samples that do not cover the run, a trap that turns.
+        InputError: NA ≥ medium index, a depth without a glass, no force curve where the model needs one, time samples
+            that do not cover the run, a trap that turns.
     """
     if not prim.IsA(UsdGeom.Xformable):
         raise source.bad(prim, "apiSchemas", "OtTrapAPI", "on an Xform")
     values = read_values(source.file, prim, vocabulary.TRAP)
-    if not values["numerical_aperture"] < medium.refractive_index:
-        limit = f"in (0, {medium.refractive_index:g}), below the refractive index of the medium"
-        raise source.bad(prim, "ot:trap:numericalAperture", values["numerical_aperture"], limit)
+    values["glass_index"] = values["glass_index"] or None
+    _check_beam(source, prim, values, medium)
     held = values.pop("holds")
     if len(held) > 1:
         raise source.bad(prim, "ot:trap:holds", ", ".join(held), "one prim path")
@@ -54,6 +55,19 @@ def check_holds(source: Source, traps: Sequence[Trap], bodies: Sequence[Body]) -
     for trap in traps:
         if trap.holds is not None and trap.holds not in spheres:
             raise source.bad(trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
+
+
+def _check_beam(source: Source, prim: Usd.Prim, values: dict[str, Any], medium: Medium) -> None:
+    aperture, depth = values["numerical_aperture"], values["depth"]
+    if not aperture < medium.refractive_index:
+        limit = (
+            f"in (0, {medium.refractive_index:g}), below the refractive index of the medium (an aperture of"
+            f" {aperture:g} needs an immersion medium of index above {aperture:g})"
+        )
+        raise source.bad(prim, "ot:trap:numericalAperture", aperture, limit)
+    if depth > 0.0 and values["glass_index"] is None:
+        limit = "0 m while ot:trap:glassIndex = 0; a depth above 0 needs the index of the glass, in [1, 4]"
+        raise source.bad(prim, "ot:trap:depth", authored(depth, "length"), limit)
 
 
 def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, float, float]]:
@@ -83,12 +97,16 @@ def _check_cover(source: Source, prim: Usd.Prim, name: str, samples: Track, dura
         raise source.bad(prim, name, span, f"covering the run, [0, {duration:g}] s")
 
 
-def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw, TrapLaw | None]:
+def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw | None, TrapLaw | None]:
     prefix = vocabulary.TRAP_LAW.name + ":"
     found = {name.removeprefix(prefix) for name in source.applied(prim) if name.startswith(prefix)}
+    optical = model in OPTICAL_MODELS
+    if optical and not found:
+        return None, None
     if found not in ({"isotropic"}, {"radial", "axial"}):
         shown = ", ".join(sorted(found)) or "(none)"
-        raise source.bad(prim, "OtTrapLawAPI", shown, "isotropic alone, or radial and axial together")
+        or_none = "or none" if optical else "or none with ot:trap:model = table"
+        raise source.bad(prim, "OtTrapLawAPI", shown, f"isotropic alone, or radial and axial together, {or_none}")
     laws = {name: _law(source, prim, name, model) for name in found}
     return (laws["isotropic"], None) if "isotropic" in laws else (laws["radial"], laws["axial"])
 

@@ -38,7 +38,7 @@ def unit_text(attribute: Attribute) -> str:
         return _LAW_UNITS[last]
     if attribute.usd_type == "double[]":
         return "1/m, 1/m², 1/m³"
-    return (SI_SYMBOL[attribute.dimension] or "1") if attribute.usd_type == "double" else ""
+    return (SI_SYMBOL[attribute.dimension] or "1") if attribute.number else ""
 
 
 def documentation(attribute: Attribute) -> str:
@@ -53,7 +53,9 @@ def _literal(attribute: Attribute) -> str:
         return f'"{value}"'
     if attribute.usd_type == "bool":
         return "true" if value else "false"
-    return "[]" if attribute.usd_type == "double[]" else repr(float(value))
+    if attribute.usd_type == "double[]":
+        return "[]"
+    return repr(int(value) if attribute.usd_type == "int" else float(value))
 
 
 def _property(attribute: Attribute) -> str:

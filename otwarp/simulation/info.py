@@ -12,7 +12,7 @@ import warp as wp
 from otwarp.scene.description import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.pack_bodies import mobilities
-from otwarp.simulation.pack_traps import axial_or_radial, model_name, trap_reach
+from otwarp.simulation.pack_traps import axial_or_radial, law, model_name, trap_reach
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
 
@@ -23,6 +23,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
     data = model.data
     for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow):
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
+    arrays.append(data.traps.tables.node)
     return sum(a.capacity for a in arrays)
 
 
@@ -57,16 +58,16 @@ def _traps(model: Model) -> list[dict[str, Any]]:
     """One row per trap, at its power at the start of world 0 and for the sphere it holds."""
     scene, values = model.scene, model.values
     spheres = [scene.bodies[b].spheres[i] if b >= 0 else None for b, i in model.held]
-    radii = np.array([s.radius if s else (t.radial.radius or 1.0) for t, s in zip(scene.traps, spheres, strict=True)])
+    radii = np.array([s.radius if s else (law(t).radius or 1.0) for t, s in zip(scene.traps, spheres, strict=True)])
     reach, axial = trap_reach(scene, values, radii)[0], axial_or_radial(scene, values, "stiffness")[0]
     rows = []
     for t, (trap, sphere) in enumerate(zip(scene.traps, spheres, strict=True)):
         power = float(values["trap_power"][0, t])
-        scale = power * (trap.radial.radius / radii[t] if trap.radial.radius > 0.0 else 1.0)
+        scale = power * (law(trap).radius / radii[t] if law(trap).radius > 0.0 else 1.0)
         rows.append(
             {
                 "name": trap.prim,
-                "model": model_name(trap),
+                "model": model_name(trap, scene.medium),
                 "power": power,
                 "radial_stiffness": float(values["trap_stiffness"][0, t] * scale),
                 "axial_stiffness": float(axial[t] * scale),

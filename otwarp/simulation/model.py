@@ -15,14 +15,17 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
+from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
+    LAW_FIELDS,
     model_name,
     pack_flow,
     pack_medium,
     pack_traps,
     rotate,
     trap_parameters,
+    trap_places,
     trap_reach,
 )
 from otwarp.simulation.parameters import expand_all
@@ -35,7 +38,7 @@ class Model:
     """Constants of a scene on a device. Made by `Model.build`; nothing in it changes during a run.
 
     Attributes:
-        scene: What it was built from.
+        scene: What it was built from, with the laws that follow from optics filled in.
         worlds: Number of worlds W.
         seed: Key of the random streams.
         device: Where the arrays live.
@@ -46,7 +49,8 @@ class Model:
         held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body. A trap that
             names no sphere holds the nearest at the start, of all worlds, if that is within its reach.
         held_range: (1|W, T) distance at which that sphere has escaped [µm], inf for none.
-        relaxation: Relaxation rates in the traps, by power.
+        relaxation: Relaxation rates in the traps, by power, where the forces are steepest.
+        optics: Force tables of the beams and spheres.
         scales: Time scales and the time step.
         data: The kernels' view.
         meshes: Obstacle meshes, kept alive for the kernels.
@@ -63,6 +67,7 @@ class Model:
     held: tuple[tuple[int, int], ...]
     held_range: np.ndarray
     relaxation: TrapRelaxation
+    optics: TrapOptics
     scales: TimeScales
     data: ModelData
     meshes: list[wp.Mesh]
@@ -99,23 +104,28 @@ class Model:
         place = pick_device(device)
         moves = mobilities(scene)
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
+        _check_laws(scene, overrides)
+        optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0])
+        scene = optics.resolve(scene)
         values = {**_scene_values(scene), **overrides}
         near = Neighbours.of(scene, values)
         held = near.held(scene)
         features = _features(scene, values)
         relaxation = TrapRelaxation.of(scene, moves, values, near, held)
+        steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
         scales = time_scales(
             scene,
             moves,
             values,
             relaxation,
+            steepest,
             contacts=features.contacts,
             wanted=time_step if time_step is not None else scene.settings.time_step,
         )
         warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian)
-        held_range = _held_range(scene, values, held)
-        data, meshes = _pack(scene, moves, values, features, place)
-        data.traps = pack_traps(scene, values, _held_offsets(scene, held, moves), held_range, place)
+        held_range = np.minimum(_held_range(scene, values, held), optics.escape_distance())
+        data, meshes = _pack(scene, moves, values, features, optics, place)
+        data.traps = pack_traps(scene, values, _held_offsets(scene, held, moves), held_range, optics, place)
         data.time_step = wp.float64(scales.time_step)
         data.seed = wp.uint32(seed)
         return cls(
@@ -129,7 +139,8 @@ class Model:
             reference=np.array([m.reference for m in moves]).reshape(-1, 3),
             held=held,
             held_range=held_range,
-            relaxation=relaxation,
+            relaxation=steepest,
+            optics=optics,
             scales=scales,
             data=data,
             meshes=meshes,
@@ -159,18 +170,30 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
         raise InputError(f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
 
 
+def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
+    """Refuse parameters of a force law that some trap does not follow."""
+    named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
+    for trap in scene.traps:
+        if trap.optical and named:
+            raise InputError(
+                f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
+                "allowed: traps with model harmonic or piecewise"
+            )
+
+
 def _pack(
     scene: Scene,
     moves: list[BodyMobility],
     values: Mapping[str, np.ndarray],
     features: Features,
+    optics: TrapOptics,
     device: wp.Device,
 ) -> tuple[ModelData, list[wp.Mesh]]:
     """The kernels' view of all but the traps, and the meshes it refers to."""
     data = ModelData()
     data.bodies = len(scene.bodies)
     data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
-    data.body = pack_bodies(scene, moves, device)
+    data.body = pack_bodies(scene, moves, optics, device)
     data.contact = pack_contact(scene, moves, features.contacts, device)
     data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
     data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], device)
@@ -203,7 +226,7 @@ def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
     colliding = sum(any(s.collides for s in b.spheres) for b in bodies)
     pushed = any(s.trapped for b in bodies for s in b.spheres)
     # sorted, so that scenes with the same models share one compiled step
-    models = tuple(sorted({model_name(t) for t in traps})) if pushed else ()
+    models = tuple(sorted({model_name(t, scene.medium) for t in traps})) if pushed else ()
     obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
     pairs = colliding > 1
     limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))

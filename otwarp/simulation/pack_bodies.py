@@ -13,6 +13,7 @@ from otwarp.kernels.obstacles import FAR, SHAPES
 from otwarp.kernels.types import BodyData, ContactData, ObstacleData, mat66
 from otwarp.scene.description import Body, Scene, Sphere, Vec3
 from otwarp.simulation.arrays import device_array
+from otwarp.simulation.optics import TrapOptics
 from otwarp.units import STANDARD_GRAVITY
 
 
@@ -87,7 +88,7 @@ def _spheres(body: Body, reference: np.ndarray, chosen: str) -> np.ndarray:
     return np.array(rows).reshape(-1, 4)
 
 
-def pack_bodies(scene: Scene, moves: list[BodyMobility], device: wp.Device) -> BodyData:
+def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, device: wp.Device) -> BodyData:
     """Mobility, sphere tables and bounds of the bodies."""
     shapes: dict[int, int] = {}
     shape_of = [shapes.setdefault(id(m), len(shapes)) for m in moves]
@@ -114,6 +115,8 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], device: wp.Device) -> B
     start, table = _ragged(trapped, 4)
     data.trapped_start = device_array(start, wp.int32, device)
     data.trapped = device_array(table, wp.vec4, device)
+    kinds = [optics.kind(s.radius, s.refractive_index) for b in scene.bodies for s in b.spheres if s.trapped]
+    data.trapped_kind = device_array(kinds, wp.int32, device)
     data.largest = device_array([t[:, 3].max(initial=0.0) for t in trapped], wp.float32, device)
     _pack_flow_coupling(data, scene, moves, device)
     return data

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.kernels.traps import TRAP_TERMS
 from otwarp.kernels.types import FlowData, MediumData, TrapData
-from otwarp.scene.description import Scene, Trap
+from otwarp.scene.description import Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import device_array
+from otwarp.simulation.optics import TrapOptics, pack_tables, table_name, trap_sides
 from otwarp.units import BOLTZMANN
 
 LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
@@ -21,9 +22,17 @@ LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
 _HANDS = {"none": 0, "left": 1, "right": 2}
 
 
-def model_name(trap: Trap) -> str:
+def model_name(trap: Trap, medium: Medium) -> str:
     """Key of the trap's force model in `TRAP_TERMS`."""
+    if trap.optical:
+        return table_name(trap, medium)
     return f"{trap.model}_{'isotropic' if trap.axial is None else 'split'}"
+
+
+def law(trap: Trap) -> TrapLaw:
+    """The trap's radial law: authored, or resolved from its optics."""
+    assert trap.radial is not None, "optical traps are resolved before they are packed"
+    return trap.radial
 
 
 def beam_axis(trap: Trap) -> np.ndarray:
@@ -52,23 +61,28 @@ def trap_reach(scene: Scene, values: Mapping[str, np.ndarray], radii: ArrayLike)
     Returns:
         (1|W, T), inf for a law without an end.
     """
-    fitted = np.array([t.radial.radius for t in scene.traps])
+    fitted = np.array([law(t).radius for t in scene.traps])
     scale = np.where(fitted > 0.0, np.asarray(radii) / np.where(fitted > 0.0, fitted, 1.0), 1.0)
     return np.maximum(values["trap_cutoff"], axial_or_radial(scene, values, "cutoff")) * scale
+
+
+def trap_places(scene: Scene) -> dict[str, np.ndarray]:
+    """(1, T, 3) foci at the start [µm], by parameter name."""
+    return {"trap_position": np.array([[t.position.at(0.0) for t in scene.traps]]).reshape(1, len(scene.traps), 3)}
 
 
 def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
     """Per-trap parameters of the scene at the start, as `parameters.expand` makes them; forces per mW."""
     traps = scene.traps
     out = {
-        "trap_position": np.array([[t.position.at(0.0) for t in traps]]).reshape(1, len(traps), 3),
+        **trap_places(scene),
         "trap_power": np.array([[t.power.at(0.0)[0] for t in traps]]),
         "trap_speed_limit": np.array([[t.speed_limit for t in traps]]),
     }
-    for prefix, laws in (("trap_", [t.radial for t in traps]), ("trap_axial_", [t.axial or t.radial for t in traps])):
+    for prefix, laws in (("trap_", [law(t) for t in traps]), ("trap_axial_", [t.axial or law(t) for t in traps])):
         for name in LAW_FIELDS:
             per_power = name not in ("threshold", "cutoff")
-            column = [getattr(law, name) / (law.power if per_power else 1.0) for law in laws]
+            column = [getattr(curve, name) / (curve.power if per_power else 1.0) for curve in laws]
             out[prefix + name] = np.array([column], dtype=float)
     return out
 
@@ -78,6 +92,7 @@ def pack_traps(
     values: Mapping[str, np.ndarray],
     held: list[tuple[int, np.ndarray]],
     held_range: np.ndarray,
+    optics: TrapOptics,
     device: wp.Device,
 ) -> TrapData:
     """Trap constants.
@@ -86,16 +101,17 @@ def pack_traps(
         values: The `(1|W, T)` parameters.
         held: Per trap the body of the sphere it holds, -1 for none, and the sphere's offset in that body [µm].
         held_range: (1|W, T) distance at which that sphere has escaped [µm].
+        optics: Force tables.
 
     Raises:
         InputError: Curves across and along the beam that were fitted for spheres of different radii.
     """
     traps = scene.traps
     for trap in traps:
-        if trap.axial and trap.axial.radius != trap.radial.radius:
+        if trap.axial and trap.axial.radius != law(trap).radius:
             raise InputError(
                 f"{scene.file or scene.root}: prim {trap.prim}: ot:trapLaw:axial:radius = {trap.axial.radius:g} µm; "
-                f"allowed: that of the radial curve, {trap.radial.radius:g} µm"
+                f"allowed: that of the radial curve, {law(trap).radius:g} µm"
             )
     data = TrapData()
     # curves along the beam and speed limits take memory only where some trap has one
@@ -108,10 +124,13 @@ def pack_traps(
     data.speed_limit = device_array(
         values["trap_speed_limit"] if limits else np.zeros((0, 0)), wp.float32, device, ndim=2
     )
-    data.model = device_array([TRAP_TERMS[model_name(t)][0] for t in traps], wp.int32, device)
+    data.model = device_array([TRAP_TERMS[model_name(t, scene.medium)][0] for t in traps], wp.int32, device)
+    data.side = device_array(trap_sides(scene), wp.vec3, device)
+    data.table = device_array(optics.table, wp.int32, device, ndim=2)
+    data.tables = pack_tables(optics, device)
     data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
-    data.law_radius = device_array([t.radial.radius for t in traps], wp.float32, device)
+    data.law_radius = device_array([law(t).radius for t in traps], wp.float32, device)
     data.hand = device_array([_HANDS[t.hand] for t in traps], wp.int32, device)
     data.held_body = device_array([b for b, _ in held], wp.int32, device)
     data.held_offset = device_array([o for _, o in held], wp.vec3, device)

@@ -10,7 +10,7 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
 from otwarp.scene.description import Body, Scene
-from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, rotate, trap_reach
+from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Neighbours:
         for t, trap in enumerate(scene.traps):
             distance = np.linalg.norm(place - anchors[:, t, None], axis=2)
             gap[t] = distance.min(axis=0)
-            within[t] = (distance <= unit[:, t, None] * (radii if trap.radial.radius > 0.0 else 1.0)).any(axis=0)
+            within[t] = (distance <= unit[:, t, None] * (radii if law(trap).radius > 0.0 else 1.0)).any(axis=0)
         return cls(np.array(rows, dtype=int).reshape(-1, 2), gap, within)
 
     def held(self, scene: Scene) -> tuple[tuple[int, int], ...]:
@@ -149,7 +149,7 @@ class TrapRelaxation:
             names=tuple(b.name for b in scene.bodies),
             viscosity=float(values["medium_viscosity"].min()),
             stiffness=curves.max(axis=0),
-            law_radius=np.array([t.radial.radius for t in scene.traps]),
+            law_radius=np.array([law(t).radius for t in scene.traps]),
             wandering=np.array([b < 0 for b, _ in held], dtype=bool),
             modes=tuple(modes),
         )
@@ -183,13 +183,13 @@ def _body_modes(scene: Scene, b: int, move: BodyMobility, acting: dict[int, int]
     body = scene.bodies[b]
     matrices = []
     for t, i in acting.items():
-        sphere, law = body.spheres[i], scene.traps[t].radial
+        sphere, radius = body.spheres[i], law(scene.traps[t]).radius
         # the beam in the body's frame
         axis = rotate(np.array(body.orientation) * [-1.0, -1.0, -1.0, 1.0], beam_axis(scene.traps[t]))
         along = np.outer(axis, axis)
         k = curves[0, t] * (np.eye(3) - along) + curves[1, t] * along
         j = lever(np.array(sphere.offset) - move.reference) @ move.cholesky
-        matrices.append((law.radius / sphere.radius if law.radius > 0.0 else 1.0) * (j.T @ k @ j))
+        matrices.append((radius / sphere.radius if radius > 0.0 else 1.0) * (j.T @ k @ j))
     trapped = [s for s in body.spheres if s.trapped]
     levers = np.array([lever(np.array(s.offset) - move.reference) @ move.cholesky for s in trapped])
     spheres = levers.transpose(0, 2, 1) @ levers

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 STABLE_PRODUCT = 2.0
 """Largest rate × time step for which the explicit step of a linear spring is stable."""
 
+RIM_PRODUCT = 0.5
+"""Rate × time step allowed where a tabulated force is steepest: well inside stability, without overshoot."""
+
 TRAVEL_FRACTION = 0.1
 """Largest displacement per step of anything that collides, relative to the smallest colliding radius."""
 
@@ -122,6 +125,7 @@ def time_scales(
     moves: list[BodyMobility],
     values: Mapping[str, np.ndarray],
     relaxation: TrapRelaxation,
+    steepest: TrapRelaxation,
     *,
     contacts: bool,
     wanted: float | None,
@@ -132,7 +136,9 @@ def time_scales(
     dt = 2·accuracy/k gives the wanted relative error in the stiffest mode and less in all others.
 
     Args:
-        relaxation: Rates in the traps.
+        relaxation: Rates in the traps near their equilibria.
+        steepest: Rates where the forces are steepest: a table's slope at the rim of a sphere can be several times that
+            at its equilibrium. They limit stability.
         contacts: Whether anything can touch anything.
         wanted: Explicit time step [s], or None.
 
@@ -140,22 +146,25 @@ def time_scales(
         InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
     """
     viscosity = float(values["medium_viscosity"].min())
-    rate, stiffest = relaxation.fastest(authored_powers(scene, values))
+    powers = authored_powers(scene, values)
+    rate, stiffest = relaxation.fastest(powers)
+    rim, steepest_body = steepest.fastest(powers)
     motions = _motions(scene, moves, values, viscosity, contacts)
     limits = {
         "trap relaxation and wanted accuracy": 2.0 * scene.settings.accuracy / rate if rate > 0.0 else math.inf,
+        "steepest slope of an optical force": RIM_PRODUCT / rim if rim > rate else math.inf,
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "frame interval": 1.0 / scene.settings.frames_per_second,
     }
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
-    stable = STABLE_PRODUCT / rate if rate > 0.0 else math.inf
+    stable = STABLE_PRODUCT / rim if rim > 0.0 else math.inf
     if wanted is not None:
         if not 0.0 < wanted < math.inf:
             raise InputError(f"time step is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
         if wanted >= stable:
             raise InputError(
-                f"time step {wanted:g} s is unstable: body {stiffest} relaxes at {rate:.4g} 1/s; "
+                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"
             )
         step, chosen_by = wanted, "set by the user"

@@ -56,7 +56,7 @@ SPHERES = tuple(
     for i, (o, r) in enumerate([((0.0, 0, 0), 1.0), ((1.7, 0, 0.2), 0.8), ((-1.5, 0.4, 0), 0.9), ((0, 1.6, 0), 1.2)])
 )
 SCENE = Scene(bodies=(Body(prim="/World/Robot", spheres=SPHERES, position=(1.5, 0, 0)),), traps=TRAPS)
-MODELS = tuple(TRAP_TERMS)
+MODELS = tuple(name for name in TRAP_TERMS if not name.startswith("table"))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def probe_force(
     out: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
-    out[i] = force_of(model.traps, 0, trap[i], away[i], radius[i])
+    out[i] = force_of(model.traps, 0, trap[i], away[i], radius[i], 0)
 
 
 @wp.kernel(enable_backward=False)

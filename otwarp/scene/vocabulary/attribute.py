@@ -15,11 +15,12 @@ class Attribute:
     Attributes:
         name: Full USD name; a multiple-apply name holds `__INSTANCE_NAME__`.
         field: Field of the dataclass in `otwarp.scene.description` that it fills.
-        usd_type: USD value type name (`double`, `token`, `bool`, `double[]`, `rel`).
+        usd_type: USD value type name (`double`, `int`, `token`, `bool`, `double[]`, `rel`).
         dimension: Key of `otwarp.units.FROM_SI`.
         default: Value in USD units when not authored.
         low, high: Allowed closed range in USD units; `low_open`/`high_open` exclude the end point.
         infinite: Whether +inf is allowed (numbers are finite otherwise).
+        zero: Whether 0 is allowed below the range, where it stands for none.
         allowed: Tokens allowed.
         sampled: Whether time samples are allowed.
         doc: One sentence.
@@ -35,9 +36,15 @@ class Attribute:
     low_open: bool = False
     high_open: bool = False
     infinite: bool = False
+    zero: bool = False
     allowed: tuple[str, ...] = ()
     sampled: bool = False
     doc: str
+
+    @property
+    def number(self) -> bool:
+        """Whether its value is one number, in a range."""
+        return self.usd_type in ("double", "int")
 
     def range_text(self) -> str:
         """The allowed range, as error messages and documentation print it."""
@@ -49,7 +56,7 @@ class Attribute:
             ]
         left = "(" if self.low_open or self.low == -INF else "["
         right = ")" if self.high_open or (self.high == INF and not self.infinite) else "]"
-        return f"{left}{self.low:g}, {self.high:g}{right}"
+        return f"{'0 or ' if self.zero else ''}{left}{self.low:g}, {self.high:g}{right}"
 
 
 @dataclass(frozen=True, kw_only=True)

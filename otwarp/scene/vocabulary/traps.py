@@ -50,8 +50,71 @@ TRAP = Schema(
             field="model",
             usd_type="token",
             default="piecewise",
-            allowed=("harmonic", "piecewise"),
-            doc="Force model.",
+            allowed=("harmonic", "piecewise", "table", "exact"),
+            doc="Force model: `harmonic` and `piecewise` follow the authored force curves; `table` and `exact` compute"
+            " the force from the beam and each sphere, and need no curve.",
+        ),
+        Attribute(
+            name="ot:trap:beam",
+            field="beam",
+            usd_type="token",
+            default="gaussian",
+            allowed=("gaussian", "sine", "aplanatic"),
+            doc="Angular spectrum of the beam, for `table` and `exact`: `gaussian` in tan θ, without an edge; `sine`, a"
+            " Gaussian in sin θ that ends at the aperture; `aplanatic`, the same times √cos θ (the sine condition).",
+        ),
+        Attribute(
+            name="ot:trap:filling",
+            field="filling",
+            default=1.0,
+            low=0.0,
+            high=100.0,
+            low_open=True,
+            doc="Radius where the intensity in the pupil falls to 1/e², over the radius of the aperture.",
+        ),
+        Attribute(
+            name="ot:trap:charge",
+            field="charge",
+            usd_type="int",
+            default=0,
+            low=-20,
+            high=20,
+            doc="Azimuthal charge ℓ of a vortex beam.",
+        ),
+        Attribute(
+            name="ot:trap:depth",
+            field="depth",
+            dimension="length",
+            default=0.0,
+            low=0.0,
+            high=1e-3,
+            doc="Nominal depth of the focus below the cover glass; with `ot:trap:glassIndex`, the spherical aberration"
+            " of the interface between glass and medium.",
+        ),
+        Attribute(
+            name="ot:trap:glassIndex",
+            field="glass_index",
+            default=0.0,
+            low=1.0,
+            high=4.0,
+            zero=True,
+            doc="Refractive index of the cover glass and immersion oil; 0 for no interface.",
+        ),
+        Attribute(
+            name="ot:trap:tolerance",
+            field="tolerance",
+            default=1e-3,
+            low=1e-6,
+            high=0.1,
+            doc="Largest error of the force table, relative to the peak force; for `table`.",
+        ),
+        Attribute(
+            name="ot:trap:interpolation",
+            field="interpolation",
+            usd_type="token",
+            default="bilinear",
+            allowed=("bilinear", "bicubic"),
+            doc="Interpolation in the force table; for `table`.",
         ),
         Attribute(
             name="ot:trap:equilibrium",
@@ -60,7 +123,8 @@ TRAP = Schema(
             default=0.0,
             low=-1e-4,
             high=1e-4,
-            doc="Where the force vanishes, measured from the focus along the beam.",
+            doc="Where the force curves vanish, measured from the focus along the beam; ignored by `table` and `exact`,"
+            " which compute it.",
         ),
         Attribute(
             name="ot:trap:hand",
@@ -96,7 +160,8 @@ TRAP_LAW = Schema(
     applies_to="Xform with OtTrapAPI",
     doc="A restoring force curve: K·d below the threshold, A/d² + C up to the cutoff, 0 beyond. Instance `isotropic`"
     " serves all directions; `radial` and `axial` come together. Lengths and forces are in `lengthUnit` and"
-    " `forceUnit`, so that published constants can be authored as printed.",
+    " `forceUnit`, so that published constants can be authored as printed. A trap whose model is `table` or `exact`"
+    " needs none; those that it has are kept for the other models.",
     attributes=(
         Attribute(
             name="ot:trapLaw:__INSTANCE_NAME__:stiffness",

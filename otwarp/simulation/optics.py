@@ -1,0 +1,194 @@
+"""What the beams of a scene do to its spheres: one force table for every distinct pair, shared where pairs are equal.
+
+A trap whose force comes from optics has no authored curve, but the rest of the model asks for one: how stiff the trap
+is, how far it reaches, where its equilibrium lies. `TrapOptics.resolve` answers with the trap's law for the sphere it
+holds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from otwarp.kernels.force_table import ForceTableData
+from otwarp.scene.description import Medium, Scene, Trap, TrapLaw
+from otwarp.scene.transforms import rotate
+from otwarp.simulation.arrays import device_array
+
+if TYPE_CHECKING:
+    from otwarp.optics import Beam, ForceTable
+
+
+def beam_of(trap: Trap, medium: Medium) -> Beam:
+    """The beam of a trap at 1 mW."""
+    from otwarp.optics import Beam
+
+    return Beam(
+        kind=trap.beam,
+        numerical_aperture=trap.numerical_aperture,
+        medium_index=medium.refractive_index,
+        wavelength=trap.wavelength,
+        polarization=trap.polarization,
+        filling=trap.filling,
+        charge=trap.charge,
+        depth=trap.depth,
+        glass_index=trap.glass_index,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TrapOptics:
+    """Optical pairs of a scene; T traps, K optical kinds of trapped spheres.
+
+    Attributes:
+        kinds: (radius [µm], refractive index) of each kind.
+        tables: One per distinct beam, sphere, tolerance and interpolation.
+        table: (T, K) index into `tables`, -1 for a trap that follows an authored law.
+        nearest: (T,) kind of the sphere that the trap names, or else of the one nearest to its focus; 0 without any.
+    """
+
+    kinds: tuple[tuple[float, float], ...]
+    tables: tuple[ForceTable, ...]
+    table: np.ndarray
+    nearest: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, focus: np.ndarray) -> TrapOptics:
+        """Find or make the tables a scene needs; a scene without optical traps costs nothing.
+
+        Args:
+            focus: (T, 3) foci at the start, in world 0 [µm].
+        """
+        spheres = [s for b in scene.bodies for s in b.spheres if s.trapped]
+        kinds = tuple(sorted({(s.radius, s.refractive_index) for s in spheres}))
+        table = np.full((len(scene.traps), len(kinds)), -1, dtype=np.int32)
+        nearest = np.zeros(len(scene.traps), dtype=int)
+        if not kinds or not any(t.optical for t in scene.traps):
+            return cls(kinds, (), table, nearest)
+        from otwarp.optics import ForceTable, Sphere
+
+        place = np.array(
+            [
+                np.array(b.position) + rotate(np.array(b.orientation), np.array(s.offset))
+                for b in scene.bodies
+                for s in b.spheres
+                if s.trapped
+            ]
+        )
+        tables: dict[tuple[object, ...], int] = {}
+        made: list[ForceTable] = []
+        for t, trap in enumerate(scene.traps):
+            if not trap.optical:
+                continue
+            named = [i for i, s in enumerate(spheres) if s.prim == trap.holds]
+            chosen = spheres[named[0] if named else int(np.argmin(np.linalg.norm(place - focus[t], axis=1)))]
+            nearest[t] = kinds.index((chosen.radius, chosen.refractive_index))
+            beam = beam_of(trap, scene.medium)
+            for k, (radius, index) in enumerate(kinds):
+                key = (beam, radius, index, trap.tolerance, trap.interpolation)
+                if key not in tables:
+                    tables[key] = len(made)
+                    sphere = Sphere(radius=radius, index=index)
+                    made.append(
+                        ForceTable.build(beam, sphere, tolerance=trap.tolerance, interpolation=trap.interpolation)
+                    )
+                table[t, k] = tables[key]
+        return cls(kinds, tuple(made), table, nearest)
+
+    def kind(self, radius: float, index: float) -> int:
+        """Optical kind of a trapped sphere."""
+        return self.kinds.index((radius, index))
+
+    def held(self, trap: int) -> ForceTable | None:
+        """Table of a trap for the sphere it holds, None for a trap that follows an authored law."""
+        return self.tables[self.table[trap, self.nearest[trap]]] if self._optical(trap) else None
+
+    def _optical(self, trap: int) -> bool:
+        return bool(self.table.shape[1]) and bool(self.table[trap, 0] >= 0)
+
+    def resolve(self, scene: Scene) -> Scene:
+        """The scene with every optical trap's law, per mW, for the sphere it holds; it reaches as far as any table."""
+        if not any(trap.optical for trap in scene.traps):
+            return scene
+        traps = []
+        for t, trap in enumerate(scene.traps):
+            table = self.held(t)
+            if table is None:
+                # an optical trap in a scene without a sphere to act on has nothing to compute
+                law = TrapLaw(stiffness=0.0, cutoff=1.0) if trap.optical else trap.radial
+                traps.append(dataclasses.replace(trap, radial=law))
+                continue
+            about = table.properties
+            height = about.equilibrium if about else 0.0
+            stiffness = about.stiffness if about else (0.0, 0.0, 0.0)
+            reach = max(self.tables[i].cutoff for i in self.table[t]) + abs(height)
+            traps.append(
+                dataclasses.replace(
+                    trap,
+                    equilibrium=height,
+                    radial=TrapLaw(stiffness=max(stiffness[:2]), cutoff=reach, power=1.0),
+                    axial=TrapLaw(stiffness=stiffness[2], cutoff=reach, power=1.0),
+                )
+            )
+        return dataclasses.replace(scene, traps=tuple(traps))
+
+    def steepest(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Parameters with the steepest slope of every optical trap, on any kind of sphere, as its stiffness."""
+        slopes = [max((self.tables[i].steepest for i in row if i >= 0), default=0.0) for row in self.table]
+        names = ("trap_stiffness", "trap_axial_stiffness")
+        return {**values, **{name: np.maximum(values[name], slopes) for name in names}}
+
+    def escape_distance(self) -> np.ndarray:
+        """(T,) distance from the equilibrium at which the held sphere has escaped [µm], inf if nothing is held."""
+        found = [self.held(t) for t in range(len(self.table))]
+        return np.array([max(f.properties.escape_distance) if f and f.properties else math.inf for f in found])
+
+
+def table_name(trap: Trap, medium: Medium) -> str:
+    """Key of the trap's table term in `TRAP_TERMS`."""
+    from otwarp.kernels.traps import LAYER_NAMES
+    from otwarp.optics.table import layer_count
+
+    return f"table_{trap.interpolation}{LAYER_NAMES[layer_count(beam_of(trap, medium))]}"
+
+
+def trap_sides(scene: Scene) -> np.ndarray:
+    """(T, 3) direction across each beam from which its table measures azimuth: the polarization's major axis."""
+    sides = []
+    for trap in scene.traps:
+        turn = 0.0
+        if trap.optical:
+            from otwarp.optics.table import major_axis
+
+            turn = major_axis(beam_of(trap, scene.medium))
+        sides.append(rotate(np.array(trap.orientation), np.array([math.cos(turn), math.sin(turn), 0.0])))
+    return np.array(sides).reshape(-1, 3)
+
+
+def pack_tables(optics: TrapOptics, device: wp.Device) -> ForceTableData:
+    """All tables one after another, in forces per mW."""
+    starts, nodes, total = [], [np.zeros((0, 3), dtype=np.float32)], 0
+    for table in optics.tables:
+        for level in table.levels:
+            starts.append(total // table.layers)
+            # padded to multiples of 6, so that a level starts at a whole node whether nodes have 1, 2 or 3 layers
+            flat = np.zeros((level.node.size // 3 + -(level.node.size // 3) % 6, 3), dtype=np.float32)
+            flat[: level.node.size // 3] = np.float32(table.beam.force_scale) * level.node.reshape(-1, 3)
+            nodes.append(flat)
+            total += len(flat)
+    levels = [level for table in optics.tables for level in table.levels]
+    counts = np.cumsum([0] + [len(table.levels) for table in optics.tables])
+    data = ForceTableData()
+    data.node = device_array(np.concatenate(nodes), wp.vec3, device)
+    data.level_start = device_array(counts, wp.int32, device)
+    data.node_start = device_array(starts, wp.int32, device)
+    data.columns = device_array([level.node.shape[1] for level in levels], wp.int32, device)
+    data.radius = device_array([level.radius for level in levels], wp.float32, device)
+    data.per_spacing = device_array([1.0 / level.spacing for level in levels], wp.float32, device)
+    return data
