@@ -18,7 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "scene": ROOT,
     "hydrodynamics": ROOT,
     "kernels": ROOT,
-    "optics": ROOT | {"kernels"},
+    "optics": ROOT | {"kernels", "device"},
     "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
     "study": ROOT | {"simulation"},
     "haptics": ROOT,

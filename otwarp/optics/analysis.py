@@ -44,42 +44,45 @@ class TrapProperties:
     depth: float
 
 
-def axial_equilibria(beam: Beam, sphere: Sphere, *, reach: float | None = None) -> tuple[float, ...]:
+def axial_equilibria(
+    beam: Beam, sphere: Sphere, *, reach: float | None = None, device: str | None = None
+) -> tuple[float, ...]:
     """Stable points on the axis [µm], nearest to the focus first: Q_z falls through zero.
 
     Args:
         reach: Search within ±reach [µm]; default 4 µm or twice the radius, whichever is larger.
+        device: Where forces are evaluated; see `force`.
     """
     span = reach or max(4.0, 2.0 * sphere.radius)
     spacing = min(0.05, 0.1 * beam.wavelength)
     z = np.arange(-span, span + spacing, spacing)
-    q = force(beam, sphere, np.stack([0 * z, 0 * z, z], axis=1))[:, 2]
+    q = force(beam, sphere, np.stack([0 * z, 0 * z, z], axis=1), device=device)[:, 2]
 
     def axial(height: float) -> float:
-        return float(force(beam, sphere, np.array([[0.0, 0.0, height]]))[0, 2])
+        return float(force(beam, sphere, np.array([[0.0, 0.0, height]]), device=device)[0, 2])
 
     roots = [brentq(axial, z[i], z[i + 1], xtol=1e-10) for i in range(len(z) - 1) if q[i] > 0.0 >= q[i + 1]]
     return tuple(sorted(roots, key=abs))
 
 
-def trap_properties(beam: Beam, sphere: Sphere) -> TrapProperties:
-    """Equilibrium, stiffness, escape force and depth of a trap.
+def trap_properties(beam: Beam, sphere: Sphere, *, device: str | None = None) -> TrapProperties:
+    """Equilibrium, stiffness, escape force and depth of a trap; `device` as in `force`.
 
     Raises:
         InputError: The beam does not hold this sphere along its axis.
     """
-    stable = axial_equilibria(beam, sphere)
+    stable = axial_equilibria(beam, sphere, device=device)
     if not stable:
         raise InputError(
             f"a sphere of radius {sphere.radius:g} µm and index {sphere.index} has no stable point on the axis of this "
             "beam; allowed: a higher numerical aperture or a lower index contrast"
         )
     point = np.array([0.0, 0.0, stable[0]])
-    escapes, ends, works = zip(*(_way_out(beam, sphere, point, np.array(d)) for d in _WAYS), strict=True)
+    escapes, ends, works = zip(*(_way_out(beam, sphere, point, np.array(d), device) for d in _WAYS), strict=True)
     return TrapProperties(
         equilibrium=stable[0],
         others=stable[1:],
-        stiffness=stiffness(beam, sphere, point),
+        stiffness=stiffness(beam, sphere, point, device=device),
         escape_force=escapes,
         escape_distance=ends,
         depth=min(works),
@@ -89,14 +92,16 @@ def trap_properties(beam: Beam, sphere: Sphere) -> TrapProperties:
 _WAYS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 
 
-def stiffness(beam: Beam, sphere: Sphere, point: np.ndarray) -> tuple[float, float, float]:
+def stiffness(
+    beam: Beam, sphere: Sphere, point: np.ndarray, *, device: str | None = None
+) -> tuple[float, float, float]:
     """−dF_i/dx_i at `point` [pN/µm], by Richardson-extrapolated central differences.
 
     The step is a tenth of the radius and at most `STEP`: the error, of fourth order in the step, stays below 1e-6.
     """
     h = min(STEP, 0.1 * sphere.radius)
     offsets = np.array([s * e for e in np.eye(3) for s in (h, -h, 0.5 * h, -0.5 * h)])
-    q = force(beam, sphere, point + offsets).reshape(3, 4, 3)
+    q = force(beam, sphere, point + offsets, device=device).reshape(3, 4, 3)
     out = []
     for axis in range(3):
         coarse = (q[axis, 0, axis] - q[axis, 1, axis]) / (2.0 * h)
@@ -105,11 +110,13 @@ def stiffness(beam: Beam, sphere: Sphere, point: np.ndarray) -> tuple[float, flo
     return out[0], out[1], out[2]
 
 
-def _way_out(beam: Beam, sphere: Sphere, start: np.ndarray, direction: np.ndarray) -> tuple[float, float, float]:
+def _way_out(
+    beam: Beam, sphere: Sphere, start: np.ndarray, direction: np.ndarray, device: str | None
+) -> tuple[float, float, float]:
     """Largest restoring force [pN] on a straight way out, where it ends [µm], and the work up to there [pN·µm]."""
     reach = 3.0 * sphere.radius + 4.0 * beam.wavelength
     distance = np.linspace(0.0, reach, 241)
-    pull = -beam.force_scale * force(beam, sphere, start + distance[:, None] * direction) @ direction
+    pull = -beam.force_scale * force(beam, sphere, start + distance[:, None] * direction, device=device) @ direction
     turns = np.flatnonzero((pull[1:-1] > 0.0) & (pull[2:] <= 0.0))
     end = turns[0] + 2 if len(turns) else len(distance)
     inside = pull[:end]

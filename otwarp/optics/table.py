@@ -117,7 +117,7 @@ class ForceTable:
         Args:
             tolerance: Largest error of the force over its peak, 1e-5 to 0.1.
             cache: Folder of the cache, True for the user's, False for none.
-            device: Where exact forces are evaluated (see `force`); None for NumPy.
+            device: Name of the Warp device that evaluates exact forces; None for the best there is.
 
         Raises:
             InputError: A tolerance out of range, or an unknown interpolation.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
+from otwarp.device import pick_device
 from otwarp.errors import InputError, SimulationError
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
@@ -61,7 +62,11 @@ def build_table(
     Raises:
         SimulationError: The field does not converge.
     """
-    field: Field = lambda points: force(beam, sphere, points)  # noqa: E731
+    device = pick_device(device).alias
+
+    def field(points: np.ndarray) -> np.ndarray:
+        return force(beam, sphere, points, device=device)
+
     near = 1.2 * sphere.radius + 1.5 * beam.wavelength
     peak = _peak(field, beam, sphere, near)
     cutoff = _cutoff(field, near, tolerance * peak)
@@ -90,7 +95,7 @@ def build_table(
         error = float(np.linalg.norm(table.force(points) - field(points), axis=1).max()) / peak
         # what a few thousand points find is short of the largest error by a few per cent
         if error <= 0.9 * tolerance:
-            measured = {"error": error, "properties": _properties(table), "steepest": steepest_slope(table)}
+            measured = {"error": error, "properties": _properties(table, device), "steepest": steepest_slope(table)}
             return ForceTable(**(vars(table) | measured))
         shrink *= 0.7 * tolerance / error
     raise SimulationError(
@@ -98,9 +103,9 @@ def build_table(
     )
 
 
-def _properties(table: ForceTable) -> TrapProperties | None:
+def _properties(table: ForceTable, device: str) -> TrapProperties | None:
     try:
-        return trap_properties(table.beam, table.sphere)
+        return trap_properties(table.beam, table.sphere, device=device)
     except InputError:
         return None
 

@@ -38,7 +38,7 @@ def describe(beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -
     """What a table holds for, as canonical JSON. The power is left out, because Q does not depend on it; the
     polarization enters by its Jones vector, so two names for one beam share a table."""
     fields = dataclasses.asdict(beam.with_power(1.0))
-    fields["polarization"] = [[e.real, e.imag] for e in beam.jones]
+    fields["polarization"] = [[round(e.real, 12) + 0.0, round(e.imag, 12) + 0.0] for e in beam.jones]
     index = complex(sphere.index)
     about = {
         "version": VERSION,
@@ -60,7 +60,8 @@ def load(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolati
     """The cached table, or None if there is none that can be trusted."""
     about = describe(beam, sphere, tolerance, interpolation)
     try:
-        with np.load(file_of(folder, beam, sphere, tolerance, interpolation), allow_pickle=False) as data:
+        path = file_of(folder, beam, sphere, tolerance, interpolation)
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
         if str(arrays.pop("about")) != about or str(arrays.pop("checksum")) != _checksum(arrays):
             return None

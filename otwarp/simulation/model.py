@@ -105,7 +105,7 @@ class Model:
         moves = mobilities(scene)
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
         _check_laws(scene, overrides)
-        optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0])
+        optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], place)
         scene = optics.resolve(scene)
         values = {**_scene_values(scene), **overrides}
         near = Neighbours.of(scene, values)

@@ -59,11 +59,12 @@ class TrapOptics:
     nearest: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, focus: np.ndarray) -> TrapOptics:
+    def of(cls, scene: Scene, focus: np.ndarray, device: wp.Device) -> TrapOptics:
         """Find or make the tables a scene needs; a scene without optical traps costs nothing.
 
         Args:
             focus: (T, 3) foci at the start, in world 0 [µm].
+            device: Where missing tables are made.
         """
         spheres = [s for b in scene.bodies for s in b.spheres if s.trapped]
         kinds = tuple(sorted({(s.radius, s.refractive_index) for s in spheres}))
@@ -96,7 +97,13 @@ class TrapOptics:
                     tables[key] = len(made)
                     sphere = Sphere(radius=radius, index=index)
                     made.append(
-                        ForceTable.build(beam, sphere, tolerance=trap.tolerance, interpolation=trap.interpolation)
+                        ForceTable.build(
+                            beam,
+                            sphere,
+                            tolerance=trap.tolerance,
+                            interpolation=trap.interpolation,
+                            device=device.alias,
+                        )
                     )
                 table[t, k] = tables[key]
         return cls(kinds, tuple(made), table, nearest)
