@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from otwarp.cli.options import device_option, json_option, scene_argument, time_step_option, worlds_option
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 @click.command()
@@ -40,6 +43,39 @@ def _time(seconds: float | None) -> str:
         if seconds * factor >= 1.0:
             return f"{seconds * factor:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
+
+
+def _accuracy(row: dict[str, Any]) -> str:
+    if row["model"] == "exact":
+        return "exact"
+    return f"{row['table_error']:.1e} ({row['interpolation']}, {row['bytes'] / 1e3:.0f} kB)"
+
+
+def _optics_table(rows: list[dict[str, Any]], root: str) -> Table:
+    from rich.table import Table
+
+    columns = (
+        "traps",
+        "sphere",
+        "k_x, k_y, k_z (pN/µm)",
+        "equilibrium (µm)",
+        "escape x, y, +z, −z (pN)",
+        "table error",
+    )
+    table = Table(*columns, title="Optical forces at 1 mW")
+    for row in rows:
+        names = [name.removeprefix(root) for name in row["traps"]]
+        table.add_row(
+            names[0] if len(names) == 1 else f"{names[0]} + {len(names) - 1}",
+            f"r {row['radius']:g} µm, n {row['index']:g}",
+            ", ".join(f"{k:.3g}" for k in row["stiffness"]) if row["stiffness"] else "not held",
+            f"{row['equilibrium']:.4f}" if row["stiffness"] else "–",
+            ", ".join(f"{f:.3g}" for f in row["escape_force"]) if row["stiffness"] else "–",
+            "exact"
+            if row["model"] == "exact"
+            else f"{row['table_error']:.1e} ({row['interpolation']}, {row['bytes'] / 1e3:.0f} kB)",
+        )
+    return table
 
 
 def _print(about: dict[str, Any]) -> None:
@@ -73,6 +109,8 @@ def _print(about: dict[str, Any]) -> None:
                 (row["holds"] or "–").removeprefix(root),
             )
         console.print(traps)
+    if about["optics"]:
+        console.print(_optics_table(about["optics"], root))
     scales = about["time_scales"]
     table = Table("quantity", "value", title="Time scales", show_header=False)
     for name, value in (

@@ -66,6 +66,7 @@ class Features:
             ("harmonic trap", any("harmonic" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
             ("piecewise trap", any("piecewise" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
             ("tabulated trap", any("table" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("exact optical force", any("exact" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
             ("moving traps", self.moving_traps, "traps have time samples", "no trap has time samples"),
             ("trap speed limit", self.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
             ("rotation, 6×6 mobility", self.rigid, "a body has several spheres", "all bodies are lone spheres"),

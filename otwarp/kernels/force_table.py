@@ -128,7 +128,7 @@ INTERPOLATIONS = {"bilinear": bilinear_term, "bicubic": bicubic_term}
 
 
 def table_term(interpolation: str, layers: int) -> wp.Function:
-    """`(tables, table, x, y, z) -> force per mW` in the beam's frame, x along the major axis of the polarization [µm]."""
+    """`(tables, table, x, y, z) -> force per mW` in the beam's frame, x along the polarization's major axis [µm]."""
     interpolate = INTERPOLATIONS[interpolation](layers)
 
     @wp.func

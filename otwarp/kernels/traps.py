@@ -5,9 +5,12 @@ the vector from the trap's equilibrium point to the sphere's centre and `kind` t
 one function and one line of `TRAP_TERMS`.
 """
 
+import functools
+
 import warp as wp
 
-from otwarp.kernels.force_table import table_term
+from otwarp.kernels.exact import exact_force_term
+from otwarp.kernels.force_table import blend_weight, table_term
 from otwarp.kernels.keyframes import find_key, key_weight
 from otwarp.kernels.types import ControlData, TrapData, world_row
 
@@ -143,6 +146,37 @@ def tabulated_term(interpolation: str, layers: int) -> wp.Function:
     return tabulated
 
 
+@functools.lru_cache(maxsize=16)
+def exact_term(orders: int, nodes: int) -> wp.Function:
+    """The exact force of the trap's beam on the sphere's kind, in float64; it ends as the tables do.
+
+    Args:
+        orders, nodes: Capacities of `exact_force_term`.
+    """
+    force_at = exact_force_term(orders, nodes)
+
+    @wp.func
+    def exact(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+        """Into the beam's frame and back; zero from the cutoff of the pair's table on."""
+        axis = traps.axis[trap]
+        side = traps.side[trap]
+        up = wp.cross(axis, side)
+        z = wp.dot(displacement, axis) + traps.equilibrium[trap]
+        x = wp.dot(displacement, side)
+        y = wp.dot(displacement, up)
+        table = traps.table[trap, kind]
+        cutoff = traps.tables.radius[traps.tables.level_start[table + 1] - 1]
+        d2 = x * x + y * y + z * z
+        force = wp.vec3(0.0)
+        if d2 < cutoff * cutoff:
+            q = force_at(traps.exact[table], wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)))
+            w = traps.exact_scale[table] * (1.0 - blend_weight(d2, cutoff))
+            force = w * (wp.float32(q[0]) * side + wp.float32(q[1]) * up + wp.float32(q[2]) * axis)
+        return force
+
+    return exact
+
+
 LAYER_NAMES = {1: "", 2: "_polarized", 3: "_vortex"}
 """What the key of a table's term says about its layers."""
 
@@ -159,10 +193,26 @@ TRAP_TERMS: dict[str, tuple[int, wp.Function]] = {
 }
 """Force models by name: the key stored in `TrapData.model`, and the term."""
 
+EXACT_KEY = 10
+"""Key of the exact model, whose term depends on the room its sphere and reach need."""
+
+
+def exact_name(orders: int, nodes: int) -> str:
+    """Name of the exact model with these capacities."""
+    return f"exact_{orders}_{nodes}"
+
+
+def trap_term(name: str) -> tuple[int, wp.Function]:
+    """Key and term of a model: of `TRAP_TERMS`, or of the exact one by `exact_name`."""
+    if name.startswith("exact_"):
+        orders, nodes = (int(part) for part in name.split("_")[1:])
+        return EXACT_KEY, exact_term(orders, nodes)
+    return TRAP_TERMS[name]
+
 
 def trap_force_term(models: tuple[str, ...]) -> wp.Function:
     """One force function for the models a scene uses: the term itself, or a branch on the trap's model."""
-    key, head = TRAP_TERMS[models[0]]
+    key, head = trap_term(models[0])
     if len(models) == 1:
         return head
     rest = trap_force_term(models[1:])

@@ -6,6 +6,7 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 
 import warp as wp
 
+from otwarp.kernels.exact import ExactData
 from otwarp.kernels.force_table import ForceTableData
 
 vec4 = wp.vec4
@@ -30,6 +31,8 @@ class TrapData:
     side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
     table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
     tables: ForceTableData
+    exact: wp.array(dtype=ExactData)  # one per table, (0) without exact traps
+    exact_scale: wp.array(dtype=wp.float32)  # (tables) force per mW of Q = 1 [pN]
     equilibrium: wp.array(dtype=wp.float32)  # (T) along the axis, from the focus [µm]
     law_radius: wp.array(dtype=wp.float32)  # (T) sphere radius the law holds for [µm], 0: any
     stiffness: wp.array2d(dtype=wp.float32)  # (1|W, T) radial or isotropic K [pN/µm/mW]

@@ -139,9 +139,10 @@ def _spectrum(beam: Beam, orders: int, nodes: int) -> _Spectrum:
     w = 0.5 * beam.edge * w
     amplitude = beam.amplitude(t)
     measure = w * np.sin(t)
+    # d^n_{−m,−σ} = (−1)^{m−σ} d^n_{mσ}: without a charge one helicity's sums are also those of the other
     angular = {
         (helicity, m): np.ascontiguousarray(wigner_d(orders, m, helicity, np.cos(t)))
-        for helicity in (1, -1)
+        for helicity in ((1,) if beam.charge == 0 else (1, -1))
         for m in range(-orders, orders + 1)
     }
     power = 2.0 * math.pi * float(np.sum(measure * np.abs(amplitude) ** 2))
@@ -159,20 +160,27 @@ def _coefficients(beam: Beam, points: np.ndarray, orders: int, nodes: int) -> np
     radial = bessel_j(highest, k * rho[:, None] * spectrum.sine)
     out = np.zeros((2, 2 * orders + 1, len(points), orders + 1), dtype=complex)
     scale = 2.0 * math.pi / math.sqrt(spectrum.power)
-    products: dict[int, np.ndarray] = {}
-    for i, (helicity, amplitude) in enumerate(zip((1, -1), beam.helicities(), strict=True)):
-        if amplitude == 0.0:
-            continue
-        for m in range(-orders, orders + 1):
+    amplitudes = dict(zip((1, -1), beam.helicities(), strict=True))
+
+    def put(helicity: int, m: int, value: np.ndarray) -> None:
+        """Give the sum of one order the phase of its azimuthal integral: i^j J_j, where J_{−j} = (−1)^j J_j."""
+        if amplitudes[helicity] != 0.0:
             j = m - helicity - beam.charge
-            if abs(j) not in products:
-                products[abs(j)] = carrier * radial[abs(j)]
-            product, table = products[abs(j)], spectrum.angular[helicity, m]
-            # a complex times a real matrix: half the work of promoting the real one
-            value = (product.real @ table) + 1j * (product.imag @ table)
-            # i^j J_j with J_{−j} = (−1)^j J_j
-            turn = amplitude * scale * (1j ** (abs(j) % 4)) * np.exp(-1j * j * phi)
-            out[i, m + orders] = turn[:, None] * value
+            turn = amplitudes[helicity] * scale * (1j ** (abs(j) % 4)) * np.exp(-1j * j * phi)
+            out[0 if helicity == 1 else 1, m + orders] = turn[:, None] * value
+
+    products: dict[int, np.ndarray] = {}
+    for (helicity, m), table in spectrum.angular.items():
+        if beam.charge != 0 and amplitudes[helicity] == 0.0:
+            continue
+        j = abs(m - helicity - beam.charge)
+        if j not in products:
+            products[j] = carrier * radial[j]
+        # a complex times a real matrix: half the work of promoting the real one
+        value = (products[j].real @ table) + 1j * (products[j].imag @ table)
+        put(helicity, m, value)
+        if beam.charge == 0:
+            put(-helicity, -m, value if (m - helicity) % 2 == 0 else -value)
     return out
 
 

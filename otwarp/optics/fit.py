@@ -1,6 +1,7 @@
 """Piecewise and harmonic fits of exact force curves: the paper's eq. 1, with its errors.
 
 F(d) = K·d for d < δ, A/d² + C for δ ≤ d < D, 0 beyond, against the restoring force at distance d from the equilibrium.
+Every error is taken over the whole trap region (`trap_region`), so that those of different laws can be compared.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from otwarp.errors import InputError
 from otwarp.optics.analysis import trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import force
@@ -31,14 +33,22 @@ class PiecewiseLaw:
     offset: float = 0.0
     cutoff: float = float("inf")
 
+    def pull(self, distance: np.ndarray) -> np.ndarray:
+        """Restoring force [pN] at these distances from the equilibrium [µm], of the same shape."""
+        d = np.asarray(distance, dtype=float)
+        outer = self.inverse_square / np.maximum(d, 1e-9) ** 2 + self.offset
+        return np.where(d < self.threshold, self.stiffness * d, np.where(d < self.cutoff, outer, 0.0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class CurveFit:
     """A fitted curve and how well it fits, at the beam's power.
 
     Attributes:
-        name: `radial`, `axial` (the weaker side, on which the sphere leaves) or `isotropic`.
+        name: `radial`, `axial` or `isotropic`.
         law: The constants.
+        fitted: Distance from the equilibrium up to which the law was fitted [µm].
+        region: Distance up to which the errors were taken: the trap region [µm].
         mse, rmse: Of the residual in Q², Q.
         r_squared: Coefficient of determination.
         worst: Largest residual in Q; `worst_at` its distance [µm].
@@ -47,6 +57,8 @@ class CurveFit:
 
     name: str
     law: PiecewiseLaw
+    fitted: float
+    region: float
     mse: float
     rmse: float
     r_squared: float
@@ -55,19 +67,34 @@ class CurveFit:
     jump: float
 
 
-def sample_curves(beam: Beam, sphere: Sphere) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Distance from the equilibrium [µm] and restoring force [Q]: `radial` (x and y), `downstream` and `upstream`."""
+ForceCurves = dict[str, tuple[np.ndarray, np.ndarray]]
+"""Distance from the equilibrium [µm] and restoring force [Q] by direction."""
+
+
+def trap_region(beam: Beam, sphere: Sphere) -> float:
+    """Distance from the equilibrium [µm] over which curves are fitted, drawn and judged: 1.5 r + 2 λ.
+
+    The pull of a large sphere is strongest when the light meets its rim, that of a small one within a wavelength.
+    """
+    return 1.5 * sphere.radius + 2.0 * beam.wavelength
+
+
+def sample_curves(beam: Beam, sphere: Sphere, *, device: str | None = None) -> ForceCurves:
+    """Exact curves over the trap region: `radial` (x, then y), `downstream` and `upstream`.
+
+    Raises:
+        InputError: The beam does not hold this sphere.
+    """
     stable = trap_properties(beam, sphere).equilibrium
-    d = np.linspace(0.0, 1.5 * sphere.radius + 2.0 * beam.wavelength, SAMPLES)
-    ways = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "downstream": (0.0, 0.0, 1.0), "upstream": (0.0, 0.0, -1.0)}
-    pulls = {
-        name: -force(beam, sphere, np.array([0.0, 0.0, stable]) + d[:, None] * np.array(way)) @ np.array(way)
-        for name, way in ways.items()
-    }
+    d = np.linspace(0.0, trap_region(beam, sphere), SAMPLES)
+    ways = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    points = np.array([0.0, 0.0, stable]) + d[None, :, None] * ways[:, None, :]
+    q = force(beam, sphere, points.reshape(-1, 3), device=device).reshape(points.shape)
+    along_x, along_y, downstream, upstream = -np.einsum("wnc,wc->wn", q, ways)
     return {
-        "radial": (np.concatenate([d, d]), np.concatenate([pulls["x"], pulls["y"]])),
-        "downstream": (d, pulls["downstream"]),
-        "upstream": (d, pulls["upstream"]),
+        "radial": (np.concatenate([d, d]), np.concatenate([along_x, along_y])),
+        "downstream": (d, downstream),
+        "upstream": (d, upstream),
     }
 
 
@@ -100,7 +127,6 @@ def fit_curve(name: str, d: np.ndarray, q: np.ndarray, beam: Beam, *, continuous
             break
         low, high = np.linspace(max(t - dt, 0.01 * top), t + dt, 9), np.linspace(c - dc, c + dc, 9)
     _, found = _solve(d, q, t, c, continuous)
-    residual = q - _basis(d, t, c, continuous) @ found
     scale = beam.force_scale
     k = float(found[0]) * scale
     if continuous:
@@ -109,15 +135,21 @@ def fit_curve(name: str, d: np.ndarray, q: np.ndarray, beam: Beam, *, continuous
     else:
         a, offset = float(found[1]) * scale, float(found[2]) * scale
     law = PiecewiseLaw(stiffness=k, threshold=float(t), inverse_square=float(a), offset=float(offset), cutoff=float(c))
-    return _report(name, law, d, q, residual, 0.0 if continuous else a / t**2 + offset - k * t)
+    residual = q - _basis(d, t, c, continuous) @ found
+    jump = 0.0 if continuous else a / t**2 + offset - k * t
+    return _report(name, law, d, q, residual, fitted=float(d.max()), jump=jump)
 
 
-def _report(name: str, law: PiecewiseLaw, d: np.ndarray, q: np.ndarray, residual: np.ndarray, jump: float) -> CurveFit:
+def _report(
+    name: str, law: PiecewiseLaw, d: np.ndarray, q: np.ndarray, residual: np.ndarray, *, fitted: float, jump: float
+) -> CurveFit:
     mse = float(np.mean(residual**2))
     worst = int(np.argmax(np.abs(residual)))
     return CurveFit(
         name=name,
         law=law,
+        fitted=fitted,
+        region=float(d.max()),
         mse=mse,
         rmse=mse**0.5,
         r_squared=float(1.0 - np.sum(residual**2) / np.sum((q - q.mean()) ** 2)),
@@ -127,31 +159,55 @@ def _report(name: str, law: PiecewiseLaw, d: np.ndarray, q: np.ndarray, residual
     )
 
 
-def fit_piecewise(beam: Beam, sphere: Sphere, *, continuous: bool = True) -> dict[str, CurveFit]:
+def weak_side(curves: ForceCurves) -> str:
+    """`downstream` or `upstream`: the side with the smaller largest pull, on which the sphere is lost."""
+    return min(("downstream", "upstream"), key=lambda side: float(curves[side][1].max()))
+
+
+def fit_piecewise(
+    beam: Beam, sphere: Sphere, *, continuous: bool = True, curves: ForceCurves | None = None
+) -> dict[str, CurveFit]:
     """The paper's law as separate `radial` and `axial` curves and as one `isotropic` curve.
 
-    The axial curve is fitted on the side with the smaller largest pull, on which the sphere is lost; the isotropic one
-    to both together.
+    The axial curve is fitted on the weak side (`weak_side`); the isotropic one to it and the radial one together.
 
     Args:
         continuous: Join the branches at δ and end at zero at D (three free constants), or fit all five freely.
+        curves: What `sample_curves` gave for this beam and sphere, if it is at hand.
+
+    Raises:
+        InputError: The beam does not hold this sphere.
     """
-    curves = sample_curves(beam, sphere)
-    weak = min(("downstream", "upstream"), key=lambda side: curves[side][1].max())
-    both = tuple(np.concatenate([a, b]) for a, b in zip(curves["radial"], curves[weak], strict=True))
-    chosen = {"radial": curves["radial"], "axial": curves[weak], "isotropic": both}
+    curves = curves or sample_curves(beam, sphere)
+    axial = curves[weak_side(curves)]
+    both = tuple(np.concatenate([a, b]) for a, b in zip(curves["radial"], axial, strict=True))
+    chosen = {"radial": curves["radial"], "axial": axial, "isotropic": both}
     return {name: fit_curve(name, d, q, beam, continuous=continuous) for name, (d, q) in chosen.items()}
 
 
-def fit_harmonic(beam: Beam, sphere: Sphere, *, reach: float | None = None) -> dict[str, CurveFit]:
-    """Straight lines through the equilibrium, least squares over `reach` [µm] (default half a radius)."""
-    curves = sample_curves(beam, sphere)
+def fit_harmonic(
+    beam: Beam, sphere: Sphere, *, reach: float | None = None, curves: ForceCurves | None = None
+) -> dict[str, CurveFit]:
+    """Straight lines through the equilibrium, least squares; the axial one through both sides.
+
+    Args:
+        reach: Fit up to this distance [µm]; default half a radius. The errors are still those over the trap region.
+        curves: What `sample_curves` gave for this beam and sphere, if it is at hand.
+
+    Raises:
+        InputError: The beam does not hold this sphere, or a reach that holds no sample.
+    """
+    curves = curves or sample_curves(beam, sphere)
+    down, up = curves["downstream"], curves["upstream"]
+    axial = np.concatenate([down[0], up[0]]), np.concatenate([down[1], up[1]])
+    # a small sphere's half radius may hold no sample beyond the equilibrium itself
+    span = reach if reach is not None else max(0.5 * sphere.radius, 3.0 * float(down[0][1]))
+    if not span >= down[0][1]:
+        raise InputError(f"reach of the harmonic fit is {span:g} µm; allowed: {float(down[0][1]):.3g} µm or more")
     out = {}
-    for name, source in (("radial", "radial"), ("axial", "downstream")):
-        d, q = curves[source]
-        near = d <= (reach or 0.5 * sphere.radius)
-        d, q = d[near], q[near]
-        slope = float(d @ q / (d @ d))
+    for name, (d, q) in (("radial", curves["radial"]), ("axial", axial)):
+        near = d <= span
+        slope = float(d[near] @ q[near] / (d[near] @ d[near]))
         law = PiecewiseLaw(stiffness=slope * beam.force_scale)
-        out[name] = _report(name, law, d, q, q - slope * d, 0.0)
+        out[name] = _report(name, law, d, q, q - slope * d, fitted=float(d[near].max()), jump=0.0)
     return out

@@ -12,7 +12,7 @@ import warp as wp
 from otwarp.scene.description import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.pack_bodies import mobilities
-from otwarp.simulation.pack_traps import axial_or_radial, law, model_name, trap_reach
+from otwarp.simulation.pack_traps import axial_or_radial, law, trap_reach
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
 
@@ -67,7 +67,7 @@ def _traps(model: Model) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": trap.prim,
-                "model": model_name(trap, scene.medium),
+                "model": model.optics.term_name(scene, t),
                 "power": power,
                 "radial_stiffness": float(values["trap_stiffness"][0, t] * scale),
                 "axial_stiffness": float(axial[t] * scale),
@@ -77,6 +77,45 @@ def _traps(model: Model) -> list[dict[str, Any]]:
                 "holds": sphere.prim if sphere else None,
             }
         )
+    return rows
+
+
+def _optics(model: Model) -> list[dict[str, Any]]:
+    """One row per beam and kind of sphere whose force is computed: forces at 1 mW, and how well they are known."""
+    rows, seen = [], set()
+    for t, trap in enumerate(model.scene.traps):
+        for k, (radius, index) in enumerate(model.optics.kinds):
+            number = int(model.optics.table[t, k])
+            if number < 0:
+                continue
+            if (number, trap.model) in seen:
+                continue
+            seen.add((number, trap.model))
+            table = model.optics.tables[number]
+            about = table.properties
+            sharing = [
+                other.prim
+                for i, other in enumerate(model.scene.traps)
+                if model.optics.table[i, k] == number and other.model == trap.model
+            ]
+            rows.append(
+                {
+                    "traps": sharing,
+                    "model": trap.model,
+                    "radius": radius,
+                    "index": index,
+                    "stiffness": list(about.stiffness) if about else None,
+                    "steepest": table.steepest,
+                    "equilibrium": about.equilibrium if about else None,
+                    "escape_force": list(about.escape_force) if about else None,
+                    "escape_distance": [_finite(d) for d in about.escape_distance] if about else None,
+                    "cutoff": table.cutoff,
+                    "table_error": table.error,
+                    "tolerance": table.tolerance,
+                    "interpolation": table.interpolation,
+                    "bytes": table.size,
+                }
+            )
     return rows
 
 
@@ -101,6 +140,7 @@ def describe(
         "driver": model.features.driver,
         "bodies": _bodies(scene),
         "traps": _traps(model),
+        "optics": _optics(model),
         "obstacles": [
             {"name": o.prim, "shape": o.shape, "moves": o.position.animated or o.orientation.animated}
             for o in scene.obstacles

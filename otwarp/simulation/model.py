@@ -19,7 +19,6 @@ from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
     LAW_FIELDS,
-    model_name,
     pack_flow,
     pack_medium,
     pack_traps,
@@ -110,7 +109,7 @@ class Model:
         values = {**_scene_values(scene), **overrides}
         near = Neighbours.of(scene, values)
         held = near.held(scene)
-        features = _features(scene, values)
+        features = _features(scene, values, optics)
         relaxation = TrapRelaxation.of(scene, moves, values, near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
         scales = time_scales(
@@ -220,13 +219,13 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
     return min(MAX_CONTACTS, 1 << max(2, (possible - 1).bit_length()))
 
 
-def _features(scene: Scene, values: Mapping[str, np.ndarray]) -> Features:
+def _features(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -> Features:
     """The terms this scene needs."""
     bodies, traps = scene.bodies, scene.traps
     colliding = sum(any(s.collides for s in b.spheres) for b in bodies)
     pushed = any(s.trapped for b in bodies for s in b.spheres)
     # sorted, so that scenes with the same models share one compiled step
-    models = tuple(sorted({model_name(t, scene.medium) for t in traps})) if pushed else ()
+    models = tuple(sorted({optics.term_name(scene, t) for t in range(len(traps))})) if pushed else ()
     obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
     pairs = colliding > 1
     limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))

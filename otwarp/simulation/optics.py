@@ -17,12 +17,14 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.force_table import ForceTableData
+from otwarp.kernels.traps import LAYER_NAMES, exact_name
 from otwarp.scene.description import Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.arrays import device_array
 
 if TYPE_CHECKING:
     from otwarp.optics import Beam, ForceTable
+    from otwarp.optics.batched import PackedForce
 
 
 def beam_of(trap: Trap, medium: Medium) -> Beam:
@@ -50,6 +52,7 @@ class TrapOptics:
         kinds: (radius [µm], refractive index) of each kind.
         tables: One per distinct beam, sphere, tolerance and interpolation.
         table: (T, K) index into `tables`, -1 for a trap that follows an authored law.
+        exact: Tables of the exact force for each pair, empty unless some trap's model is `exact`.
         nearest: (T,) kind of the sphere that the trap names, or else of the one nearest to its focus; 0 without any.
     """
 
@@ -57,6 +60,7 @@ class TrapOptics:
     tables: tuple[ForceTable, ...]
     table: np.ndarray
     nearest: np.ndarray
+    exact: tuple[PackedForce, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, focus: np.ndarray, device: wp.Device) -> TrapOptics:
@@ -106,7 +110,12 @@ class TrapOptics:
                         )
                     )
                 table[t, k] = tables[key]
-        return cls(kinds, tuple(made), table, nearest)
+        exact: tuple[PackedForce, ...] = ()
+        if any(t.model == "exact" for t in scene.traps):
+            from otwarp.optics.batched import pack_force
+
+            exact = tuple(pack_force(t.beam, t.sphere, reach=t.cutoff, device=device) for t in made)
+        return cls(kinds, tuple(made), table, nearest, exact)
 
     def kind(self, radius: float, index: float) -> int:
         """Optical kind of a trapped sphere."""
@@ -115,6 +124,16 @@ class TrapOptics:
     def held(self, trap: int) -> ForceTable | None:
         """Table of a trap for the sphere it holds, None for a trap that follows an authored law."""
         return self.tables[self.table[trap, self.nearest[trap]]] if self._optical(trap) else None
+
+    def term_name(self, scene: Scene, trap: int) -> str:
+        """Key of the trap's force model, as `kernels.traps.trap_term` knows it."""
+        entry = scene.traps[trap]
+        if not self._optical(trap):
+            # without a sphere to act on, any term serves
+            return f"{'harmonic' if entry.optical else entry.model}_{'split' if entry.axial else 'isotropic'}"
+        if entry.model == "exact":
+            return exact_name(max(e.orders for e in self.exact), max(e.nodes for e in self.exact))
+        return f"table_{entry.interpolation}{LAYER_NAMES[self.tables[self.table[trap, 0]].layers]}"
 
     def _optical(self, trap: int) -> bool:
         return bool(self.table.shape[1]) and bool(self.table[trap, 0] >= 0)
@@ -157,20 +176,12 @@ class TrapOptics:
         return np.array([max(f.properties.escape_distance) if f and f.properties else math.inf for f in found])
 
 
-def table_name(trap: Trap, medium: Medium) -> str:
-    """Key of the trap's table term in `TRAP_TERMS`."""
-    from otwarp.kernels.traps import LAYER_NAMES
-    from otwarp.optics.table import layer_count
-
-    return f"table_{trap.interpolation}{LAYER_NAMES[layer_count(beam_of(trap, medium))]}"
-
-
 def trap_sides(scene: Scene) -> np.ndarray:
-    """(T, 3) direction across each beam from which its table measures azimuth: the polarization's major axis."""
+    """(T, 3) direction across each beam: the polarization's major axis, from which a table measures azimuth, or x."""
     sides = []
     for trap in scene.traps:
         turn = 0.0
-        if trap.optical:
+        if trap.model == "table":
             from otwarp.optics.table import major_axis
 
             turn = major_axis(beam_of(trap, scene.medium))

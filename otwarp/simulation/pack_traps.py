@@ -9,24 +9,18 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.kernels.traps import TRAP_TERMS
+from otwarp.kernels.exact import ExactData
+from otwarp.kernels.traps import trap_term
 from otwarp.kernels.types import FlowData, MediumData, TrapData
-from otwarp.scene.description import Medium, Scene, Trap, TrapLaw
+from otwarp.scene.description import Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import device_array
-from otwarp.simulation.optics import TrapOptics, pack_tables, table_name, trap_sides
+from otwarp.simulation.optics import TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
 LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
 
 _HANDS = {"none": 0, "left": 1, "right": 2}
-
-
-def model_name(trap: Trap, medium: Medium) -> str:
-    """Key of the trap's force model in `TRAP_TERMS`."""
-    if trap.optical:
-        return table_name(trap, medium)
-    return f"{trap.model}_{'isotropic' if trap.axial is None else 'split'}"
 
 
 def law(trap: Trap) -> TrapLaw:
@@ -124,10 +118,12 @@ def pack_traps(
     data.speed_limit = device_array(
         values["trap_speed_limit"] if limits else np.zeros((0, 0)), wp.float32, device, ndim=2
     )
-    data.model = device_array([TRAP_TERMS[model_name(t, scene.medium)][0] for t in traps], wp.int32, device)
+    data.model = device_array([trap_term(optics.term_name(scene, t))[0] for t in range(len(traps))], wp.int32, device)
     data.side = device_array(trap_sides(scene), wp.vec3, device)
     data.table = device_array(optics.table, wp.int32, device, ndim=2)
     data.tables = pack_tables(optics, device)
+    data.exact = wp.array([e.data for e in optics.exact], dtype=ExactData, device=device)
+    data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
     data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
     data.law_radius = device_array([law(t).radius for t in traps], wp.float32, device)
