@@ -71,9 +71,7 @@ def _optics_table(rows: list[dict[str, Any]], root: str) -> Table:
             ", ".join(f"{k:.3g}" for k in row["stiffness"]) if row["stiffness"] else "not held",
             f"{row['equilibrium']:.4f}" if row["stiffness"] else "–",
             ", ".join(f"{f:.3g}" for f in row["escape_force"]) if row["stiffness"] else "–",
-            "exact"
-            if row["model"] == "exact"
-            else f"{row['table_error']:.1e} ({row['interpolation']}, {row['bytes'] / 1e3:.0f} kB)",
+            _accuracy(row),
         )
     return table
 

@@ -66,7 +66,6 @@ def balance(
     out = sums
     two = wp.float64(2.0)
     spin = two * share * wp.float64(m)
-    mixed = data.mixed[0] != wp.float64(0.0) or data.mixed[1] != wp.float64(0.0)
     lowest = wp.max(wp.min(wp.abs(m), wp.abs(m + 1)), 1)
     # what n − 1 and n leave for n and n + 1
     a_below = a[now + lowest - 1]
@@ -74,7 +73,6 @@ def balance(
     a_here = a[now + lowest]
     b_here = b[now + lowest]
     same = data.same[lowest]
-    cross = data.cross[lowest]
     for n in range(lowest, data.orders + 1):
         a_next = a[now + n + 1]
         b_next = b[now + n + 1]
@@ -94,7 +92,8 @@ def balance(
         b_moved = down * conj_times(same_next, b_next) - up * b_same - (level * turn[0]) * b_here
         out.radial_a += conj_times(a[above + n], a_moved)
         out.radial_b += conj_times(b[above + n], b_moved)
-        if mixed:
+        if data.mixed[0] != wp.float64(0.0) or data.mixed[1] != wp.float64(0.0):
+            cross = data.cross[n]
             cross_next = data.cross[n + 1]
             a_cross = times(cross, a_below)
             b_cross = times(cross, b_below)
@@ -104,7 +103,6 @@ def balance(
             b_turned = down * conj_times(cross_next, b_next) - up * b_cross - (level * turn[1]) * times_i(b_here)
             out.radial_ab += conj_times(a[above + n], b_turned)
             out.radial_ba += conj_times(b[above + n], a_turned)
-            cross = cross_next
         a_below = a_here
         b_below = b_here
         a_here = a_next

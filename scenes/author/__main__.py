@@ -10,6 +10,7 @@ from otwarp.errors import InputError
 
 NAMES = (
     "single_bead",
+    "force_models",
     "two_trap_dimer",
     "strategy_a",
     "strategy_b",
