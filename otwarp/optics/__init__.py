@@ -1,6 +1,6 @@
 """Optical forces: beams as angular spectra, Mie scattering, exact forces, their tables, and fits of their curves.
 
-Float64 NumPy throughout. Nothing here knows a scene.
+Float64 throughout: NumPy, and a Warp kernel for large sets of points. Nothing here knows a scene.
 """
 
 from otwarp.optics.analysis import TrapProperties, stiffness, trap_properties

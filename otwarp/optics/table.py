@@ -10,9 +10,9 @@ equal m (or m + 1, with the factor that turns F_x + iF_y into F_ρ + iF_φ). Pro
   and sin 2φ in F_φ, a second layer;
 - both, with a vortex: the remaining sin 2φ, sin 2φ and cos 2φ make a third.
 
-Far from the focus the force falls as 1/d² only, and its features widen. So grids are nested: level l serves distances up
-to radius·2^l, the last one up to the cutoff, where the force is within the tolerance of zero. Levels are blended over the
-outer fifth of each with a continuous first derivative, and the last one into zero.
+Far from the focus the force falls as 1/d² only, and its features widen. So grids are nested: level l serves distances
+up to radius·2^l, the last one up to the cutoff, where the force is within the tolerance of zero. Levels are blended
+over the outer fifth of each with a continuous first derivative, and the last one into zero.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ class ForceTable:
     Attributes:
         beam, sphere: What it holds for.
         tolerance: Bound on the error, relative to the peak force.
-        interpolation: `bilinear` (continuous) or `bicubic` (B-splines: continuous second derivative within a level, first
-            derivative between levels).
+        interpolation: `bilinear` (continuous) or `bicubic` (B-splines: continuous second derivative within a level,
+            first derivative between levels).
         peak: Largest |Q|.
         error: Largest error found on points that the build never saw, over `peak`.
         properties: Equilibrium, stiffness, escape at 1 mW, or None if the beam does not hold this sphere.
