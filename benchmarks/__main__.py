@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from benchmarks import realtime, startup, terms
+from benchmarks import forces, realtime, startup, terms
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
-BENCHMARKS = {"startup": startup.measure, "realtime": realtime.measure, "terms": terms.measure}
+BENCHMARKS = {
+    "startup": startup.measure,
+    "realtime": realtime.measure,
+    "terms": terms.measure,
+    "forces": forces.measure,
+}
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "vision": ROOT | {"simulation", "hydrodynamics"},
     "ros": ROOT | {"teleop", "haptics"},
     "preview": ROOT | {"device", "scene"},
+    "bench": ROOT | {"device", "scene", "optics", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "device": {"errors"},
     "errors": set(),
@@ -34,7 +35,7 @@ ALLOWED: dict[str, set[str]] = {
 """Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy"}
-ONLY_IN = {"pxr": {"scene"}, "warp": {"device", "kernels", "simulation", "preview", "optics", "cli"}}
+ONLY_IN = {"pxr": {"scene"}, "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli"}}
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib"}

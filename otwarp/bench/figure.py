@@ -1,0 +1,153 @@
+"""The picture of `otwarp bench forces`: error against time per step, one run or several over one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from otwarp.bench.result import Errors, ForcesBench, Row
+from otwarp.errors import InputError
+
+STYLES: dict[str, tuple[str, str, str]] = {
+    "harmonic": ("harmonic, radial + axial", "s", "#8a8f98"),
+    "isotropic": ("piecewise, isotropic", "^", "#d9822b"),
+    "split": ("piecewise, radial + axial", "v", "#a8325e"),
+    "bilinear": ("bilinear table", "o", "#2460a7"),
+    "bicubic": ("bicubic table", "D", "#3d8b6d"),
+    "exact": ("exact", "*", "#20304a"),
+}
+"""Label, marker and colour of each family."""
+
+FRONT, FLOOR = "#c8ced8", "#9aa3b2"
+
+LINES = ("-", "--", ":", "-.")
+"""Of the runs, in turn; the markers of the first are filled."""
+
+PANELS: tuple[tuple[str, Callable[[Errors], float]], ...] = (
+    ("largest error within {region:.3g} µm of the equilibrium", lambda e: e.largest),
+    ("rms error where a trapped bead is", lambda e: e.thermal_rms),
+)
+"""What each panel shows."""
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those (cost, error) pairs to which no other is preferable in both, by ascending cost."""
+    front: list[tuple[float, float]] = []
+    for point in sorted(points):
+        if not front or point[1] < front[-1][1]:
+            front.append(point)
+    return front
+
+
+def draw_runs(runs: Sequence[ForcesBench], file: Path) -> None:
+    """Draw runs of the same bead on different devices, to a temporary file that then takes the name.
+
+    Args:
+        runs: At least one.
+        file: A PNG picture.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(1, 2, figsize=(11.0, 4.8), sharex=True, layout="constrained")
+    for axes, (title, error) in zip(panels, PANELS, strict=True):
+        for number, run in enumerate(runs):
+            _draw_run(axes, run, error, number)
+        axes.set(xscale="log", yscale="log", xlabel="time per bead and step (ns)")
+        axes.set_title(title.format(region=runs[0].region), fontsize=10, loc="left")
+        axes.grid(True, which="major", color="#eceef2", lw=0.8)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel("error of the force / peak force")
+    handles = _legend(runs)
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)), frameon=False, fontsize=8)
+    figure.suptitle(runs[0].bead(), fontsize=10)
+    part = file.with_name(f".{file.name}.part")
+    try:
+        figure.savefig(part, dpi=160, format="png")
+        part.replace(file)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"--plot {file} cannot be written: {error.strerror}") from error
+    finally:
+        plt.close(figure)
+
+
+def drawn_error(run: ForcesBench, row: Row, error: Callable[[Errors], float]) -> float:
+    """Where the row stands: its error, or that of the exact forces it was judged by where that is larger."""
+    assert row.errors is not None
+    return max(error(row.errors), run.reference_error)
+
+
+def _draw_run(axes: Any, run: ForcesBench, error: Callable[[Errors], float], number: int) -> None:
+    """Pareto front, table families joined by lines, all markers with quartiles, and the floor without a trap."""
+    line = LINES[number % len(LINES)]
+    rows = [row for row in run.rows if row.errors is not None]
+    front = pareto_front([(row.cost.median, drawn_error(run, row, error)) for row in rows])
+    axes.plot(*zip(*front, strict=True), drawstyle="steps-post", color=FRONT, lw=5.0, solid_capstyle="round", zorder=1)
+    for row in run.rows:
+        if row.errors is None:
+            axes.axvline(row.cost.median, color=FLOOR, lw=1.0, ls=line, zorder=0)
+    for family, (_, marker, colour) in STYLES.items():
+        members = [row for row in rows if row.family == family]
+        if not members:
+            continue
+        x, y = [row.cost.median for row in members], [drawn_error(run, row, error) for row in members]
+        spread = [
+            [row.cost.median - row.cost.low for row in members],
+            [row.cost.high - row.cost.median for row in members],
+        ]
+        axes.errorbar(
+            x,
+            y,
+            xerr=spread,
+            ls=line if len(members) > 1 else "none",
+            lw=1.2,
+            elinewidth=0.8,
+            marker=marker,
+            ms=11 if marker == "*" else 6,
+            color=colour,
+            mfc=colour if number == 0 else "white",
+            zorder=3,
+        )
+        for row, a, b in zip(members, x, y, strict=True):
+            if row.tolerance is not None:
+                # the two kinds of table stand side by side: label one on the left, the other on the right
+                side = (-7, "right") if family == "bilinear" else (7, "left")
+                axes.annotate(
+                    f"{row.tolerance:.0e}".replace("e-0", "e-"),
+                    (a, b),
+                    xytext=(side[0], 0),
+                    textcoords="offset points",
+                    ha=side[1],
+                    va="center",
+                    fontsize=7,
+                    color=colour,
+                )
+
+
+def _legend(runs: Sequence[ForcesBench]) -> list[Any]:
+    """Handles: families, the floor, the front, and the runs if there are several."""
+    from matplotlib.lines import Line2D
+
+    found = {row.family for run in runs for row in run.rows}
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ls="none", label=label)
+        for family, (label, marker, colour) in STYLES.items()
+        if family in found
+    ]
+    handles.append(Line2D([], [], color=FRONT, lw=5.0, label="nothing faster is more accurate"))
+    if "none" in found:
+        handles.append(Line2D([], [], color=FLOOR, lw=1.0, label="no trap: noise alone"))
+    for number, run in enumerate(runs):
+        fill = "#20304a" if number == 0 else "white"
+        name = run.hardware if run.kind == "cuda" else f"{run.hardware}, one thread"
+        line = LINES[number % len(LINES)]
+        handles.append(Line2D([], [], color="#20304a", ls=line, marker="o", ms=5, mfc=fill, label=name))
+    return handles

@@ -1,0 +1,257 @@
+"""Error against run time of every force model: one bead in one trap, in the step that a user's run takes.
+
+Time is that of `Simulation.step` with Brownian noise, in many worlds, the models in turns with the harmonic trap, one
+right after the other. The error is that of the force which the same simulation reads out, in float32 on its device,
+against exact forces from NumPy in float64.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from otwarp.bench.machine import Machine
+from otwarp.bench.result import Errors, ForcesBench, Row, beam_fields, sphere_fields
+from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
+from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.device import pick_device
+from otwarp.errors import InputError
+from otwarp.optics import Beam, ForceTable, Sphere, evaluate
+from otwarp.optics.table_cache import cache_folder, load
+from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.simulation import Simulation
+
+WORLDS = {"cpu": 4096, "cuda": 1 << 20}
+"""Beads by kind of device: enough to fill it."""
+
+SECONDS = 0.1
+"""Length of one measured call, unless a single step takes longer."""
+
+REGION_PROBES, THERMAL_PROBES = 4000, 1000
+
+SEED = 20240607
+"""Of the probes: every run judges the models on the same points."""
+
+Note = Callable[[str], None]
+"""Called with what is being done, often enough to stop there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Where the models are judged, and the exact forces there.
+
+    Attributes:
+        region, thermal: (n, 3) float32 sphere centres from the focus [µm]: spread evenly over the trap region, and
+            drawn from the distribution of the trapped bead.
+        exact_region, exact_thermal: (n, 3) forces [pN].
+        estimate: Their estimated error [pN].
+        peak: Largest force of the trap [pN].
+    """
+
+    region: np.ndarray
+    thermal: np.ndarray
+    exact_region: np.ndarray
+    exact_thermal: np.ndarray
+    estimate: float
+    peak: float
+
+    @classmethod
+    def draw(cls, bead: TrappedBead, *, region: int, thermal: int) -> Probes:
+        """Draw points and evaluate the exact force at the places that float32 makes of them."""
+        rng = np.random.default_rng(SEED)
+        way = rng.standard_normal((region, 3))
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        inside = bead.centre + way * bead.region * np.cbrt(rng.uniform(0.0, 1.0, (region, 1)))
+        around = thermal_points(bead, thermal, rng)
+        points = [p.astype(np.float32) for p in (inside, around)]
+        found = [evaluate(bead.beam, bead.sphere, p.astype(float)) for p in points]
+        scale = bead.beam.force_scale
+        # the peak by which tables bound their errors; kept out of the cache, or that row's build would not be timed
+        table = ForceTable.build(bead.beam, bead.sphere, tolerance=1e-2, cache=False)
+        return cls(
+            *points,
+            *(scale * e.force for e in found),
+            estimate=scale * max(e.error for e in found),
+            peak=scale * table.peak,
+        )
+
+    def errors(self, force_at: Callable[[np.ndarray], np.ndarray]) -> Errors:
+        """Errors of a force model, over the peak."""
+        found = []
+        for points, exact in ((self.region, self.exact_region), (self.thermal, self.exact_thermal)):
+            distance = np.linalg.norm(force_at(points) - exact, axis=1) / self.peak
+            found += [float(np.sqrt(np.mean(distance**2))), float(distance.max())]
+        return Errors(rms=found[0], largest=found[1], thermal_rms=found[2], thermal_largest=found[3])
+
+
+def thermal_points(bead: TrappedBead, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, 3) places of a trapped bead [µm]: normal by equipartition, and inside the trap region."""
+    out = np.zeros((0, 3))
+    while len(out) < count:
+        drawn = bead.spread * rng.standard_normal((count, 3))
+        out = np.concatenate([out, drawn[np.linalg.norm(drawn, axis=1) < bead.region]])
+    return bead.centre + out[:count]
+
+
+class Runner:
+    """A rung in motion, ready to be timed and to be asked for forces.
+
+    Attributes:
+        rung: Its force model.
+        sim: One bead per world.
+        steps: Steps in one sample.
+        build_seconds: Time its table took, None without a table or with one from the cache.
+    """
+
+    def __init__(
+        self, bead: TrappedBead, rung: Rung, device: wp.Device, *, worlds: int, time_step: float, seconds: float
+    ):
+        scene = bead.scene(rung)
+        self.rung, self.device = rung, device
+        self.build_seconds = self._build(bead, device)
+        self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, time_step=time_step, threads=1)
+        # a bead at rest at the equilibrium would make all worlds read the same cell of a table
+        start = thermal_points(bead, worlds, np.random.default_rng(SEED))[:, None, :]
+        self.start = wp.array(start.astype(np.float32), dtype=wp.vec3, device=device)
+        self.rewind()
+        self.steps = calls_for(self.sim.step, device, seconds)
+
+    def _build(self, bead: TrappedBead, device: wp.Device) -> float | None:
+        """Put the rung's table into the cache, from which the simulation takes it."""
+        if self.rung.tolerance is None:
+            return None
+        held = load(cache_folder(), bead.beam, bead.sphere, self.rung.tolerance, self.rung.family)  # type: ignore[arg-type]
+        if held is not None:
+            return None
+        begin = time.perf_counter()
+        TrapOptics.of(bead.scene(self.rung), np.zeros((1, 3)), device)
+        return time.perf_counter() - begin
+
+    def rewind(self) -> None:
+        """Put the beads where they started."""
+        wp.copy(self.sim.state.position, self.start)
+
+    def sample(self) -> float:
+        """One measurement [ns per bead-step]."""
+        self.rewind()
+        taken = elapsed(lambda: self.sim.step(self.steps), self.device).on(self.device)
+        return 1e9 * taken / (self.steps * self.sim.model.worlds)
+
+    def force_at(self, points: np.ndarray) -> np.ndarray:
+        """(n, 3) force that the simulation computes for a bead at `points` (n, 3) [pN], a world for each point."""
+        worlds = self.sim.model.worlds
+        parts = []
+        for first in range(0, len(points), worlds):
+            chunk = points[first : first + worlds]
+            # worlds that are left over repeat the chunk
+            self.sim.set_state(position=np.resize(chunk, (worlds, 1, 3)))
+            # on the CPU the array is a view of what the next chunk overwrites; astype copies
+            parts.append(self.sim.readout.trap_force.numpy()[: len(chunk), 0].astype(float))
+        return np.concatenate(parts)
+
+    def table_bytes(self) -> int:
+        """Memory of the table's nodes [B]."""
+        return 0 if self.rung.tolerance is None else sum(t.size for t in self.sim.model.optics.tables)
+
+
+def bench_forces(
+    beam: Beam,
+    sphere: Sphere,
+    *,
+    models: Sequence[str] = (),
+    device: str | None = None,
+    worlds: int | None = None,
+    rounds: int = 7,
+    time_step: float | None = None,
+    seconds: float = SECONDS,
+    probes: tuple[int, int] = (REGION_PROBES, THERMAL_PROBES),
+    note: Note = lambda text: None,
+) -> ForcesBench:
+    """Measure the force models.
+
+    Args:
+        beam: The trap, at the power of the run.
+        sphere: The bead.
+        models: Names of rungs of `LADDER`, none for all. The harmonic one is always measured.
+        device: `cpu`, `cuda:0`, … or None for the best available.
+        worlds: Beads; None for `WORLDS`.
+        rounds: Repeats.
+        time_step: The same for all models [s]; None for `TrappedBead.time_step`.
+        seconds: Length of one measured call; compilation and the first calls do not count.
+        probes: Points of the trap region and thermal points on which errors are judged.
+        note: Hears what is being done.
+
+    Raises:
+        InputError: An argument out of range, or a trap that does not hold the bead.
+    """
+    rungs = chosen_rungs(models)
+    for name, value in (("worlds", worlds), ("rounds", rounds)):
+        if value is not None and value < 1:
+            raise InputError(f"--{name} is {value}; allowed: 1 or more")
+    place = pick_device(device)
+    kind = "cpu" if place.is_cpu else "cuda"
+    machine = Machine.look(place)
+    bead = TrappedBead(beam, sphere)
+    step = bead.time_step if time_step is None else time_step
+    beads = worlds or WORLDS[kind]
+    note("exact forces")
+    judged = Probes.draw(bead, region=probes[0], thermal=probes[1])
+    runners: dict[str, Runner] = {}
+    errors: dict[str, Errors | None] = {}
+    for rung in rungs:
+        note(f"{rung.label}: building")
+        runner = Runner(bead, rung, place, worlds=beads, time_step=step, seconds=seconds)
+        runners[rung.name] = runner
+        errors[rung.name] = judged.errors(runner.force_at) if rung.family != "none" else None
+    costs = _costs(runners, rounds, note)
+    return ForcesBench(
+        kind=kind,
+        hardware=machine.name(),
+        machine=machine.data(),
+        beam=beam_fields(beam),
+        sphere=sphere_fields(sphere),
+        worlds=beads,
+        time_step=step,
+        rounds=rounds,
+        peak=judged.peak,
+        region=bead.region,
+        spread=tuple(bead.spread.tolist()),
+        probes=probes,
+        reference_error=judged.estimate / judged.peak,
+        rows=tuple(_row(runners[r.name], *costs[r.name], errors[r.name]) for r in rungs),
+    )
+
+
+def _costs(runners: dict[str, Runner], rounds: int, note: Note) -> dict[str, tuple[Spread, Spread]]:
+    """Cost of every rung [ns per bead-step] and its ratio to the harmonic one, the two measured in turns."""
+
+    def noted(runner: Runner) -> Callable[[], float]:
+        def measure() -> float:
+            note(f"{runner.rung.label}: measuring")
+            return runner.sample()
+
+        return measure
+
+    base = runners[HARMONIC].sample
+    pairs = interleaved({name: (noted(runner), base) for name, runner in runners.items()}, rounds)
+    return {name: (Spread.of(p.first), p.ratio()) for name, p in pairs.items()}
+
+
+def _row(runner: Runner, cost: Spread, ratio: Spread, errors: Errors | None) -> Row:
+    rung = runner.rung
+    return Row(
+        name=rung.name,
+        label=rung.label,
+        family=rung.family,
+        tolerance=rung.tolerance,
+        cost=cost,
+        ratio=ratio,
+        errors=errors,
+        table_bytes=runner.table_bytes(),
+        build_seconds=runner.build_seconds,
+        steps=runner.steps,
+    )
