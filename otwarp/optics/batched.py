@@ -16,14 +16,17 @@ from otwarp.kernels.exact import exact_force_kernel
 from otwarp.kernels.exact_waves import ROW, ExactData
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points, evaluate, quadrature_nodes
-from otwarp.optics.harmonics import wigner_d
+from otwarp.optics.harmonics import gauss_legendre, wigner_d
 from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
 
 GROWTH = 1.25
 """Nodes of a rule of quadrature over those of the one before, nearly."""
 
-MOST_NODES = 1024
-"""Nodes of the largest rule: its kernel keeps 90 kB per thread. Points beyond, over 100 µm away, are left to NumPy."""
+MOST_NODES = 4096
+"""Nodes of the largest rule: its kernel keeps 0.3 MB per thread. Points beyond, over 700 µm away, are left to NumPy."""
+
+MOST_ENTRIES = 3e7
+"""Entries of the largest table, 0.25 GB: for spheres of many multipoles it ends the rules earlier."""
 
 NEGLIGIBLE = 1e-17
 """Part of the largest weight, or of the beam's amplitude in a row of the table, that is left out."""
@@ -159,9 +162,10 @@ def _rule_of(orders: int, extent: np.ndarray) -> np.ndarray:
 
 
 def _furthest(orders: int) -> float:
-    """Extent of the largest rule that has at most `MOST_NODES`."""
+    """Extent of the largest rule that has at most `MOST_NODES` and `MOST_ENTRIES`."""
+    most = min(MOST_NODES, MOST_ENTRIES / orders**2)
     extents = _extent_of(orders, np.arange(32))
-    return float(max(e for e in extents if quadrature_nodes(orders, float(e)) <= MOST_NODES))
+    return float(max(e for e in extents if quadrature_nodes(orders, float(e)) <= most))
 
 
 def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | str | None = None) -> PackedForce:
@@ -253,7 +257,7 @@ def _responses(beam: Beam, sphere: Sphere, orders: int) -> tuple[np.ndarray, np.
 @lru_cache(maxsize=8)
 def _rule(beam: Beam, orders: int, nodes: int) -> _Rule:
     """Gauss–Legendre rule of `nodes` nodes, less those where the beam is dark, and its table up to n = orders + 1."""
-    x, w = np.polynomial.legendre.leggauss(nodes)
+    x, w = gauss_legendre(nodes)
     t = 0.5 * beam.edge * (x + 1.0)
     measure = 0.5 * beam.edge * w * np.sin(t)
     weight = beam.amplitude(t) * measure

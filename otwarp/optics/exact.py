@@ -17,7 +17,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
-from otwarp.optics.harmonics import across_axis, along_axis, bessel_j, raise_m, wigner_d
+from otwarp.optics.harmonics import across_axis, along_axis, bessel_j, gauss_legendre, raise_m, wigner_d
 from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
 
 LARGEST_SIZE = 250.0
@@ -134,7 +134,7 @@ class _Spectrum:
 
 @lru_cache(maxsize=64)
 def _spectrum(beam: Beam, orders: int, nodes: int) -> _Spectrum:
-    x, w = np.polynomial.legendre.leggauss(nodes)
+    x, w = gauss_legendre(nodes)
     t = 0.5 * beam.edge * (x + 1.0)
     w = 0.5 * beam.edge * w
     amplitude = beam.amplitude(t)

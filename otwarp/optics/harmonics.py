@@ -8,8 +8,10 @@ a field is a sum over its coefficients (Varshalovich, Moskalev, Khersonskii 1988
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
+from scipy.special import roots_legendre
 
 
 def wigner_d(orders: int, m: int, helicity: int, cosine: np.ndarray) -> np.ndarray:
@@ -43,6 +45,12 @@ def wigner_d(orders: int, m: int, helicity: int, cosine: np.ndarray) -> np.ndarr
             middle -= math.sqrt((n * n - square) * (n * n - 1)) / (n * (2 * n + 1)) * out[n - 1]
         out[n + 1] = middle / up
     return (out * np.sqrt((2.0 * np.arange(orders + 1) + 1.0) / (4.0 * math.pi))[:, None]).T
+
+
+@lru_cache(maxsize=32)
+def gauss_legendre(nodes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on (−1, 1); for many nodes by SciPy, whose eigenvalue problem is banded and not dense."""
+    return np.polynomial.legendre.leggauss(nodes) if nodes < 512 else roots_legendre(nodes)
 
 
 def bessel_j(orders: int, x: np.ndarray) -> np.ndarray:
