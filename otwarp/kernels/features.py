@@ -36,6 +36,7 @@ class Features:
         escapes: Traps hold spheres that can escape.
         max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
             thread keeps that room to itself.
+        fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
     """
 
     driver: Literal["solo", "world", "grid"] = "solo"
@@ -54,6 +55,12 @@ class Features:
     pairs: bool = False
     escapes: bool = False
     max_contacts: int = MAX_CONTACTS
+    fast_math: bool = False
+
+    @property
+    def still_traps(self) -> bool:
+        """Whether foci and powers change by command only, that is not within a launch."""
+        return not (self.moving_traps or self.speed_limits)
 
     @property
     def contacts(self) -> bool:

@@ -22,6 +22,22 @@ class ForceTableData:
     per_spacing: wp.array(dtype=wp.float32)  # (L) 1/spacing [1/µm]
 
 
+@wp.struct
+class GridLevel:
+    """One level, as interpolation needs it; a loop of steps keeps the finest in registers."""
+
+    node: wp.int32  # first node
+    columns: wp.int32
+    radius: wp.float32  # [µm]
+    per_spacing: wp.float32  # [1/µm]
+
+
+@wp.func
+def grid_level(tables: ForceTableData, level: int) -> GridLevel:
+    """Level of this number, counted over all tables."""
+    return GridLevel(tables.node_start[level], tables.columns[level], tables.radius[level], tables.per_spacing[level])
+
+
 BLEND = wp.constant(0.8)
 """As `otwarp.optics.table.BLEND`."""
 
@@ -35,23 +51,69 @@ def blend_weight(d2: float, radius: float) -> float:
     return x * x * (3.0 - 2.0 * x)
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return rsqrtf(x);
+#else
+    return 1.0f / sqrtf(x);
+#endif
+""")
+def reciprocal_root(x: wp.float32) -> wp.float32:
+    """1/√x of x > 1e-37, relative error < 2e-7."""
+    ...
+
+
+ROUNDER = 12582912.0
+"""1.5·2²³: adding it to a number below 2²² leaves the nearest integer in the low bits."""
+
+_FLOOR = """
+#if defined(__CUDA_ARCH__)
+    return {cuda};
+#else
+    return {cpu};
+#endif
+"""
+
+
+@wp.func_native(_FLOOR.format(cuda=f"__float_as_int(u - 0.5f + {ROUNDER}f) - 0x4B400000", cpu="(int)u"))
+def cell_of(u: wp.float32) -> wp.int32:
+    """Cell of a grid coordinate 0 ≤ u < 2²²; at a node either neighbour. Conversions are slow on CUDA, sums are not."""
+    ...
+
+
+@wp.func_native(_FLOOR.format(cuda=f"(u - 0.5f + {ROUNDER}f) - {ROUNDER}f", cpu="(float)(int)u"))
+def cell_start(u: wp.float32) -> wp.float32:
+    """The same cell as a number."""
+    ...
+
+
+@wp.func_native("""
+    return nodes.data[n];
+""")
+def node_at(nodes: wp.array(dtype=wp.vec3), n: int) -> wp.vec3:
+    """Node n, without the strides and negative indices of Warp's indexing, so that neighbours share an address."""
+    ...
+
+
 @wp.func
 def one_layer(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
     """F_ρ, F_φ, F_z of a node in a beam of one helicity."""
-    return tables.node[node]
+    return node_at(tables.node, node)
 
 
 @wp.func
 def two_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
     """Those of a polarized beam; `first` = (cos 2φ, sin 2φ, cos 2φ)."""
-    return tables.node[2 * node] + wp.cw_mul(first, tables.node[2 * node + 1])
+    return node_at(tables.node, 2 * node) + wp.cw_mul(first, node_at(tables.node, 2 * node + 1))
 
 
 @wp.func
 def three_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
     """Those of a polarized vortex; `second` = (sin 2φ, cos 2φ, sin 2φ)."""
-    polarized = wp.cw_mul(first, tables.node[3 * node + 1]) + wp.cw_mul(second, tables.node[3 * node + 2])
-    return tables.node[3 * node] + polarized
+    polarized = wp.cw_mul(first, node_at(tables.node, 3 * node + 1)) + wp.cw_mul(
+        second, node_at(tables.node, 3 * node + 2)
+    )
+    return node_at(tables.node, 3 * node) + polarized
 
 
 NODE_TERMS = {1: one_layer, 2: two_layers, 3: three_layers}
@@ -62,19 +124,19 @@ def bilinear_term(layers: int) -> wp.Function:
     at = NODE_TERMS[layers]
 
     @wp.func
-    def bilinear(tables: ForceTableData, level: int, rho: float, z: float, first: wp.vec3, second: wp.vec3) -> wp.vec3:
+    def bilinear(
+        tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
+    ) -> wp.vec3:
         """Four nodes."""
-        scale = tables.per_spacing[level]
-        u = rho * scale
-        v = (z + tables.radius[level]) * scale
-        i = int(u)
-        j = int(v)
-        a = u - float(i)
-        b = v - float(j)
-        columns = tables.columns[level]
-        n = tables.node_start[level] + (j + 1) * columns + i + 1
+        u = rho * level.per_spacing
+        v = (z + level.radius) * level.per_spacing
+        i = cell_of(u)
+        j = cell_of(v)
+        a = u - cell_start(u)
+        b = v - cell_start(v)
+        n = level.node + (j + 1) * level.columns + i + 1
         low = (1.0 - a) * at(tables, n, first, second) + a * at(tables, n + 1, first, second)
-        n += columns
+        n += level.columns
         high = (1.0 - a) * at(tables, n, first, second) + a * at(tables, n + 1, first, second)
         return (1.0 - b) * low + b * high
 
@@ -100,17 +162,17 @@ def bicubic_term(layers: int) -> wp.Function:
     at = NODE_TERMS[layers]
 
     @wp.func
-    def bicubic(tables: ForceTableData, level: int, rho: float, z: float, first: wp.vec3, second: wp.vec3) -> wp.vec3:
+    def bicubic(
+        tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
+    ) -> wp.vec3:
         """Sixteen nodes."""
-        scale = tables.per_spacing[level]
-        u = rho * scale
-        v = (z + tables.radius[level]) * scale
-        i = int(u)
-        j = int(v)
-        wu = cubic_weights(u - float(i))
-        wv = cubic_weights(v - float(j))
-        columns = tables.columns[level]
-        n = tables.node_start[level] + j * columns + i
+        u = rho * level.per_spacing
+        v = (z + level.radius) * level.per_spacing
+        i = cell_of(u)
+        j = cell_of(v)
+        wu = cubic_weights(u - cell_start(u))
+        wv = cubic_weights(v - cell_start(v))
+        n = level.node + j * level.columns + i
         total = wp.vec3(0.0)
         for k in range(4):
             row = wu[0] * at(tables, n, first, second)
@@ -118,7 +180,7 @@ def bicubic_term(layers: int) -> wp.Function:
             row += wu[2] * at(tables, n + 2, first, second)
             row += wu[3] * at(tables, n + 3, first, second)
             total += wv[k] * row
-            n += columns
+            n += level.columns
         return total
 
     return bicubic
@@ -128,7 +190,11 @@ INTERPOLATIONS = {"bilinear": bilinear_term, "bicubic": bicubic_term}
 
 
 def table_term(interpolation: str, layers: int) -> wp.Function:
-    """`(tables, table, x, y, z) -> force per mW` in the beam's frame, x along the polarization's major axis [µm]."""
+    """`(tables, table, finest, x, y, z) -> force per mW` in the beam's frame [µm, pN].
+
+    x is along the major axis of the polarization, `finest` the first level of the table, which the caller may hold on
+    to.
+    """
     interpolate = INTERPOLATIONS[interpolation](layers)
 
     @wp.func
@@ -145,17 +211,17 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
         # written so that a NaN is outside
         if d2 < radius * radius:
             w = blend_weight(d2, radius)
-            force = (1.0 - w) * interpolate(tables, level, rho, z, first, second)
+            force = (1.0 - w) * interpolate(tables, grid_level(tables, level), rho, z, first, second)
             if level < last and w > 0.0:
-                force += w * interpolate(tables, level + 1, rho, z, first, second)
+                force += w * interpolate(tables, grid_level(tables, level + 1), rho, z, first, second)
         return force
 
     @wp.func
-    def table_force(tables: ForceTableData, table: int, x: float, y: float, z: float) -> wp.vec3:
+    def table_force(tables: ForceTableData, table: int, finest: GridLevel, x: float, y: float, z: float) -> wp.vec3:
         """Cylindrical components at the sphere's place, turned into Cartesian ones."""
         rho2 = x * x + y * y
         # on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
-        per_rho = 1.0 / wp.sqrt(wp.max(rho2, 1.0e-20))
+        per_rho = reciprocal_root(wp.max(rho2, 1.0e-20))
         rho = rho2 * per_rho
         c = x * per_rho
         s = y * per_rho
@@ -167,8 +233,7 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
             first = wp.vec3(c2, s2, c2)
             second = wp.vec3(s2, c2, s2)
         d2 = rho2 + z * z
-        finest = tables.level_start[table]
-        inner = BLEND * tables.radius[finest]
+        inner = BLEND * finest.radius
         f = wp.vec3(0.0)
         if d2 < inner * inner:
             f = interpolate(tables, finest, rho, z, first, second)

@@ -22,7 +22,7 @@ def make_advance(f: Features) -> wp.Kernel:
     free_move = free_move_term(f)
     body_pose = body_pose_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
     def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData):
         """One body's free move."""
         world, b = wp.tid()
@@ -41,7 +41,7 @@ def make_commit(f: Features) -> wp.Kernel:
     note_escapes = escape_term(f) if f.escapes else None
     body_pose = body_pose_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
     def commit(
         model: ModelData,
         control: ControlData,
@@ -88,7 +88,7 @@ def make_move_traps(f: Features) -> wp.Kernel:
     """Kernel over (world, trap): move the foci towards their commands within their speed limits."""
     move_trap = move_trap_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
     def move_traps(model: ModelData, control: ControlData, state: StateData, grid: GridData):
         """One focus."""
         world, trap = wp.tid()

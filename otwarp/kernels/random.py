@@ -30,18 +30,40 @@ _W1 = wp.constant(wp.uint32(0xBB67AE85))
 _TO_UNIT = wp.constant(2.0**-32)
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __umulhi(a, b);
+#else
+    return (wp::uint32)(((wp::uint64)a * (wp::uint64)b) >> 32);
+#endif
+""")
+def multiply_high(a: wp.uint32, b: wp.uint32) -> wp.uint32:
+    """Upper half of the product. Written as a 64-bit product, half of Philox compiles to 64-bit multiplications."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return x * rsqrtf(fmaxf(x, 1.0e-30f));
+#else
+    return sqrtf(x);
+#endif
+""")
+def square_root(x: wp.float32) -> wp.float32:
+    """√x of 0 ≤ x < 100, relative error < 3e-7: on CUDA one instruction, without the path for subnormal numbers."""
+    ...
+
+
 @wp.func
 def philox(counter: vec4u, seed: wp.uint32, stream: wp.uint32) -> vec4u:
     """Philox4x32-10: four independent uniform 32-bit words for a counter and a key (seed, stream)."""
     c0, c1, c2, c3 = counter[0], counter[1], counter[2], counter[3]
     k0, k1 = seed, stream
     for _ in range(wp.static(_ROUNDS)):
-        p0 = wp.uint64(_M0) * wp.uint64(c0)
-        p1 = wp.uint64(_M1) * wp.uint64(c2)
-        n0 = wp.uint32(p1 >> wp.uint64(32)) ^ c1 ^ k0
-        n2 = wp.uint32(p0 >> wp.uint64(32)) ^ c3 ^ k1
-        c1 = wp.uint32(p1)
-        c3 = wp.uint32(p0)
+        n0 = multiply_high(_M1, c2) ^ c1 ^ k0
+        n2 = multiply_high(_M0, c0) ^ c3 ^ k1
+        c1 = _M1 * c2
+        c3 = _M0 * c0
         c0 = n0
         c2 = n2
         k0 = k0 + _W0
@@ -97,7 +119,19 @@ def gaussian_pair(a: wp.uint32, b: wp.uint32) -> wp.vec2:
     u = (word + ½)·2⁻³² lies in (0, 1], so the logarithm is finite; the largest deviate is √(2 ln 2³³) ≈ 6.8.
     """
     square = -2.0 * natural_log((wp.float32(a) + 0.5) * _TO_UNIT)
-    return wp.sqrt(wp.max(square, 0.0)) * turn_cosine_sine(b)
+    return square_root(wp.max(square, 0.0)) * turn_cosine_sine(b)
+
+
+@wp.func
+def gaussian_pair_fast(a: wp.uint32, b: wp.uint32) -> wp.vec2:
+    """The same deviates by the library's functions, which `fast_math` turns into single instructions on CUDA.
+
+    Absolute error near 1e-6 for all but the largest deviates; on a CPU the same accuracy as `gaussian_pair`, slower.
+    """
+    square = -2.0 * wp.log((wp.float32(a) + 0.5) * _TO_UNIT)
+    # half a turn to either side: the intrinsics reduce no arguments
+    angle = wp.float32(wp.int32(b)) * 1.4629180792671596e-09
+    return square_root(wp.max(square, 0.0)) * wp.vec2(wp.cos(angle), wp.sin(angle))
 
 
 @wp.func
@@ -106,3 +140,7 @@ def noise_words(seed: wp.uint32, stream: wp.uint32, step: wp.int64, world: int, 
     low = wp.uint32(step & wp.int64(0xFFFFFFFF))
     high = wp.uint32(step >> wp.int64(32))
     return philox(vec4u(low, high, wp.uint32(world), wp.uint32(body)), seed, stream)
+
+
+GAUSSIAN_TERMS = {False: gaussian_pair, True: gaussian_pair_fast}
+"""Two deviates from two words, by whether `fast_math` is on."""

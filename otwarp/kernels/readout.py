@@ -40,7 +40,7 @@ def sphere_position_term(f: Features) -> wp.Function:
 def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     """Kernels over (world, trap), (world, sphere) and (world, hand), to be launched in this order."""
     trap_command = trap_command_term(f)
-    trap_force = trap_force_term(f.trap_models)
+    prepare, trap_force = trap_force_term(f.trap_models)
     sphere_position = sphere_position_term(f)
 
     @wp.func
@@ -49,7 +49,8 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         s = model.body.trapped[i]
         anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
         x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
-        return c[3] * trap_force(model.traps, world, trap, x - anchor, s[3], model.body.trapped_kind[i])
+        law = prepare(model.traps, world, trap, s[3], model.body.trapped_kind[i])
+        return c[3] * trap_force(model.traps, law, x - anchor)
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):

@@ -1,8 +1,9 @@
 """Optical traps: where they are, and the force each exerts on a sphere.
 
-A force term has the signature `(traps, world, trap, displacement, radius, kind) -> force per mW`, with `displacement`
-the vector from the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is
-one function and one line of `TRAP_TERMS`.
+A force model is a pair of functions: `prepare(traps, world, trap, radius, kind) -> TrapConstants` gathers what stays
+the same over a run, `force(traps, law, displacement) -> force per mW` evaluates it, with `displacement` the vector from
+the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is such a pair and
+one line of `TRAP_TERMS`.
 """
 
 import functools
@@ -10,9 +11,9 @@ import functools
 import warp as wp
 
 from otwarp.kernels.exact import exact_force_term
-from otwarp.kernels.force_table import blend_weight, table_term
+from otwarp.kernels.force_table import blend_weight, grid_level, table_term
 from otwarp.kernels.keyframes import find_key, key_weight
-from otwarp.kernels.types import ControlData, TrapData, world_row
+from otwarp.kernels.types import ControlData, TrapConstants, TrapData, world_row
 
 
 @wp.func
@@ -48,102 +49,133 @@ def law_scale(traps: TrapData, trap: int, radius: float) -> float:
 
 
 @wp.func
-def harmonic_isotropic(
-    traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int
-) -> wp.vec3:
-    """F = −K·d per mW inside the cutoff, equal in all directions."""
-    s = law_scale(traps, trap, radius)
-    k = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
-    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
-    return (-s * harmonic_ratio(s * s * wp.dot(displacement, displacement), k, cutoff)) * displacement
+def beam_frame(traps: TrapData, trap: int) -> TrapConstants:
+    """Axes of the beam and its equilibrium; nothing of its force."""
+    law = TrapConstants()
+    law.model = traps.model[trap]
+    law.axis = traps.axis[trap]
+    law.side = traps.side[trap]
+    law.up = wp.cross(law.axis, law.side)
+    law.equilibrium = traps.equilibrium[trap]
+    return law
+
+
+def prepare_law(branches: bool, split: bool) -> wp.Function:
+    """`prepare` of an authored law: with the branches of eq. 1 or without, one curve or one across and one along."""
+
+    @wp.func
+    def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+        """Row of this world or the one of all."""
+        law = beam_frame(traps, trap)
+        law.scale = law_scale(traps, trap, radius)
+        law.stiffness = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
+        law.cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
+        if wp.static(branches):
+            law.threshold = traps.threshold[world_row(traps.threshold.shape[0], world), trap]
+            law.inverse_square = traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap]
+            law.offset = traps.offset[world_row(traps.offset.shape[0], world), trap]
+        if wp.static(split):
+            law.axial_stiffness = traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap]
+            law.axial_cutoff = traps.axial_cutoff[world_row(traps.axial_cutoff.shape[0], world), trap]
+        if wp.static(split and branches):
+            row = world_row(traps.axial_threshold.shape[0], world)
+            law.axial_threshold = traps.axial_threshold[row, trap]
+            law.axial_inverse_square = traps.axial_inverse_square[row, trap]
+            law.axial_offset = traps.axial_offset[row, trap]
+        return law
+
+    return prepare
 
 
 @wp.func
-def harmonic_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+def harmonic_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    """F = −K·d per mW inside the cutoff, equal in all directions."""
+    s = law.scale
+    d2 = s * s * wp.dot(displacement, displacement)
+    return (-s * harmonic_ratio(d2, law.stiffness, law.cutoff)) * displacement
+
+
+@wp.func
+def harmonic_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
     """F = −K_r·ρ − K_z·z per mW, each inside its own cutoff."""
-    s = law_scale(traps, trap, radius)
-    axis = traps.axis[trap]
-    z = wp.dot(displacement, axis)
-    across = displacement - z * axis
-    k = traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
-    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
-    kz = traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap]
-    cutoff_z = traps.axial_cutoff[world_row(traps.axial_cutoff.shape[0], world), trap]
-    reach = wp.max(cutoff, cutoff_z)
+    s = law.scale
+    z = wp.dot(displacement, law.axis)
+    across = displacement - z * law.axis
+    reach = wp.max(law.cutoff, law.axial_cutoff)
     force = wp.vec3(0.0)
     if s * s * wp.dot(displacement, displacement) < reach * reach:
-        f_r = harmonic_ratio(s * s * wp.dot(across, across), k, cutoff)
-        f_z = harmonic_ratio(s * s * z * z, kz, cutoff_z)
-        force = (-s * f_r) * across - (s * f_z * z) * axis
+        f_r = harmonic_ratio(s * s * wp.dot(across, across), law.stiffness, law.cutoff)
+        f_z = harmonic_ratio(s * s * z * z, law.axial_stiffness, law.axial_cutoff)
+        force = (-s * f_r) * across - (s * f_z * z) * law.axis
     return force
 
 
 @wp.func
-def piecewise_isotropic(
-    traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int
-) -> wp.vec3:
+def piecewise_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
     """The paper's eq. 1, directed to the trap and equal in all directions, per mW."""
-    s = law_scale(traps, trap, radius)
-    ratio = piecewise_ratio(
-        s * s * wp.dot(displacement, displacement),
-        traps.stiffness[world_row(traps.stiffness.shape[0], world), trap],
-        traps.threshold[world_row(traps.threshold.shape[0], world), trap],
-        traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap],
-        traps.offset[world_row(traps.offset.shape[0], world), trap],
-        traps.cutoff[world_row(traps.cutoff.shape[0], world), trap],
-    )
+    s = law.scale
+    d2 = s * s * wp.dot(displacement, displacement)
+    ratio = piecewise_ratio(d2, law.stiffness, law.threshold, law.inverse_square, law.offset, law.cutoff)
     return (-s * ratio) * displacement
 
 
 @wp.func
-def piecewise_split(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+def piecewise_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
     """Eq. 1 with separate curves across and along the beam, per mW; zero beyond the larger cutoff."""
-    s = law_scale(traps, trap, radius)
-    axis = traps.axis[trap]
-    z = wp.dot(displacement, axis)
-    across = displacement - z * axis
-    cutoff = traps.cutoff[world_row(traps.cutoff.shape[0], world), trap]
-    cutoff_z = traps.axial_cutoff[world_row(traps.axial_cutoff.shape[0], world), trap]
-    reach = wp.max(cutoff, cutoff_z)
+    s = law.scale
+    z = wp.dot(displacement, law.axis)
+    across = displacement - z * law.axis
+    reach = wp.max(law.cutoff, law.axial_cutoff)
     force = wp.vec3(0.0)
     if s * s * wp.dot(displacement, displacement) < reach * reach:
-        f_r = piecewise_ratio(
-            s * s * wp.dot(across, across),
-            traps.stiffness[world_row(traps.stiffness.shape[0], world), trap],
-            traps.threshold[world_row(traps.threshold.shape[0], world), trap],
-            traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap],
-            traps.offset[world_row(traps.offset.shape[0], world), trap],
-            cutoff,
-        )
+        r2 = s * s * wp.dot(across, across)
+        f_r = piecewise_ratio(r2, law.stiffness, law.threshold, law.inverse_square, law.offset, law.cutoff)
         f_z = piecewise_ratio(
             s * s * z * z,
-            traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap],
-            traps.axial_threshold[world_row(traps.axial_threshold.shape[0], world), trap],
-            traps.axial_inverse_square[world_row(traps.axial_inverse_square.shape[0], world), trap],
-            traps.axial_offset[world_row(traps.axial_offset.shape[0], world), trap],
-            cutoff_z,
+            law.axial_stiffness,
+            law.axial_threshold,
+            law.axial_inverse_square,
+            law.axial_offset,
+            law.axial_cutoff,
         )
-        force = (-s * f_r) * across - (s * f_z * z) * axis
+        force = (-s * f_r) * across - (s * f_z * z) * law.axis
     return force
 
 
-def tabulated_term(interpolation: str, layers: int) -> wp.Function:
-    """The table of the trap's beam and the sphere's kind, with z measured from the focus along the beam."""
+@wp.func
+def prepare_table(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+    """The table of the trap's beam and the sphere's kind."""
+    law = beam_frame(traps, trap)
+    law.table = traps.table[trap, kind]
+    law.finest = grid_level(traps.tables, traps.tables.level_start[law.table])
+    return law
+
+
+def tabulated_term(interpolation: str, layers: int, upright: bool) -> wp.Function:
+    """The force of a table, with z measured from the focus along the beam.
+
+    Args:
+        interpolation, layers: As `table_term`.
+        upright: The beam's frame is the world's.
+    """
     force_at = table_term(interpolation, layers)
 
     @wp.func
-    def tabulated(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+    def tabulated(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
         """Into the beam's frame, which is the world's up to a rotation, and back."""
-        axis = traps.axis[trap]
-        side = traps.side[trap]
-        up = wp.cross(axis, side)
-        z = wp.dot(displacement, axis) + traps.equilibrium[trap]
-        x = wp.dot(displacement, side)
-        y = wp.dot(displacement, up)
-        f = force_at(traps.tables, traps.table[trap, kind], x, y, z)
-        return f[0] * side + f[1] * up + f[2] * axis
+        z = wp.dot(displacement, law.axis) + law.equilibrium
+        x = wp.dot(displacement, law.side)
+        y = wp.dot(displacement, law.up)
+        f = force_at(traps.tables, law.table, law.finest, x, y, z)
+        return f[0] * law.side + f[1] * law.up + f[2] * law.axis
 
-    return tabulated
+    @wp.func
+    def tabulated_upright(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Without a rotation, which would cost a third as much as a bilinear table."""
+        z = displacement[2] + law.equilibrium
+        return force_at(traps.tables, law.table, law.finest, displacement[0], displacement[1], z)
+
+    return tabulated_upright if upright else tabulated
 
 
 @functools.lru_cache(maxsize=16)
@@ -156,22 +188,18 @@ def exact_term(orders: int, nodes: int) -> wp.Function:
     force_at = exact_force_term(orders, nodes)
 
     @wp.func
-    def exact(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
+    def exact(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
         """Into the beam's frame and back; zero from the cutoff of the pair's table on."""
-        axis = traps.axis[trap]
-        side = traps.side[trap]
-        up = wp.cross(axis, side)
-        z = wp.dot(displacement, axis) + traps.equilibrium[trap]
-        x = wp.dot(displacement, side)
-        y = wp.dot(displacement, up)
-        table = traps.table[trap, kind]
-        cutoff = traps.tables.radius[traps.tables.level_start[table + 1] - 1]
+        z = wp.dot(displacement, law.axis) + law.equilibrium
+        x = wp.dot(displacement, law.side)
+        y = wp.dot(displacement, law.up)
+        cutoff = traps.tables.radius[traps.tables.level_start[law.table + 1] - 1]
         d2 = x * x + y * y + z * z
         force = wp.vec3(0.0)
         if d2 < cutoff * cutoff:
-            q = force_at(traps.exact[table], wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)))
-            w = traps.exact_scale[table] * (1.0 - blend_weight(d2, cutoff))
-            force = w * (wp.float32(q[0]) * side + wp.float32(q[1]) * up + wp.float32(q[2]) * axis)
+            q = force_at(traps.exact[law.table], wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)))
+            w = traps.exact_scale[law.table] * (1.0 - blend_weight(d2, cutoff))
+            force = w * (wp.float32(q[0]) * law.side + wp.float32(q[1]) * law.up + wp.float32(q[2]) * law.axis)
         return force
 
     return exact
@@ -180,20 +208,34 @@ def exact_term(orders: int, nodes: int) -> wp.Function:
 LAYER_NAMES = {1: "", 2: "_polarized", 3: "_vortex"}
 """What the key of a table's term says about its layers."""
 
-TRAP_TERMS: dict[str, tuple[int, wp.Function]] = {
-    "harmonic_isotropic": (0, harmonic_isotropic),
-    "harmonic_split": (1, harmonic_split),
-    "piecewise_isotropic": (2, piecewise_isotropic),
-    "piecewise_split": (3, piecewise_split),
+TABLE_KEY = 10
+"""First key of the tabulated models."""
+
+
+def table_name(interpolation: str, layers: int, upright: bool) -> str:
+    """Name of a tabulated model; `upright` where the frame of the beam is the world's."""
+    return f"table_{interpolation}{LAYER_NAMES[layers]}{'_upright' if upright else ''}"
+
+
+TRAP_TERMS: dict[str, tuple[int, wp.Function, wp.Function]] = {
+    "harmonic_isotropic": (0, prepare_law(branches=False, split=False), harmonic_isotropic),
+    "harmonic_split": (1, prepare_law(branches=False, split=True), harmonic_split),
+    "piecewise_isotropic": (2, prepare_law(branches=True, split=False), piecewise_isotropic),
+    "piecewise_split": (3, prepare_law(branches=True, split=True), piecewise_split),
     **{
-        f"table_{interpolation}{name}": (4 + 3 * cubic + layers - 1, tabulated_term(interpolation, layers))
+        table_name(interpolation, layers, upright): (
+            TABLE_KEY + 6 * cubic + 2 * layers + upright,
+            prepare_table,
+            tabulated_term(interpolation, layers, upright),
+        )
         for cubic, interpolation in enumerate(("bilinear", "bicubic"))
-        for layers, name in LAYER_NAMES.items()
+        for layers in LAYER_NAMES
+        for upright in (False, True)
     },
 }
-"""Force models by name: the key stored in `TrapData.model`, and the term."""
+"""Force models by name: the key stored in `TrapData.model`, and the pair of functions."""
 
-EXACT_KEY = 10
+EXACT_KEY = 4
 """Key of the exact model, whose term depends on the room its sphere and reach need."""
 
 
@@ -202,32 +244,42 @@ def exact_name(orders: int, nodes: int) -> str:
     return f"exact_{orders}_{nodes}"
 
 
-def trap_term(name: str) -> tuple[int, wp.Function]:
-    """Key and term of a model: of `TRAP_TERMS`, or of the exact one by `exact_name`."""
+def trap_term(name: str) -> tuple[int, wp.Function, wp.Function]:
+    """Key, prepare and force of a model: of `TRAP_TERMS`, or of the exact one by `exact_name`."""
     if name.startswith("exact_"):
         orders, nodes = (int(part) for part in name.split("_")[1:])
-        return EXACT_KEY, exact_term(orders, nodes)
+        return EXACT_KEY, prepare_table, exact_term(orders, nodes)
     return TRAP_TERMS[name]
 
 
-def trap_force_term(models: tuple[str, ...]) -> wp.Function:
-    """One force function for the models a scene uses: the term itself, or a branch on the trap's model."""
-    key, head = trap_term(models[0])
+def trap_force_term(models: tuple[str, ...]) -> tuple[wp.Function, wp.Function]:
+    """Prepare and force for the models a scene uses: those of the only one, or a branch on the trap's model."""
+    key, prepare_head, force_head = trap_term(models[0])
     if len(models) == 1:
-        return head
-    rest = trap_force_term(models[1:])
+        return prepare_head, force_head
+    prepare_rest, force_rest = trap_force_term(models[1:])
 
     @wp.func
-    def either(traps: TrapData, world: int, trap: int, displacement: wp.vec3, radius: float, kind: int) -> wp.vec3:
-        """This model, or one of the rest."""
-        force = wp.vec3(0.0)
+    def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+        """This model's constants, or those of one of the rest."""
+        law = TrapConstants()
         if traps.model[trap] == wp.static(key):
-            force = head(traps, world, trap, displacement, radius, kind)
+            law = prepare_head(traps, world, trap, radius, kind)
         else:
-            force = rest(traps, world, trap, displacement, radius, kind)
+            law = prepare_rest(traps, world, trap, radius, kind)
+        return law
+
+    @wp.func
+    def either(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """This model's force, or that of one of the rest."""
+        force = wp.vec3(0.0)
+        if law.model == wp.static(key):
+            force = force_head(traps, law, displacement)
+        else:
+            force = force_rest(traps, law, displacement)
         return force
 
-    return either
+    return prepare, either
 
 
 @wp.func

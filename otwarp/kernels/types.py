@@ -7,7 +7,7 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 import warp as wp
 
 from otwarp.kernels.exact import ExactData
-from otwarp.kernels.force_table import ForceTableData
+from otwarp.kernels.force_table import ForceTableData, GridLevel
 
 vec4 = wp.vec4
 mat66 = wp.types.matrix(shape=(6, 6), dtype=wp.float32)
@@ -53,6 +53,50 @@ class TrapData:
     held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
     held_range: wp.array2d(dtype=wp.float32)  # (1|W, T) distance at which that sphere has escaped [µm]
+
+
+@wp.struct
+class TrapConstants:
+    """What one trap does to spheres of one radius and kind: made once, kept in registers over a loop of steps.
+
+    A model fills what its force reads; the rest costs nothing, because terms are inlined.
+    """
+
+    model: wp.int32  # key of the force term
+    axis: wp.vec3
+    side: wp.vec3
+    up: wp.vec3
+    equilibrium: wp.float32  # [µm]
+    scale: wp.float32  # radius the law holds for over that of the sphere
+    stiffness: wp.float32  # [pN/µm/mW]
+    threshold: wp.float32  # [µm]
+    inverse_square: wp.float32  # [pN·µm²/mW]
+    offset: wp.float32  # [pN/mW]
+    cutoff: wp.float32  # [µm]
+    axial_stiffness: wp.float32
+    axial_threshold: wp.float32
+    axial_inverse_square: wp.float32
+    axial_offset: wp.float32
+    axial_cutoff: wp.float32
+    table: wp.int32  # index of the force table
+    finest: GridLevel
+
+
+@wp.struct
+class BeadConstants:
+    """What one time step needs to know of a lone sphere, made once, kept in registers over a loop of steps."""
+
+    mobility_dt: wp.float32  # mobility × time step [µm/pN]
+    spread: wp.float32  # standard deviation of the thermal displacement [µm]
+    weight: wp.float32  # [pN]
+    trapped: wp.int32  # 1: traps act on it
+    radius: wp.float32  # [µm]
+    kind: wp.int32
+    # of the first two traps, where a scene has no more
+    first: TrapConstants
+    second: TrapConstants
+    first_command: wp.vec4  # focus [µm] and power [mW] of traps that stay where they are
+    second_command: wp.vec4
 
 
 @wp.struct

@@ -121,7 +121,7 @@ def make_world_step(f: Features) -> wp.Kernel:
     find_contacts = find_contacts_term(f) if f.contacts else None
     take_moves = take_moves_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
     def world_step(
         model: ModelData,
         control: ControlData,

@@ -101,6 +101,14 @@ class Beam:
             raise InputError(f"beam power is {self.power:g} mW; allowed: 0 or more")
         if not (math.isfinite(self.depth) and self.depth >= 0.0):
             raise InputError(f"beam depth is {self.depth:g} µm; allowed: 0 or more")
+        if self.depth > 0.0 and self.glass_index is None:
+            raise InputError(f"beam depth is {self.depth:g} µm without a glass index; allowed: 0, or with one")
+        # light of this aperture could not come through a glass of lower index
+        if self.glass_index is not None and not self.numerical_aperture < self.glass_index < math.inf:
+            raise InputError(
+                f"beam glass_index is {self.glass_index:g}; allowed: above the numerical aperture "
+                f"{self.numerical_aperture:g} and finite"
+            )
         _ = self.jones
 
     @property

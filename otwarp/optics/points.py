@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +13,37 @@ from otwarp.errors import InputError
 POINT_COLUMNS = ("x_um", "y_um", "z_um")
 FORCE_COLUMNS = ("Qx", "Qy", "Qz")
 
+FARTHEST = 200.0
+"""Distance from the focus [µm] of a point: an exact force costs nodes in proportion, and has died out by then."""
+
 
 def read_points(path: Path) -> np.ndarray:
     """Read sphere centres relative to the focus, (n, 3) µm; other columns are ignored.
 
     Raises:
-        InputError: No such file, a missing column, or an entry that is not a finite number.
+        InputError: No such file, a missing column, an entry that is not a finite number, or a point beyond `FARTHEST`.
     """
     try:
-        with path.open(newline="") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
             missing = [c for c in POINT_COLUMNS if c not in (reader.fieldnames or [])]
             if missing:
                 raise InputError(f"{path}: column {missing[0]} is missing; allowed: {', '.join(POINT_COLUMNS)}")
-            rows = [[_number(path, reader.line_num, c, row[c]) for c in POINT_COLUMNS] for row in reader]
+            rows = [_point(path, reader.line_num, row) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "not a CSV file"
         raise InputError(f"points file {path} cannot be read: {reason}") from error
     return np.array(rows, dtype=float).reshape(-1, 3)
+
+
+def _point(path: Path, line: int, row: dict[str, str | None]) -> list[float]:
+    point = [_number(path, line, column, row[column]) for column in POINT_COLUMNS]
+    distance = math.hypot(*point)
+    if distance > FARTHEST:
+        raise InputError(
+            f"{path}: line {line}, the point is {distance:.4g} µm from the focus; allowed: up to {FARTHEST:g} µm"
+        )
+    return point
 
 
 def _number(path: Path, line: int, column: str, text: str | None) -> float:
@@ -37,7 +51,7 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
         value = float(text or "")
     except ValueError:
         value = float("nan")
-    if not np.isfinite(value):
+    if not math.isfinite(value):
         raise InputError(f"{path}: line {line}, column {column} is {text!r}; allowed: a finite number")
     return value
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -86,6 +87,7 @@ class Model:
         device: str | wp.Device | None = None,
         time_step: float | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
+        fast_math: bool = False,
     ) -> Model:
         """Pack a scene for a device.
 
@@ -95,6 +97,7 @@ class Model:
             device: `"cpu"`, `"cuda:0"` or None for the best available.
             time_step: Explicit step [s] instead of the scene's or the chosen one.
             parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
+            fast_math: Approximate instructions on CUDA; see `Simulation`.
 
         Raises:
             InputError: Anything out of range.
@@ -109,7 +112,7 @@ class Model:
         values = {**_scene_values(scene), **overrides}
         near = Neighbours.of(scene, values)
         held = near.held(scene)
-        features = _features(scene, values, optics)
+        features = dataclasses.replace(_features(scene, values, optics), fast_math=fast_math)
         relaxation = TrapRelaxation.of(scene, moves, values, near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
         scales = time_scales(

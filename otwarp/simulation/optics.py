@@ -17,8 +17,8 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.force_table import ForceTableData
-from otwarp.kernels.traps import LAYER_NAMES, exact_name
-from otwarp.scene.description import Medium, Scene, Trap, TrapLaw
+from otwarp.kernels.traps import exact_name, table_name
+from otwarp.scene.description import IDENTITY, Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.arrays import device_array
 
@@ -133,7 +133,8 @@ class TrapOptics:
             return f"{'harmonic' if entry.optical else entry.model}_{'split' if entry.axial else 'isotropic'}"
         if entry.model == "exact":
             return exact_name(max(e.orders for e in self.exact), max(e.nodes for e in self.exact))
-        return f"table_{entry.interpolation}{LAYER_NAMES[self.tables[self.table[trap, 0]].layers]}"
+        table = self.tables[self.table[trap, 0]]
+        return table_name(entry.interpolation, table.layers, _upright(entry, table.beam))
 
     def _optical(self, trap: int) -> bool:
         return bool(self.table.shape[1]) and bool(self.table[trap, 0] >= 0)
@@ -176,15 +177,24 @@ class TrapOptics:
         return np.array([max(f.properties.escape_distance) if f and f.properties else math.inf for f in found])
 
 
+def _upright(trap: Trap, beam: Beam) -> bool:
+    """Whether the frame of a trap's table is the world's."""
+    from otwarp.optics.table import layer_count, major_axis
+
+    turned = layer_count(beam) > 1 and major_axis(beam) != 0.0
+    return trap.orientation == IDENTITY and not turned
+
+
 def trap_sides(scene: Scene) -> np.ndarray:
     """(T, 3) direction across each beam: the polarization's major axis, from which a table measures azimuth, or x."""
     sides = []
     for trap in scene.traps:
         turn = 0.0
         if trap.model == "table":
-            from otwarp.optics.table import major_axis
+            from otwarp.optics.table import layer_count, major_axis
 
-            turn = major_axis(beam_of(trap, scene.medium))
+            beam = beam_of(trap, scene.medium)
+            turn = major_axis(beam) if layer_count(beam) > 1 else 0.0
         sides.append(rotate(np.array(trap.orientation), np.array([math.cos(turn), math.sin(turn), 0.0])))
     return np.array(sides).reshape(-1, 3)
 

@@ -31,6 +31,9 @@ class Simulation:
         parameters: Values that replace the scene's, for all worlds or per world; see
             `otwarp.simulation.parameters.PARAMETERS`. A sweep costs the memory of what is swept.
         threads: Worker threads on the CPU; None uses all cores. Results do not depend on it.
+        fast_math: On CUDA, use approximate instructions for logarithm, sine, cosine, roots and divisions: up to twice
+            as fast for a lone bead. Deviates of the noise change by about 1e-6, far below the error of any time step;
+            on a CPU only the noise's functions change, to the library's.
 
     Raises:
         InputError: An argument out of range.
@@ -54,9 +57,16 @@ class Simulation:
         time_step: float | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
         threads: int | None = None,
+        fast_math: bool = False,
     ):
         self.model = Model.build(
-            scene, worlds=worlds, seed=seed, device=device, time_step=time_step, parameters=parameters
+            scene,
+            worlds=worlds,
+            seed=seed,
+            device=device,
+            time_step=time_step,
+            parameters=parameters,
+            fast_math=fast_math,
         )
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}; allowed: 1 or more")

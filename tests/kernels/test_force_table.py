@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from otwarp.kernels.force_table import BLEND, table_term
+from otwarp.kernels.force_table import BLEND, ForceTableData, grid_level, table_term
 from otwarp.kernels.types import ModelData
 from otwarp.optics import Beam, ForceTable, Sphere
 from otwarp.optics import table as twin
@@ -75,12 +75,11 @@ def test_term_is_that_of_the_twin(interpolation, layers, device):
     term = table_term(interpolation, layers)
     table = layers - 1
 
-    from otwarp.kernels.force_table import ForceTableData
-
     @wp.kernel(module="unique", enable_backward=False)
     def probe(tables: ForceTableData, table: int, place: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec3)):
         i = wp.tid()
-        out[i] = term(tables, table, place[i][0], place[i][1], place[i][2])
+        finest = grid_level(tables, tables.level_start[table])
+        out[i] = term(tables, table, finest, place[i][0], place[i][1], place[i][2])
 
     place = probe_points(np.random.default_rng(layers), 4000, tables[table].cutoff)
     out = wp.zeros(len(place), dtype=wp.vec3, device=device)

@@ -64,7 +64,7 @@ def model(device) -> Model:
     return Model.build(SCENE, device=device)
 
 
-force_of = trap_force_term(MODELS)
+prepare, force_of = trap_force_term(MODELS)
 
 
 @wp.kernel(enable_backward=False)
@@ -76,7 +76,8 @@ def probe_force(
     out: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
-    out[i] = force_of(model.traps, 0, trap[i], away[i], radius[i], 0)
+    law = prepare(model.traps, 0, trap[i], radius[i], 0)
+    out[i] = force_of(model.traps, law, away[i])
 
 
 @wp.kernel(enable_backward=False)

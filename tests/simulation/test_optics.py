@@ -101,7 +101,7 @@ def test_equilibrium_reach_and_escape_come_from_the_table(device):
     assert entry.radial.cutoff == pytest.approx(table.cutoff + abs(entry.equilibrium))
     assert model.held == ((0, 0),)
     assert model.held_range[0, 0] == max(table.properties.escape_distance) < table.cutoff
-    assert model.features.trap_models == ("table_bicubic",)
+    assert model.features.trap_models == ("table_bicubic_upright",)
 
 
 def test_the_steepest_place_limits_the_step(device):

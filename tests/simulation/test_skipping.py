@@ -61,7 +61,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         BASE,
         ("rigid_move", "rotate_by", ").cholesky)"),
     ),
-    "lone spheres": (EVERYTHING, dataclasses.replace(EVERYTHING, spheres=False), ("sphere_move", "sphere_response")),
+    "lone spheres": (EVERYTHING, dataclasses.replace(EVERYTHING, spheres=False), ("bead_move", "sphere_response")),
     "uniform flow": (dataclasses.replace(BASE, flow="uniform"), BASE, ("uniform_flow",)),
     "shear flow": (dataclasses.replace(BASE, flow="shear"), dataclasses.replace(BASE, flow="uniform"), ("shear_flow",)),
     "poiseuille": (
@@ -127,7 +127,7 @@ def test_source_holds_what_is_needed_and_no_more(term, device):
 def test_the_least_step_holds_nothing_optional(device):
     """A free sphere without noise: of all functions of the cases above only its own move is left."""
     least = source(dataclasses.replace(BASE, brownian=False))
-    assert [n for _, _, names in CASES.values() for n in names if n in least] == ["sphere_move"]
+    assert [n for _, _, names in CASES.values() for n in names if n in least] == ["bead_move"]
 
 
 def test_equal_features_share_their_kernels(device):

@@ -1,0 +1,196 @@
+"""What `otwarp forces` is asked: its options by group, and the checks that the physics would make late or never."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.optics.models import Ladder
+
+SMALLEST_RADIUS, LARGEST_INDEX, LARGEST_CHARGE = 1e-4, 100.0, 30
+"""An atom's size [µm]; an index, and a vortex charge, that no material and no hologram has. Beyond them the recurrences
+and the quadrature no longer hold, or no longer end."""
+
+
+def _option(*names: str, **settings: Any) -> click.Option:
+    return click.Option(names, show_default=settings.get("default") is not None, **settings)
+
+
+def _flag(name: str, text: str) -> click.Option:
+    return click.Option([name], is_flag=True, help=text)
+
+
+FILE = click.Path(path_type=Path)
+
+GROUPS: dict[str, list[click.Option]] = {
+    "Sphere and medium": [
+        _option("--radius", type=float, required=True, metavar="µm", help="Radius of the sphere."),
+        _option("--index", default="1.52", metavar="N", help="Its refractive index: 1.59, 1.5+0.01i."),
+        _option("--medium-index", type=float, default=1.33, metavar="N", help="Index of the medium."),
+    ],
+    "Beam, travelling along +z with its focus at the origin": [
+        _option("--wavelength", type=float, default=1.064, metavar="µm", help="In vacuum."),
+        _option("--na", type=float, default=1.25, metavar="NA", help="Numerical aperture, below medium index."),
+        _option("--power", type=float, default=1.0, metavar="mW", help="In the medium."),
+        _option("--beam", default="gaussian", metavar="KIND", help="gaussian, sine or aplanatic."),
+        _option("--polarization", default="circular", metavar="P", help="x, y, 45, circular, left, or Ex,Ey."),
+        _option("--filling", type=float, default=1.0, metavar="F", help="1/e² radius over the aperture's radius."),
+        _option("--charge", type=int, default=0, metavar="L", help="Azimuthal charge of a vortex, −30 to 30."),
+        _option("--depth", type=float, default=0.0, metavar="µm", help="Of the focus below the cover glass."),
+        _option("--glass-index", type=float, metavar="N", help="Index of glass and oil; default: no interface."),
+    ],
+    "Forces at points": [
+        _option("--points", type=FILE, metavar="CSV", help="Sphere centres: columns x_um,y_um,z_um."),
+        _option("--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
+        click.Option(
+            ["--model"], default="exact", metavar="M", help="exact (default), table, piecewise[-isotropic], harmonic."
+        ),
+        _option("--device", metavar="NAME", help="Warp device for exact forces: cpu, cuda:0; default: NumPy."),
+    ],
+    "Force table": [
+        _flag("--table", "Make it, or find it in the cache, and describe it."),
+        _option("--tolerance", type=float, default=1e-3, metavar="T", help="Error over peak force, 1e-5 to 0.1."),
+        _option("--interpolation", default="bilinear", metavar="I", help="bilinear or bicubic."),
+    ],
+    "Curves, fits, pictures (.png, .pdf, .svg)": [
+        _flag("--curves", "Print equilibrium, stiffness, escape, depth."),
+        _option("--plot", type=FILE, metavar="FILE", help="Draw curves of all models and their errors."),
+        _option("--map", type=FILE, metavar="FILE", help="Draw forces in the plane of the major axis."),
+        _option("--fit", type=click.Choice(["piecewise", "harmonic"]), help="Fit the curves; print the errors."),
+        click.Option(["--continuous/--free"], default=True, help="Piecewise laws joined at δ (default) or not."),
+    ],
+}
+"""Options as the help shows them."""
+
+
+class GroupedCommand(click.Command):
+    """A command whose help shows its options by group."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the groups, then what belongs to none."""
+        grouped = [option for options in GROUPS.values() for option in options]
+        rest = [option for option in self.get_params(ctx) if option not in grouped]
+        for title, options in [*GROUPS.items(), ("Output", rest)]:
+            with formatter.section(title):
+                formatter.write_dl([row for option in options if (row := option.get_help_record(ctx))])
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForcesRequest:
+    """What was typed."""
+
+    radius: float
+    index: str
+    medium_index: float
+    wavelength: float
+    na: float
+    power: float
+    beam: str
+    polarization: str
+    filling: float
+    charge: int
+    depth: float
+    glass_index: float | None
+    points: Path | None
+    out: Path | None
+    model: str
+    device: str | None
+    table: bool
+    tolerance: float
+    interpolation: str
+    curves: bool
+    plot: Path | None
+    map: Path | None
+    fit: str | None
+    continuous: bool
+    as_json: bool
+
+
+def check_request(request: ForcesRequest) -> None:
+    """What the physics would not notice, or only after long work."""
+    from otwarp.optics.curves import picture_format
+    from otwarp.optics.models import MODELS
+
+    if not (request.points or request.curves or request.plot or request.map or request.fit or request.table):
+        raise InputError("nothing to do; allowed: --points with --out, --table, --curves, --plot, --fit, --map")
+    if (request.points is None) != (request.out is None):
+        raise InputError("--points and --out come together")
+    if request.points and request.out and request.points.resolve() == request.out.resolve():
+        raise InputError(f"--out is {request.out}, the file of --points; allowed: another file")
+    if request.model not in MODELS:
+        raise InputError(f"--model is {request.model!r}; allowed: {', '.join(MODELS)}")
+    if not 0.01 <= request.filling <= 100.0:
+        raise InputError(f"--filling is {request.filling:g}; allowed: 0.01 to 100")
+    if abs(request.charge) > LARGEST_CHARGE:
+        raise InputError(f"--charge is {request.charge}; allowed: −{LARGEST_CHARGE} to {LARGEST_CHARGE}")
+    if request.power == 0.0:
+        raise InputError("--power is 0 mW; allowed: above 0")
+    if 0.0 < request.radius < SMALLEST_RADIUS:
+        raise InputError(f"--radius is {request.radius:g} µm; allowed: {SMALLEST_RADIUS:g} µm or more")
+    for picture in (request.plot, request.map):
+        if picture:
+            picture_format(picture)
+
+
+def _index(text: str) -> complex:
+    try:
+        value = complex(text.replace("i", "j"))
+    except ValueError as error:
+        raise InputError(f"--index is {text!r}; allowed: a number such as 1.59 or 1.5+0.01i") from error
+    if not abs(value) <= LARGEST_INDEX:
+        raise InputError(f"--index is {text}; allowed: up to {LARGEST_INDEX:g}")
+    return value
+
+
+def _jones(text: str) -> str | tuple[complex, complex]:
+    """A name, or two complex numbers separated by a comma."""
+    if "," not in text:
+        return text
+    try:
+        x, y = (complex(part.strip().replace("i", "j")) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"--polarization is {text!r}; allowed: a name or two complex numbers, as in 1,0.5i") from error
+    return x, y
+
+
+def make_ladder(request: ForcesRequest) -> Ladder:
+    """All force models of what was typed.
+
+    Raises:
+        InputError: A value that the beam, the sphere or the table refuses.
+    """
+    from otwarp.optics.beam import Beam
+    from otwarp.optics.mie import Sphere
+    from otwarp.optics.models import Ladder
+
+    sphere = Sphere(radius=request.radius, index=_index(request.index))
+    beam = Beam(
+        kind=request.beam,
+        numerical_aperture=request.na,
+        medium_index=request.medium_index,
+        wavelength=request.wavelength,
+        polarization=_jones(request.polarization),
+        power=request.power,
+        filling=request.filling,
+        charge=request.charge,
+        depth=request.depth,
+        glass_index=request.glass_index,
+    )
+    if request.device is not None:
+        from otwarp.device import start_warp
+
+        start_warp()
+    return Ladder(
+        beam=beam,
+        sphere=sphere,
+        tolerance=request.tolerance,
+        interpolation=request.interpolation,
+        continuous=request.continuous,
+        device=request.device,
+    )
