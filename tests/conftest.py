@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+# before NumPy loads: on two shared cores the threads of its matrix products wait for each other ten times longer than
+# they work
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 
 from otwarp.device import start_warp

@@ -8,6 +8,7 @@ from otwarp.optics.beam import Beam
 from otwarp.optics.exact import Evaluation, evaluate, force
 from otwarp.optics.fit import CurveFit, PiecewiseLaw, fit_harmonic, fit_piecewise
 from otwarp.optics.mie import Sphere
+from otwarp.optics.models import Ladder
 from otwarp.optics.table import ForceTable
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "CurveFit",
     "Evaluation",
     "ForceTable",
+    "Ladder",
     "PiecewiseLaw",
     "Sphere",
     "TrapProperties",

@@ -28,6 +28,12 @@ JONES: dict[str, tuple[complex, complex]] = {
 }
 """Jones vectors by name; `circular` is E = Re[(x̂ + iŷ) exp(i(kz − ωt))]: positive helicity, spin along +z."""
 
+LEAST_FILLING, MOST_FILLING = 0.01, 100.0
+"""Fillings between a beam that uses a hundredth of the aperture and one as good as uniform."""
+
+MOST_CHARGE = 40
+"""Azimuthal charge up to which the sums were tested."""
+
 Apodization = Callable[[np.ndarray, float, float], np.ndarray]
 
 
@@ -91,6 +97,10 @@ class Beam:
             if not (math.isfinite(value) and (value >= low if name == "medium_index" else value > low)):
                 sign = "at least" if name == "medium_index" else "above"
                 raise InputError(f"beam {name} is {value:g}; allowed: {sign} {low:g}")
+        if not LEAST_FILLING <= self.filling <= MOST_FILLING:
+            raise InputError(f"beam filling is {self.filling:g}; allowed: {LEAST_FILLING:g} to {MOST_FILLING:g}")
+        if abs(self.charge) > MOST_CHARGE:
+            raise InputError(f"beam charge is {self.charge}; allowed: −{MOST_CHARGE} to {MOST_CHARGE}")
         if self.numerical_aperture >= self.medium_index:
             raise InputError(
                 f"numerical aperture is {self.numerical_aperture:g}; allowed: below the medium index "

@@ -23,6 +23,9 @@ from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
 LARGEST_SIZE = 250.0
 """Size parameter k·r up to which the recurrences were tested."""
 
+FARTHEST = 2e4
+"""Distance from the focus times k up to which forces are evaluated: time and memory grow with it, 2.5 mm in water."""
+
 BATCH_BYTES = 64e6
 """Memory for the coefficients of one batch of points."""
 
@@ -64,7 +67,7 @@ def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.n
     """Points as a float array (n, 3), and the highest multipole order that the sphere scatters.
 
     Raises:
-        InputError: Points of the wrong shape or not finite, or a sphere too large to converge.
+        InputError: Points of the wrong shape, not finite or too far away, or a sphere too large to converge.
     """
     places = np.asarray(points, dtype=float)
     if places.ndim != 2 or places.shape[1] != 3:
@@ -72,6 +75,11 @@ def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.n
     if not np.all(np.isfinite(places)):
         row = int(np.argwhere(~np.isfinite(places).all(axis=1))[0, 0])
         raise InputError(f"point {row} is {tuple(places[row].tolist())}; allowed: finite numbers")
+    distance = np.linalg.norm(places, axis=1)
+    if np.any(distance > FARTHEST / beam.wavenumber):
+        row = int(np.argmax(distance))
+        limit = FARTHEST / beam.wavenumber
+        raise InputError(f"point {row} is {distance[row]:.4g} µm from the focus; allowed: up to {limit:.4g} µm")
     size = beam.wavenumber * sphere.radius
     if size > LARGEST_SIZE:
         limit = LARGEST_SIZE / beam.wavenumber
@@ -88,7 +96,7 @@ def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
         points: (n, 3) centres of the sphere relative to the focus [µm].
 
     Raises:
-        InputError: Points of the wrong shape or not finite, or a sphere too large to converge.
+        InputError: Points of the wrong shape, not finite or too far away, or a sphere too large to converge.
     """
     places, orders = checked_points(beam, sphere, points)
     if len(places) == 0:

@@ -112,7 +112,7 @@ def _properties(table: ForceTable, device: str) -> TrapProperties | None:
 
 def unseen_points(table: ForceTable, count: int, rng: np.random.Generator) -> np.ndarray:
     """(count, 3) random points: shared equally by the levels and the shell beyond the cutoff, uniform in (ρ, z)."""
-    bounds = [0.0, *(level.radius for level in table.levels), 1.5 * table.cutoff]
+    bounds = [0.0, *(level.radius for level in table.levels), 1.2 * table.cutoff]
     rows = []
     for n in range(len(bounds) - 1):
         share = count // (len(bounds) - 1)
