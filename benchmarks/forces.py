@@ -33,17 +33,18 @@ def measure(
     probes: tuple[int, int] = (REGION_PROBES, THERMAL_PROBES),
 ) -> Section:
     """All force models, or those named; see `bench_forces`."""
-    machine = Machine.look(pick_device(device))
-    found = bench_forces(
-        beam, sphere, models=models, device=device, worlds=worlds, rounds=rounds, seconds=seconds, probes=probes
-    )
-    table = Table(
-        title="Force models: error against run time",
-        head=HEAD,
-        rows=table_rows(found),
-        note=f"{HOW_TO_READ}\n\n{caption(found)}",
-    )
-    return Section(name="forces", kind=found.kind, machine=machine, tables=[table], data=found.json())
+    place = pick_device(device)
+    how: dict = {"models": models, "device": device, "worlds": worlds, "rounds": rounds}
+    tables, data = [], {}
+    # fast_math changes nothing but the noise's functions on a CPU
+    for fast_math in (False,) if place.is_cpu else (False, True):
+        found = bench_forces(beam, sphere, seconds=seconds, probes=probes, fast_math=fast_math, **how)
+        title = "Force models: error against run time" + (", `fast_math`" if fast_math else "")
+        note = f"{HOW_TO_READ}\n\n{caption(found)}"
+        tables.append(Table(title=title, head=HEAD, rows=table_rows(found), note=note))
+        data["fast_math" if fast_math else "accurate"] = found.json()
+    kind = "cpu" if place.is_cpu else "cuda"
+    return Section(name="forces", kind=kind, machine=Machine.look(place), tables=tables, data=data)
 
 
 def main() -> None:

@@ -108,12 +108,21 @@ class Runner:
     """
 
     def __init__(
-        self, bead: TrappedBead, rung: Rung, device: wp.Device, *, worlds: int, time_step: float, seconds: float
+        self,
+        bead: TrappedBead,
+        rung: Rung,
+        device: wp.Device,
+        *,
+        worlds: int,
+        time_step: float,
+        seconds: float,
+        fast_math: bool = False,
     ):
         scene = bead.scene(rung)
         self.rung, self.device = rung, device
         self.build_seconds = self._build(bead, device)
-        self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, time_step=time_step, threads=1)
+        how: dict = {"time_step": time_step, "threads": 1, "fast_math": fast_math}
+        self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, **how)
         # a bead at rest at the equilibrium would make all worlds read the same cell of a table
         start = thermal_points(bead, worlds, np.random.default_rng(SEED))[:, None, :]
         self.start = wp.array(start.astype(np.float32), dtype=wp.vec3, device=device)
@@ -169,6 +178,7 @@ def bench_forces(
     time_step: float | None = None,
     seconds: float = SECONDS,
     probes: tuple[int, int] = (REGION_PROBES, THERMAL_PROBES),
+    fast_math: bool = False,
     note: Note = lambda text: None,
 ) -> ForcesBench:
     """Measure the force models.
@@ -183,6 +193,7 @@ def bench_forces(
         time_step: The same for all models [s]; None for `TrappedBead.time_step`.
         seconds: Length of one measured call; compilation and the first calls do not count.
         probes: Points of the trap region and thermal points on which errors are judged.
+        fast_math: As for `Simulation`.
         note: Hears what is being done.
 
     Raises:
@@ -204,13 +215,13 @@ def bench_forces(
     errors: dict[str, Errors | None] = {}
     for rung in rungs:
         note(f"{rung.label}: building")
-        runner = Runner(bead, rung, place, worlds=beads, time_step=step, seconds=seconds)
+        runner = Runner(bead, rung, place, worlds=beads, time_step=step, seconds=seconds, fast_math=fast_math)
         runners[rung.name] = runner
         errors[rung.name] = judged.errors(runner.force_at) if rung.family != "none" else None
     costs = _costs(runners, rounds, note)
     return ForcesBench(
         kind=kind,
-        hardware=machine.name(),
+        hardware=machine.name() + (", fast math" if fast_math else ""),
         machine=machine.data(),
         beam=beam_fields(beam),
         sphere=sphere_fields(sphere),

@@ -44,6 +44,7 @@ def bench() -> None:
 @click.option("--worlds", type=int, help="Beads; default: 4096 on a CPU, 1048576 on a GPU.")
 @click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each figure.")
 @click.option("--time-step", type=float, metavar="SECONDS", help="The same for all models; default: k·dt/γ = 0.02.")
+@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA.")
 @device_option
 @click.option("--json", "json_file", type=_FILE, metavar="FILE", help="Write all numbers to FILE.")
 @click.option("--plot", type=_FILE, metavar="PNG", help="Draw error against time per step.")
@@ -67,6 +68,7 @@ def forces(
     worlds: int | None,
     rounds: int,
     time_step: float | None,
+    fast_math: bool,
     device: str | None,
     json_file: Path | None,
     plot: Path | None,
@@ -107,6 +109,7 @@ def forces(
         worlds=worlds,
         rounds=rounds,
         time_step=time_step,
+        fast_math=fast_math,
         note=_note,
     )
     if json_file is not None:

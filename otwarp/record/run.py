@@ -75,6 +75,7 @@ def record_run(
     forces: bool = False,
     checkpoint: str | Path | None = None,
     resume: str | Path | None = None,
+    fast_math: bool = False,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict:
     """Simulate `scene` for its duration and record every frame in `folder`, and the end if it falls between frames.
@@ -86,7 +87,9 @@ def record_run(
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
         checkpoint: File to which the end of the run is saved.
-        resume: Checkpoint from which to start; `worlds`, `seed`, `time_step` and `parameters` are then its own.
+        resume: Checkpoint from which to start; `worlds`, `seed`, `time_step`, `parameters` and
+            `fast_math` are then its own.
+        fast_math: Approximate instructions on CUDA; see `Simulation`.
         progress: Called with simulated time and wall time [s] after every frame, the first one included.
 
     Returns:
@@ -107,6 +110,7 @@ def record_run(
     else:
         check_worlds(scene, worlds, device)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
+        about["fast_math"] = fast_math
         sim = Simulation(scene, device=device, threads=threads, **about)
     _check_step(sim, rate)
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}

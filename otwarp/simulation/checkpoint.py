@@ -54,6 +54,7 @@ def save(sim: Simulation, path: Path) -> Path:
         "seed": sim.model.seed,
         "time_step": sim.time_step,
         "step": sim.state.step,
+        "fast_math": sim.model.features.fast_math,
     }
     arrays = {k: v.numpy() for k, v in _arrays(sim).items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
@@ -119,6 +120,7 @@ def restore(
         time_step=about["time_step"],
         parameters=parameters,
         threads=threads,
+        fast_math=bool(about.get("fast_math", False)),
     )
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back
