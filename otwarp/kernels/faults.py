@@ -29,13 +29,14 @@ OVERLAP_LIMIT = wp.constant(0.5)
 
 
 FARTHEST = wp.constant(1.0e9)
-"""Coordinate [µm] beyond which a body has been thrown out: squares of distances would soon overflow, forces read 0."""
+"""Sum of the coordinates' sizes [µm] from which on a body has been thrown out: squares of distances would soon
+overflow, and forces read 0."""
 
 
 @wp.func
 def finite(v: wp.vec3) -> bool:
     """Whether all components are finite and of a size that a scene can have; false for nan, which compares so."""
-    return wp.length_sq(v) < FARTHEST * FARTHEST
+    return wp.abs(v[0]) + wp.abs(v[1]) + wp.abs(v[2]) < FARTHEST
 
 
 @wp.func

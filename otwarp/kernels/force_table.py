@@ -6,6 +6,8 @@ What the grids and layers are, and why two dimensions hold the whole field, is t
 
 import warp as wp
 
+from otwarp.kernels.roots import reciprocal_root, square_root
+
 
 @wp.struct
 class ForceTableData:
@@ -30,12 +32,15 @@ class GridLevel:
     columns: wp.int32
     radius: wp.float32  # [µm]
     per_spacing: wp.float32  # [1/µm]
+    middle: wp.float32  # cells below the focus
 
 
 @wp.func
 def grid_level(tables: ForceTableData, level: int) -> GridLevel:
     """Level of this number, counted over all tables."""
-    return GridLevel(tables.node_start[level], tables.columns[level], tables.radius[level], tables.per_spacing[level])
+    radius = tables.radius[level]
+    per_spacing = tables.per_spacing[level]
+    return GridLevel(tables.node_start[level], tables.columns[level], radius, per_spacing, radius * per_spacing)
 
 
 BLEND = wp.constant(0.8)
@@ -49,18 +54,6 @@ def blend_weight(d2: float, radius: float) -> float:
     """Share of what lies beyond `radius`: a smooth step in distance² from `BLEND`·radius to radius."""
     x = wp.clamp((d2 / (radius * radius) - BLEND * BLEND) * BLEND_SCALE, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return rsqrtf(x);
-#else
-    return 1.0f / sqrtf(x);
-#endif
-""")
-def reciprocal_root(x: wp.float32) -> wp.float32:
-    """1/√x of x > 1e-37, relative error < 2e-7."""
-    ...
 
 
 ROUNDER = 12582912.0
@@ -129,16 +122,18 @@ def bilinear_term(layers: int) -> wp.Function:
     ) -> wp.vec3:
         """Four nodes."""
         u = rho * level.per_spacing
-        v = (z + level.radius) * level.per_spacing
+        v = z * level.per_spacing + level.middle
         i = cell_of(u)
         j = cell_of(v)
         a = u - cell_start(u)
         b = v - cell_start(v)
         n = level.node + (j + 1) * level.columns + i + 1
-        low = (1.0 - a) * at(tables, n, first, second) + a * at(tables, n + 1, first, second)
+        both = a * b
+        total = (1.0 - a - (b - both)) * at(tables, n, first, second)
+        total += (a - both) * at(tables, n + 1, first, second)
         n += level.columns
-        high = (1.0 - a) * at(tables, n, first, second) + a * at(tables, n + 1, first, second)
-        return (1.0 - b) * low + b * high
+        total += (b - both) * at(tables, n, first, second)
+        return total + both * at(tables, n + 1, first, second)
 
     return bilinear
 
@@ -167,7 +162,7 @@ def bicubic_term(layers: int) -> wp.Function:
     ) -> wp.vec3:
         """Sixteen nodes."""
         u = rho * level.per_spacing
-        v = (z + level.radius) * level.per_spacing
+        v = z * level.per_spacing + level.middle
         i = cell_of(u)
         j = cell_of(v)
         wu = cubic_weights(u - cell_start(u))
@@ -222,7 +217,7 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
         rho2 = x * x + y * y
         # on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
         per_rho = reciprocal_root(wp.max(rho2, 1.0e-20))
-        rho = rho2 * per_rho
+        rho = square_root(rho2)
         c = x * per_rho
         s = y * per_rho
         first = wp.vec3(0.0)

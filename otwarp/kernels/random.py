@@ -10,6 +10,8 @@ import enum
 
 import warp as wp
 
+from otwarp.kernels.roots import square_root
+
 
 class Stream(enum.IntEnum):
     """Registry of random streams: one number per purpose, never reused."""
@@ -28,29 +30,24 @@ _M1 = wp.constant(wp.uint32(0xCD9E8D57))
 _W0 = wp.constant(wp.uint32(0x9E3779B9))
 _W1 = wp.constant(wp.uint32(0xBB67AE85))
 _TO_UNIT = wp.constant(2.0**-32)
+_SIGN = wp.constant(wp.uint32(0x80000000))
 
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-    return __umulhi(a, b);
+    unsigned long long result;
+    asm("mul.wide.u32 %0, %1, %2;" : "=l"(result) : "r"(a), "r"(b));
+    return result;
 #else
-    return (wp::uint32)(((wp::uint64)a * (wp::uint64)b) >> 32);
+    return (wp::uint64)a * (wp::uint64)b;
 #endif
 """)
-def multiply_high(a: wp.uint32, b: wp.uint32) -> wp.uint32:
-    """Upper half of the product. Written as a 64-bit product, half of Philox compiles to 64-bit multiplications."""
-    ...
+def full_product(a: wp.uint32, b: wp.uint32) -> wp.uint64:
+    """All 64 bits of a product of words, by one instruction.
 
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return x * rsqrtf(fmaxf(x, 1.0e-30f));
-#else
-    return sqrtf(x);
-#endif
-""")
-def square_root(x: wp.float32) -> wp.float32:
-    """√x of 0 ≤ x < 100, relative error < 3e-7: on CUDA one instruction, without the path for subnormal numbers."""
+    From the plain expression the CUDA compiler keeps the chain of exclusive ors in 64 bits and multiplies there, which
+    costs a second multiplication; from the two halves apart it makes two.
+    """
     ...
 
 
@@ -60,76 +57,76 @@ def philox(counter: vec4u, seed: wp.uint32, stream: wp.uint32) -> vec4u:
     c0, c1, c2, c3 = counter[0], counter[1], counter[2], counter[3]
     k0, k1 = seed, stream
     for _ in range(wp.static(_ROUNDS)):
-        n0 = multiply_high(_M1, c2) ^ c1 ^ k0
-        n2 = multiply_high(_M0, c0) ^ c3 ^ k1
-        c1 = _M1 * c2
-        c3 = _M0 * c0
-        c0 = n0
-        c2 = n2
+        p0 = full_product(_M0, c0)
+        p1 = full_product(_M1, c2)
+        c0 = wp.uint32(p1 >> wp.uint64(32)) ^ c1 ^ k0
+        c2 = wp.uint32(p0 >> wp.uint64(32)) ^ c3 ^ k1
+        c1 = wp.uint32(p1)
+        c3 = wp.uint32(p0)
         k0 = k0 + _W0
         k1 = k1 + _W1
     return vec4u(c0, c1, c2, c3)
 
 
 @wp.func
-def natural_log(x: wp.float32) -> wp.float32:
-    """ln x for normal x > 0, relative error < 2e-7: x = m·2ᵉ with m in [√½, √2), ln(1 + f) = f − f²/2 + f³·P(f).
+def squared_radius(word: wp.uint32) -> wp.float32:
+    """−2 ln u of u = (word + ½)·2⁻³² ∈ (0, 1], relative error < 3e-7; never negative, finite for every word.
 
-    The coefficients of P are a minimax fit of relative error; plain arithmetic, so that compilers can schedule and
-    vectorise it, where the library's logarithm is a call on the CPU.
+    word + ½ = m·2ᵉ with m = 1 + f in [√½, √2), so that −2 ln u = (e − 32)·(−2 ln 2) − 2f + f² + f³·P(f), P a minimax
+    fit of relative error (3e-8). Plain arithmetic, so that compilers can schedule it, where the library's logarithm is
+    a call on the CPU.
     """
-    bits = wp.cast(x, wp.int32)
-    exponent = (bits - wp.int32(0x3F3504F3)) >> 23
-    f = wp.cast(bits - (exponent << 23), wp.float32) - 1.0
-    p = 0.12761654 - 0.07634545 * f
-    p = p * f - 0.13160201
-    p = p * f + 0.14201749
-    p = p * f - 0.16623355
-    p = p * f + 0.20001227
-    p = p * f - 0.25000821
-    p = p * f + 0.33333332
-    return wp.float32(exponent) * 0.69314718 + (f - 0.5 * f * f + f * f * f * p)
+    bits = wp.cast(wp.float32(word) + 0.5, wp.int32)
+    # the exponent less 32; 0x3F3504F3 is √½ and 32 << 23 is 0x10000000
+    exponent = (bits - wp.int32(0x4F3504F3)) >> 23
+    f = wp.cast(bits - (exponent << 23) - wp.int32(0x10000000), wp.float32) - 1.0
+    p = 0.28534987 - 0.1740088 * f
+    p = p * f - 0.29829539
+    p = p * f + 0.33155168
+    p = p * f - 0.39926127
+    p = p * f + 0.50002674
+    p = p * f - 0.66667821
+    f2 = f * f
+    return wp.float32(exponent) * -1.3862944 + (f2 + f * f2 * p - 2.0 * f)
 
 
 @wp.func
-def turn_cosine_sine(turn: wp.uint32) -> wp.vec2:
-    """(cos, sin) of 2π·(turn + ½)·2⁻³², absolute error < 1e-7.
+def polar(radius: wp.float32, turn: wp.uint32) -> wp.vec2:
+    """radius·(cos, sin) of 2π·(turn + ½)·2⁻³², absolute error < 3e-7·radius.
 
-    The quadrant and the rest, within ±π/4, come from the integer exactly, so no argument needs reducing in floating
-    point (on a GPU the library's slow path for that costs registers and local memory).
+    The half turn nearest to the angle, which is a sign, and the rest t·π with |t| ≤ ½ come from the integer exactly, so
+    no argument needs reducing in floating point (on a GPU the library's slow path for that costs registers and local
+    memory). sin πt = t·S(t²) and cos πt = 1 + t²·C(t²) with minimax fits S (3e-9) and C (5e-8).
     """
-    quadrant = (turn + wp.uint32(0x20000000)) >> wp.uint32(30)
-    rest = wp.int32(turn - (quadrant << wp.uint32(30)))
-    r = (wp.float32(rest) + 0.5) * 1.4629180792671596e-09
-    z = r * r
-    sine = r + r * z * (-0.16666655 + z * (0.00833216 - 0.00019515 * z))
-    cosine = 1.0 - 0.5 * z + z * z * (0.0416666457 + z * (-0.00138873162 + 2.44331474e-05 * z))
-    odd = (quadrant & wp.uint32(1)) != wp.uint32(0)
-    x = wp.where(odd, sine, cosine)
-    y = wp.where(odd, cosine, sine)
-    # quadrants 1 and 2 lie left of the axis, 2 and 3 below
-    left = quadrant == wp.uint32(1) or quadrant == wp.uint32(2)
-    return wp.vec2(wp.where(left, -x, x), wp.where(quadrant >= wp.uint32(2), -y, y))
+    t = wp.float32(wp.int32(turn << wp.uint32(1))) * 2.3283064365386963e-10 + 1.1641532182693481e-10
+    z = t * t
+    sine = t * (3.14159258 + z * (-5.16770688 + z * (2.55003138 + z * (-0.59804518 + z * 0.07722014))))
+    cosine = 1.0 + z * (-4.93479552 + z * (4.05845134 + z * (-1.33209388 + z * 0.22008069)))
+    # between a quarter and three quarters of a turn both change sign
+    sign = (turn + wp.uint32(0x40000000)) & _SIGN
+    signed = wp.cast(wp.cast(radius, wp.uint32) ^ sign, wp.float32)
+    return wp.vec2(signed * cosine, signed * sine)
 
 
 @wp.func
 def gaussian_pair(a: wp.uint32, b: wp.uint32) -> wp.vec2:
     """Two standard normal deviates from two words (Box and Muller 1958, doi:10.1214/aoms/1177706645).
 
-    u = (word + ½)·2⁻³² lies in (0, 1], so the logarithm is finite; the largest deviate is √(2 ln 2³³) ≈ 6.8.
+    The largest deviate is √(2 ln 2³³) ≈ 6.8.
     """
-    square = -2.0 * natural_log((wp.float32(a) + 0.5) * _TO_UNIT)
-    return square_root(wp.max(square, 0.0)) * turn_cosine_sine(b)
+    return polar(square_root(squared_radius(a)), b)
 
 
 @wp.func
 def gaussian_pair_fast(a: wp.uint32, b: wp.uint32) -> wp.vec2:
     """The same deviates by the library's functions, which `fast_math` turns into single instructions on CUDA.
 
-    Absolute error near 1e-6 for all but the largest deviates; on a CPU the same accuracy as `gaussian_pair`, slower.
+    There the absolute error is below 4e-6, and below 1e-3 where u is within 2⁻⁵ of 1 (CUDA C++ Programming Guide,
+    intrinsic functions: 2⁻²¹·⁴ for ln near 1, 2⁻²¹·² for sine and cosine); on a CPU the accuracy is that of
+    `gaussian_pair`, slower.
     """
     square = -2.0 * wp.log((wp.float32(a) + 0.5) * _TO_UNIT)
-    # half a turn to either side: the intrinsics reduce no arguments
+    # half a turn to either side: the instructions reduce no arguments. The approximate ln 1 may be above 0
     angle = wp.float32(wp.int32(b)) * 1.4629180792671596e-09
     return square_root(wp.max(square, 0.0)) * wp.vec2(wp.cos(angle), wp.sin(angle))
 

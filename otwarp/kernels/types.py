@@ -67,17 +67,18 @@ class TrapConstants:
     side: wp.vec3
     up: wp.vec3
     equilibrium: wp.float32  # [µm]
-    scale: wp.float32  # radius the law holds for over that of the sphere
+    # an authored law, scaled to the sphere's radius
     stiffness: wp.float32  # [pN/µm/mW]
-    threshold: wp.float32  # [µm]
+    threshold2: wp.float32  # squared [µm²]
     inverse_square: wp.float32  # [pN·µm²/mW]
     offset: wp.float32  # [pN/mW]
-    cutoff: wp.float32  # [µm]
+    cutoff2: wp.float32  # squared [µm²]
     axial_stiffness: wp.float32
-    axial_threshold: wp.float32
+    axial_threshold2: wp.float32
     axial_inverse_square: wp.float32
     axial_offset: wp.float32
-    axial_cutoff: wp.float32
+    axial_cutoff2: wp.float32
+    reach2: wp.float32  # the larger of the two squared cutoffs [µm²]
     table: wp.int32  # index of the force table
     finest: GridLevel
 
