@@ -25,6 +25,12 @@ GROWTH = 1.25
 MOST_NODES = 4096
 """Nodes of the largest rule: its kernel keeps 0.3 MB per thread. Points beyond, over 700 µm away, are left to NumPy."""
 
+NODE_BYTES = 84
+"""What a thread keeps per node."""
+
+DEVICE_SHARE = 0.5
+"""Part of a GPU's memory that threads may keep: CUDA sets it aside for all that can be resident at once."""
+
 MOST_ENTRIES = 3e7
 """Entries of the largest table, 0.25 GB: for spheres of many multipoles it ends the rules earlier."""
 
@@ -92,7 +98,7 @@ def batched_force(
     where = _device(device)
     # a little more, so that the device cannot round a point beyond the rule chosen here
     extent = beam.wavenumber * np.linalg.norm(places, axis=1) * (1.0 + 1e-12)
-    far = extent > _furthest(orders)
+    far = extent > _furthest(orders, where)
     out = np.empty_like(places)
     if np.any(far):
         out[far] = evaluate(beam, sphere, places[far]).force
@@ -161,9 +167,12 @@ def _rule_of(orders: int, extent: np.ndarray) -> np.ndarray:
     return rule + (extent > _extent_of(orders, rule))
 
 
-def _furthest(orders: int) -> float:
+def _furthest(orders: int, device: wp.Device) -> float:
     """Extent of the largest rule that has at most `MOST_NODES` and `MOST_ENTRIES`."""
-    most = min(MOST_NODES, MOST_ENTRIES / orders**2)
+    room = MOST_NODES
+    while not device.is_cpu and room * NODE_BYTES * 2048 * device.sm_count > DEVICE_SHARE * device.total_memory:
+        room //= 2
+    most = min(room, MOST_ENTRIES / orders**2)
     extents = _extent_of(orders, np.arange(32))
     return float(max(e for e in extents if quadrature_nodes(orders, float(e)) <= most))
 
@@ -175,7 +184,7 @@ def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | 
         InputError: A sphere too large to converge, a reach too large for the kernel, or no such device.
     """
     _, orders = checked_points(beam, sphere, np.zeros((0, 3)))
-    furthest = _furthest(orders) / beam.wavenumber
+    furthest = _furthest(orders, _device(device)) / beam.wavenumber
     if not 0.0 < reach <= furthest:
         raise InputError(f"reach of the exact force is {reach:g} µm; allowed: above 0, up to {furthest:.3g} µm")
     rules = int(_rule_of(orders, np.array([beam.wavenumber * reach]))[0]) + 1
