@@ -55,14 +55,14 @@ def axial_equilibria(
     """
     span = reach or max(4.0, 2.0 * sphere.radius)
     spacing = min(0.05, 0.1 * beam.wavelength)
-    z = np.arange(-span, span + spacing, spacing)
+    z = beam.focus_shift + np.arange(-span, span + spacing, spacing)
     q = force(beam, sphere, np.stack([0 * z, 0 * z, z], axis=1), device=device)[:, 2]
 
     def axial(height: float) -> float:
         return float(force(beam, sphere, np.array([[0.0, 0.0, height]]), device=device)[0, 2])
 
-    roots = [brentq(axial, z[i], z[i + 1], xtol=1e-10) for i in range(len(z) - 1) if q[i] > 0.0 >= q[i + 1]]
-    return tuple(sorted(roots, key=abs))
+    roots = [float(brentq(axial, z[i], z[i + 1], xtol=1e-10)) for i in range(len(z) - 1) if q[i] > 0.0 >= q[i + 1]]
+    return tuple(sorted(roots, key=lambda height: abs(height - beam.focus_shift)))
 
 
 def trap_properties(beam: Beam, sphere: Sphere, *, device: str | None = None) -> TrapProperties:
@@ -71,7 +71,15 @@ def trap_properties(beam: Beam, sphere: Sphere, *, device: str | None = None) ->
     Raises:
         InputError: The beam does not hold this sphere along its axis.
     """
-    stable = axial_equilibria(beam, sphere, device=device)
+    along = axial_equilibria(beam, sphere, device=device)
+    # a point that pulls back along the axis may push out across it
+    slopes = {z: stiffness(beam, sphere, np.array([0.0, 0.0, z]), device=device) for z in along}
+    stable = tuple(z for z in along if min(slopes[z]) > 1e-9 * max(slopes[z]))
+    if along and not stable:
+        raise InputError(
+            f"a sphere of radius {sphere.radius:g} µm and index {sphere.index} is stable along the axis of this beam "
+            "only and pushed out across it; allowed: an index above the medium's, or a beam without charge"
+        )
     if not stable:
         raise InputError(
             f"a sphere of radius {sphere.radius:g} µm and index {sphere.index} has no stable point on the axis of this "
@@ -82,7 +90,7 @@ def trap_properties(beam: Beam, sphere: Sphere, *, device: str | None = None) ->
     return TrapProperties(
         equilibrium=stable[0],
         others=stable[1:],
-        stiffness=stiffness(beam, sphere, point, device=device),
+        stiffness=slopes[stable[0]],
         escape_force=escapes,
         escape_distance=ends,
         depth=min(works),

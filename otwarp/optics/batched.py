@@ -98,7 +98,7 @@ def batched_force(
     where = _device(device)
     # a little more, so that the device cannot round a point beyond the rule chosen here
     extent = beam.wavenumber * np.linalg.norm(places, axis=1) * (1.0 + 1e-12)
-    far = extent > _furthest(orders, where)
+    far = extent > _furthest(beam, orders, where)
     out = np.empty_like(places)
     if np.any(far):
         out[far] = evaluate(beam, sphere, places[far]).force
@@ -167,14 +167,14 @@ def _rule_of(orders: int, extent: np.ndarray) -> np.ndarray:
     return rule + (extent > _extent_of(orders, rule))
 
 
-def _furthest(orders: int, device: wp.Device) -> float:
+def _furthest(beam: Beam, orders: int, device: wp.Device) -> float:
     """Extent of the largest rule that has at most `MOST_NODES` and `MOST_ENTRIES`."""
     room = MOST_NODES
     while not device.is_cpu and room * NODE_BYTES * 2048 * device.sm_count > DEVICE_SHARE * device.total_memory:
         room //= 2
     most = min(room, MOST_ENTRIES / orders**2)
     extents = _extent_of(orders, np.arange(32))
-    return float(max(e for e in extents if quadrature_nodes(orders, float(e)) <= most))
+    return float(max((e for e in extents if quadrature_nodes(orders, float(e) + beam.aberration) <= most), default=0.0))
 
 
 def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | str | None = None) -> PackedForce:
@@ -184,7 +184,7 @@ def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | 
         InputError: A sphere too large to converge, a reach too large for the kernel, or no such device.
     """
     _, orders = checked_points(beam, sphere, np.zeros((0, 3)))
-    furthest = _furthest(orders, _device(device)) / beam.wavenumber
+    furthest = _furthest(beam, orders, _device(device)) / beam.wavenumber
     if not 0.0 < reach <= furthest:
         raise InputError(f"reach of the exact force is {reach:g} µm; allowed: above 0, up to {furthest:.3g} µm")
     rules = int(_rule_of(orders, np.array([beam.wavenumber * reach]))[0]) + 1
@@ -195,7 +195,7 @@ def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | 
 def _packed(beam: Beam, sphere: Sphere, rules: int, device: str) -> PackedForce:
     orders = highest_order(beam.wavenumber * sphere.radius)
     extents = _extent_of(orders, np.arange(rules))
-    parts = [_rule(beam, orders, quadrature_nodes(orders, float(e))) for e in extents]
+    parts = [_rule(beam, orders, quadrature_nodes(orders, float(e) + beam.aberration)) for e in extents]
     counts = [len(p.cosine) for p in parts]
     right, left = beam.helicities()
 

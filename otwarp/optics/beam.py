@@ -34,6 +34,9 @@ LEAST_FILLING, MOST_FILLING = 0.01, 100.0
 MOST_CHARGE = 40
 """Azimuthal charge up to which the sums were tested."""
 
+DARK = 6.3
+"""√(17 ln 10), rounded up."""
+
 Apodization = Callable[[np.ndarray, float, float], np.ndarray]
 
 
@@ -97,6 +100,8 @@ class Beam:
             if not (math.isfinite(value) and (value >= low if name == "medium_index" else value > low)):
                 sign = "at least" if name == "medium_index" else "above"
                 raise InputError(f"beam {name} is {value:g}; allowed: {sign} {low:g}")
+        if not 0.1 <= self.wavelength <= 20.0:
+            raise InputError(f"beam wavelength is {self.wavelength:g} µm; allowed: 0.1 to 20")
         if not LEAST_FILLING <= self.filling <= MOST_FILLING:
             raise InputError(f"beam filling is {self.filling:g}; allowed: {LEAST_FILLING:g} to {MOST_FILLING:g}")
         if abs(self.charge) > MOST_CHARGE:
@@ -129,12 +134,43 @@ class Beam:
     @property
     def edge(self) -> float:
         """Largest polar angle of the spectrum [rad]."""
-        return self.alpha if APODIZATIONS[self.kind][1] else 0.5 * math.pi
+        if APODIZATIONS[self.kind][1]:
+            return self.alpha
+        # beyond, a Gaussian is below 1e-17 of its top
+        return math.atan(DARK * self.filling * math.tan(self.alpha))
 
     @property
     def wavenumber(self) -> float:
         """k = 2π n/λ [rad/µm]."""
         return 2.0 * math.pi * self.medium_index / self.wavelength
+
+    @property
+    def aberration(self) -> float:
+        """Bound on the phase that the interface adds across the spectrum [rad]: steepest slope times `edge`."""
+        if self.glass_index is None or self.depth == 0.0:
+            return 0.0
+        t = np.linspace(0.0, self.edge, 2001)
+        return float(np.abs(np.gradient(self._interface_phase(t), t)).max()) * self.edge
+
+    @property
+    def focus_shift(self) -> float:
+        """Height of the brightest point on the axis above the nominal focus [µm]: aberration moves it."""
+        if self.aberration == 0.0:
+            return 0.0
+        t, w = np.polynomial.legendre.leggauss(200 + int(self.aberration))
+        t, w = 0.5 * self.edge * (t + 1.0), 0.5 * self.edge * w
+        # vortices are dark on the axis, but their rings are brightest at the height of the same beam without charge
+        weight = w * np.sin(t) * (1.0 + np.cos(t)) * self.amplitude(t)
+        z = np.arange(-0.6 * self.depth - 1.0, 0.6 * self.depth + 1.0, 0.1 * self.wavelength)
+        field = np.exp(1j * self.wavenumber * z[:, None] * np.cos(t)) @ weight
+        return float(z[np.argmax(np.abs(field))])
+
+    def _interface_phase(self, t: np.ndarray) -> np.ndarray:
+        # optical path beyond that of the unaberrated focus: Török et al. 1995, doi:10.1364/JOSAA.12.000325
+        assert self.glass_index is not None
+        ratio = self.medium_index / self.glass_index
+        inside = np.sqrt(np.maximum(1.0 - (ratio * np.sin(t)) ** 2, 0.0))
+        return self.wavenumber * self.depth * (np.cos(t) - inside / ratio)
 
     @property
     def jones(self) -> tuple[complex, complex]:
@@ -161,10 +197,7 @@ class Beam:
         """A(t) with the phase of the interface, complex; t in radians, up to `edge`."""
         a = APODIZATIONS[self.kind][0](t, self.alpha, self.filling).astype(complex)
         if self.glass_index is not None and self.depth > 0.0:
-            # optical path beyond that of the unaberrated focus: Török et al. 1995, doi:10.1364/JOSAA.12.000325
-            ratio = self.medium_index / self.glass_index
-            inside = np.sqrt(np.maximum(1.0 - (ratio * np.sin(t)) ** 2, 0.0))
-            a *= np.exp(1j * self.wavenumber * self.depth * (np.cos(t) - inside / ratio))
+            a *= np.exp(1j * self._interface_phase(t))
         return a
 
     def with_power(self, power: float) -> Beam:

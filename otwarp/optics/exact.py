@@ -110,7 +110,7 @@ def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
     while start < len(places):
         count = _batch(orders)
         chosen = order_of[start : start + count]
-        nodes = quadrature_nodes(orders, float(extent[chosen[-1]]))
+        nodes = quadrature_nodes(orders, float(extent[chosen[-1]]) + beam.aberration)
         result[chosen] = _act(beam, sphere, places[chosen], orders, nodes)
         probe = chosen[[0, len(chosen) // 2, -1]]
         finer = _act(beam, sphere, places[probe], orders + 4, int(1.35 * nodes) + 12)
@@ -125,8 +125,12 @@ def _batch(orders: int) -> int:
 
 
 def quadrature_nodes(orders: int, extent: float) -> int:
-    """Quadrature nodes that resolve the multipoles and the phase of a point at k·distance `extent`."""
-    return 48 + int(0.7 * (orders + extent))
+    """Quadrature nodes that resolve the multipoles and a phase of `extent`: k·distance and the beam's aberration.
+
+    Rounded up to a geometric sequence, so that few sets of angular functions serve all distances.
+    """
+    needed = 48 + int(0.7 * (orders + extent))
+    return math.ceil(64.0 * 1.12 ** math.ceil(math.log(max(needed, 64) / 64.0) / math.log(1.12)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +144,7 @@ class _Spectrum:
     power: float
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=6)
 def _spectrum(beam: Beam, orders: int, nodes: int) -> _Spectrum:
     x, w = gauss_legendre(nodes)
     t = 0.5 * beam.edge * (x + 1.0)

@@ -223,11 +223,13 @@ def steepest_slope(table: ForceTable) -> float:
     Off the axis it can be several times the stiffness at the equilibrium: at the rim of a large sphere.
     """
     radius, h = BLEND * table.levels[0].radius, 0.01 * table.beam.wavelength
-    axis = np.linspace(0.0, radius, 48)
+    axis = np.linspace(0.0, radius, max(48, math.ceil(radius / (0.1 * table.beam.wavelength))))
     rho, z = (a.ravel() for a in np.meshgrid(axis, np.concatenate([-axis[:0:-1], axis]), indexing="ij"))
     turn = major_axis(table.beam)
     worst = 0.0
-    for azimuth in (turn,) if table.layers == 1 else (turn, turn + 0.5 * math.pi):
+    # cos 2φ alone is extreme at 0 and 90°; with sin 2φ it may be anywhere
+    sides = {1: np.zeros(1), 2: np.array([0.0, 0.5]), 3: np.arange(8) / 8.0}[table.layers] * math.pi
+    for azimuth in turn + sides:
         points = np.stack([rho * math.cos(azimuth), rho * math.sin(azimuth), z], axis=1)
         slopes = [(table.force(points + h * e) - table.force(points - h * e)) / (2.0 * h) for e in np.eye(3)]
         jacobian = np.stack(slopes, axis=2)

@@ -41,6 +41,10 @@ PROBES = 300
 UNSEEN = 3000
 """Points on which a finished table is judged."""
 
+MOST_NODES = 2e7
+"""Nodes of one level, times layers, beyond which a table is refused: a quarter of a gigabyte, and ten times that while
+it is made."""
+
 MIRROR = 8
 """Samples mirrored to ρ < 0, so that the spline knows the symmetry of the axis."""
 
@@ -67,7 +71,8 @@ def build_table(
     def field(points: np.ndarray) -> np.ndarray:
         return force(beam, sphere, points, device=device)
 
-    near = 1.2 * sphere.radius + 1.5 * beam.wavelength
+    core = 1.2 * sphere.radius + 1.5 * beam.wavelength
+    near = core + abs(beam.focus_shift)
     peak = _peak(field, beam, sphere, near)
     cutoff = _cutoff(field, near, tolerance * peak)
     count = 1 + max(0, math.floor(math.log2(cutoff / near)))
@@ -77,7 +82,7 @@ def build_table(
         levels, inner = [], 0.0
         for n in range(count):
             radius = cutoff / 2 ** (count - 1 - n)
-            spline = _refine(field, beam, inner, radius, shrink * SAMPLE_SHARE * tolerance * peak, rng)
+            spline = _refine(field, beam, inner, radius, core, shrink * SAMPLE_SHARE * tolerance * peak, rng)
             levels.append(_nodes(spline, inner, radius, shrink * NODE_SHARE * tolerance * peak, interpolation))
             inner = radius
         table = ForceTable(
@@ -111,7 +116,10 @@ def _properties(table: ForceTable, device: str) -> TrapProperties | None:
 
 
 def unseen_points(table: ForceTable, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, 3) random points: shared equally by the levels and the shell beyond the cutoff, uniform in (ρ, z)."""
+    """(about 1.25 count, 3) random points, uniform in (ρ, z).
+
+    Shared equally by the levels and the shell beyond the cutoff, and a quarter more about the focus.
+    """
     bounds = [0.0, *(level.radius for level in table.levels), 1.2 * table.cutoff]
     rows = []
     for n in range(len(bounds) - 1):
@@ -119,6 +127,10 @@ def unseen_points(table: ForceTable, count: int, rng: np.random.Generator) -> np
         rho, z = _in_annulus(bounds[n], bounds[n + 1], share, rng)
         phi = rng.uniform(0.0, 2.0 * math.pi, share)
         rows.append(np.stack([rho * np.cos(phi), rho * np.sin(phi), z], axis=1))
+    core = 1.2 * table.sphere.radius + 1.5 * table.beam.wavelength
+    rho, z = _about_focus(table.beam, core, count // 4, rng)
+    phi = rng.uniform(0.0, 2.0 * math.pi, len(rho))
+    rows.append(np.stack([rho * np.cos(phi), rho * np.sin(phi), z], axis=1))
     return np.concatenate(rows)
 
 
@@ -128,13 +140,19 @@ def _in_annulus(inner: float, outer: float, count: int, rng: np.random.Generator
     return distance * np.sin(angle), distance * np.cos(angle)
 
 
+def _about_focus(beam: Beam, core: float, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    rho, z = _in_annulus(0.0, core, count, rng)
+    return rho, z + beam.focus_shift
+
+
 def _peak(field: Field, beam: Beam, sphere: Sphere, near: float) -> float:
     """Largest |Q|, on a grid that resolves the wavelength, along and across the polarization."""
     step = min(0.12 * beam.wavelength, 0.1 * near)
     axis = np.arange(0.0, near, step)
     rho, z = (a.ravel() for a in np.meshgrid(axis, np.concatenate([-axis[:0:-1], axis]), indexing="ij"))
     turn = major_axis(beam)
-    sides = (turn,) if layer_count(beam) == 1 else (turn, turn + 0.5 * math.pi)
+    # cos 2φ alone is extreme at 0 and 90°; with sin 2φ it may be anywhere
+    sides = turn + {1: np.zeros(1), 2: np.array([0.0, 0.5]), 3: np.arange(8) / 8.0}[layer_count(beam)] * math.pi
     q = [field(np.stack([rho * math.cos(p), rho * math.sin(p), z], axis=1)) for p in sides]
     return float(max(np.linalg.norm(f, axis=1).max() for f in q))
 
@@ -211,10 +229,19 @@ def _sampled(field: Field, beam: Beam, radius: float, intervals: int) -> _Spline
     return _Spline(parts, spacing)
 
 
-def _refine(field: Field, beam: Beam, inner: float, radius: float, allowed: float, rng: np.random.Generator) -> _Spline:
-    """Spline of one level that is within `allowed` of exact forces on random points of the annulus that it serves."""
+def _refine(
+    field: Field, beam: Beam, inner: float, radius: float, core: float, allowed: float, rng: np.random.Generator
+) -> _Spline:
+    """Spline of one level that is within `allowed` of exact forces on random points of the annulus that it serves.
+
+    Half as many more lie within `core` of the focus, which aberration may have moved far from the middle.
+    """
     rho, z = _in_annulus(BLEND * inner, radius, PROBES, rng)
-    phi = rng.uniform(0.0, 2.0 * math.pi, PROBES)
+    if inner == 0.0:
+        rho, z = (
+            np.concatenate(pair) for pair in zip((rho, z), _about_focus(beam, core, PROBES // 2, rng), strict=True)
+        )
+    phi = rng.uniform(0.0, 2.0 * math.pi, len(rho))
     turn = major_axis(beam)
     c, s = np.cos(phi + turn), np.sin(phi + turn)
     q = field(np.stack([rho * c, rho * s, z], axis=1))
@@ -236,6 +263,12 @@ def _nodes(spline: _Spline, inner: float, radius: float, allowed: float, interpo
     order = 2 if interpolation == "bilinear" else 4
     intervals = math.ceil(radius / spline.spacing)
     for _ in range(12):
+        if 2.0 * intervals**2 * len(spline.parts) > MOST_NODES:
+            raise InputError(
+                f"a {interpolation} force table of this accuracy needs more than {MOST_NODES:g} nodes within "
+                f"{radius:.3g} µm; allowed: {'interpolation bicubic, ' if order == 2 else ''}a larger tolerance, a "
+                "smaller sphere, or a focus less deep"
+            )
         level = _level(spline, radius, intervals, interpolation)
         error = _node_error(spline, level, inner, interpolation)
         if error <= allowed:

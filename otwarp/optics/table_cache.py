@@ -12,6 +12,7 @@ import json
 import os
 import tempfile
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from otwarp.optics.beam import Beam
 from otwarp.optics.mie import Sphere
 from otwarp.optics.table import ForceTable, Interpolation, TableLevel
 
-VERSION = 1
+VERSION = 2
 """Raise it with any change of the format or of the numbers a build gives."""
 
 
@@ -30,7 +31,7 @@ def cache_folder() -> Path:
     """`OTWARP_CACHE`, or `otwarp` in the user's cache folder."""
     chosen = os.environ.get("OTWARP_CACHE")
     if chosen:
-        return Path(chosen)
+        return Path(chosen).expanduser()
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "otwarp"
 
 
@@ -78,8 +79,18 @@ def load(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolati
             steepest=float(arrays["steepest"]),
             levels=tuple(TableLevel(float(r), float(h), n) for r, h, n in zip(radius, spacing, nodes, strict=True)),
         )
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError):
-        # absent, cut short, or not ours: zipfile raises NotImplementedError for a damaged header
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        EOFError,
+        zipfile.BadZipFile,
+        zlib.error,
+        RuntimeError,
+        MemoryError,
+    ):
+        # absent, cut short, damaged or not ours; RuntimeError: a header that says encrypted, or of an unknown kind
         return None
 
 

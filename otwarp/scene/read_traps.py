@@ -68,6 +68,10 @@ def _check_beam(source: Source, prim: Usd.Prim, values: dict[str, Any], medium: 
     if depth > 0.0 and values["glass_index"] is None:
         limit = "0 m while ot:trap:glassIndex = 0; a depth above 0 needs the index of the glass, in [1, 4]"
         raise source.bad(prim, "ot:trap:depth", authored(depth, "length"), limit)
+    glass = values["glass_index"]
+    if glass is not None and glass <= values["numerical_aperture"]:
+        limit = f"above the numerical aperture, {values['numerical_aperture']:g}, or 0 for no interface"
+        raise source.bad(prim, "ot:trap:glassIndex", glass, limit)
 
 
 def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, float, float]]:

@@ -48,7 +48,7 @@ def save(sim: Simulation, path: Path) -> Path:
     about = {
         "format": FORMAT,
         "scene": str(Path(sim.scene.file).resolve()),
-        "digest": scene_digest(sim.scene),
+        "digest": scene_digest(sim.model.authored),
         "duration": sim.scene.settings.duration,
         "worlds": sim.model.worlds,
         "seed": sim.model.seed,

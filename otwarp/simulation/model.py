@@ -16,10 +16,9 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
-from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
-    LAW_FIELDS,
     pack_flow,
     pack_medium,
     pack_traps,
@@ -39,6 +38,7 @@ class Model:
 
     Attributes:
         scene: What it was built from, with the laws that follow from optics filled in.
+        authored: The scene as it was given.
         worlds: Number of worlds W.
         seed: Key of the random streams.
         device: Where the arrays live.
@@ -49,7 +49,8 @@ class Model:
         held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body. A trap that
             names no sphere holds the nearest at the start, of all worlds, if that is within its reach.
         held_range: (1|W, T) distance at which that sphere has escaped [µm], inf for none.
-        relaxation: Relaxation rates in the traps, by power, where the forces are steepest.
+        relaxation: Relaxation rates near the equilibria of the traps, by power; accuracy follows from them.
+        steepest: Rates where the forces are steepest; stability follows from them.
         optics: Force tables of the beams and spheres.
         scales: Time scales and the time step.
         data: The kernels' view.
@@ -57,6 +58,7 @@ class Model:
     """
 
     scene: Scene
+    authored: Scene
     worlds: int
     seed: int
     device: wp.Device
@@ -67,6 +69,7 @@ class Model:
     held: tuple[tuple[int, int], ...]
     held_range: np.ndarray
     relaxation: TrapRelaxation
+    steepest: TrapRelaxation
     optics: TrapOptics
     scales: TimeScales
     data: ModelData
@@ -108,12 +111,12 @@ class Model:
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
         _check_laws(scene, overrides)
         optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], place)
-        scene = optics.resolve(scene)
-        values = {**_scene_values(scene), **overrides}
-        near = Neighbours.of(scene, values)
+        authored, scene = scene, optics.resolve(scene)
+        values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
+        near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
         features = dataclasses.replace(_features(scene, values, optics), fast_math=fast_math)
-        relaxation = TrapRelaxation.of(scene, moves, values, near, held)
+        relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
         scales = time_scales(
             scene,
@@ -132,6 +135,7 @@ class Model:
         data.seed = wp.uint32(seed)
         return cls(
             scene=scene,
+            authored=authored,
             worlds=worlds,
             seed=seed,
             device=place,
@@ -141,7 +145,8 @@ class Model:
             reference=np.array([m.reference for m in moves]).reshape(-1, 3),
             held=held,
             held_range=held_range,
-            relaxation=steepest,
+            relaxation=relaxation,
+            steepest=steepest,
             optics=optics,
             scales=scales,
             data=data,
@@ -173,14 +178,14 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
 
 
 def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
-    """Refuse parameters of a force law that some trap does not follow."""
+    """Refuse parameters of a force law in a scene where no trap follows one; optical traps keep their own."""
     named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
-    for trap in scene.traps:
-        if trap.optical and named:
-            raise InputError(
-                f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
-                "allowed: traps with model harmonic or piecewise"
-            )
+    if named and scene.traps and all(trap.optical for trap in scene.traps):
+        trap = scene.traps[0]
+        raise InputError(
+            f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
+            "allowed: traps with model harmonic or piecewise"
+        )
 
 
 def _pack(

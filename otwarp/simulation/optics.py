@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,10 @@ from otwarp.simulation.arrays import device_array
 if TYPE_CHECKING:
     from otwarp.optics import Beam, ForceTable
     from otwarp.optics.batched import PackedForce
+
+
+LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
+"""Parameters of an authored law, across the beam; those along it have the prefix `axial_`."""
 
 
 def beam_of(trap: Trap, medium: Medium) -> Beam:
@@ -52,7 +56,7 @@ class TrapOptics:
         kinds: (radius [µm], refractive index) of each kind.
         tables: One per distinct beam, sphere, tolerance and interpolation.
         table: (T, K) index into `tables`, -1 for a trap that follows an authored law.
-        exact: Tables of the exact force for each pair, empty unless some trap's model is `exact`.
+        exact: Tables of the exact force by index into `tables`, for the pairs of traps whose model is `exact`.
         nearest: (T,) kind of the sphere that the trap names, or else of the one nearest to its focus; 0 without any.
     """
 
@@ -60,7 +64,7 @@ class TrapOptics:
     tables: tuple[ForceTable, ...]
     table: np.ndarray
     nearest: np.ndarray
-    exact: tuple[PackedForce, ...] = ()
+    exact: Mapping[int, PackedForce] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene, focus: np.ndarray, device: wp.Device) -> TrapOptics:
@@ -110,11 +114,12 @@ class TrapOptics:
                         )
                     )
                 table[t, k] = tables[key]
-        exact: tuple[PackedForce, ...] = ()
+        exact: dict[int, PackedForce] = {}
         if any(t.model == "exact" for t in scene.traps):
             from otwarp.optics.batched import pack_force
 
-            exact = tuple(pack_force(t.beam, t.sphere, reach=t.cutoff, device=device) for t in made)
+            used = {int(i) for t, trap in enumerate(scene.traps) if trap.model == "exact" for i in table[t]}
+            exact = {i: pack_force(made[i].beam, made[i].sphere, reach=made[i].cutoff, device=device) for i in used}
         return cls(kinds, tuple(made), table, nearest, exact)
 
     def kind(self, radius: float, index: float) -> int:
@@ -132,7 +137,7 @@ class TrapOptics:
             # without a sphere to act on, any term serves
             return f"{'harmonic' if entry.optical else entry.model}_{'split' if entry.axial else 'isotropic'}"
         if entry.model == "exact":
-            return exact_name(max(e.orders for e in self.exact), max(e.nodes for e in self.exact))
+            return exact_name(max(e.orders for e in self.exact.values()), max(e.nodes for e in self.exact.values()))
         table = self.tables[self.table[trap, 0]]
         return table_name(entry.interpolation, table.layers, _upright(entry, table.beam))
 
@@ -164,6 +169,23 @@ class TrapOptics:
                 )
             )
         return dataclasses.replace(scene, traps=tuple(traps))
+
+    def keep_laws(self, values: dict[str, np.ndarray], own: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """`values` with the laws of optical traps as they follow from optics, whatever the user asks of the others."""
+        optical = np.array([self._optical(t) for t in range(len(self.table))], dtype=bool)
+        if not optical.any():
+            return values
+        laws = [n for n in values if n.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
+        return {**values, **{name: np.where(optical, own[name], values[name]) for name in laws}}
+
+    def stiffest(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Parameters with every optical trap's largest stiffness at an equilibrium of any kind of sphere."""
+        found = [
+            max((max(p.stiffness) for i in row if i >= 0 and (p := self.tables[i].properties)), default=0.0)
+            for row in self.table
+        ]
+        names = ("trap_stiffness", "trap_axial_stiffness")
+        return {**values, **{name: np.maximum(values[name], found) for name in names}}
 
     def steepest(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Parameters with the steepest slope of every optical trap, on any kind of sphere, as its stiffness."""

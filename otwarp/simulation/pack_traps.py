@@ -15,10 +15,8 @@ from otwarp.kernels.types import FlowData, MediumData, TrapData
 from otwarp.scene.description import Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import device_array
-from otwarp.simulation.optics import TrapOptics, pack_tables, trap_sides
+from otwarp.simulation.optics import LAW_FIELDS, TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
-
-LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
 
 _HANDS = {"none": 0, "left": 1, "right": 2}
 
@@ -122,7 +120,8 @@ def pack_traps(
     data.side = device_array(trap_sides(scene), wp.vec3, device)
     data.table = device_array(optics.table, wp.int32, device, ndim=2)
     data.tables = pack_tables(optics, device)
-    data.exact = wp.array([e.data for e in optics.exact], dtype=ExactData, device=device)
+    packed = [optics.exact[i].data if i in optics.exact else ExactData() for i in range(len(optics.tables))]
+    data.exact = wp.array(packed if optics.exact else [], dtype=ExactData, device=device)
     data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
     data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)

@@ -28,8 +28,12 @@ class Neighbours:
     within: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, values: Mapping[str, np.ndarray]) -> Neighbours:
-        """Measure a scene at its start, for traps as `values` place them."""
+    def of(cls, scene: Scene, values: Mapping[str, np.ndarray], hold: np.ndarray) -> Neighbours:
+        """Measure a scene at its start, for traps as `values` place them.
+
+        `hold` is the (T,) distance within which an optical trap can hold a sphere [µm]: its weak force reaches on, but
+        changes nobody's relaxation. Inf for the others.
+        """
         rows = [(b, i) for b, body in enumerate(scene.bodies) for i, s in enumerate(body.spheres) if s.trapped]
         place = np.array([_sphere_position(scene.bodies[b], i) for b, i in rows]).reshape(-1, 3)
         radii = np.array([scene.bodies[b].spheres[i].radius for b, i in rows])
@@ -39,7 +43,8 @@ class Neighbours:
         for t, trap in enumerate(scene.traps):
             distance = np.linalg.norm(place - anchors[:, t, None], axis=2)
             gap[t] = distance.min(axis=0)
-            within[t] = (distance <= unit[:, t, None] * (radii if law(trap).radius > 0.0 else 1.0)).any(axis=0)
+            reach = np.minimum(unit[:, t, None] * (radii if law(trap).radius > 0.0 else 1.0), hold[t])
+            within[t] = (distance <= reach).any(axis=0)
         return cls(np.array(rows, dtype=int).reshape(-1, 2), gap, within)
 
     def held(self, scene: Scene) -> tuple[tuple[int, int], ...]:

@@ -189,9 +189,9 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
     # float32 powers read back may differ from the authored ones in the last bit
     if np.all(powers <= authored * (1.0 + 1e-6)):
         return
-    rate, body = model.relaxation.fastest(powers)
+    rate, body = model.steepest.fastest(powers)
     dt, stable = model.time_step, STABLE_PRODUCT / rate if rate > 0.0 else math.inf
-    worst = int(np.argmax(np.where(powers > authored, powers * model.relaxation.stiffness, -1.0)))
+    worst = int(np.argmax(np.where(powers > authored, powers * model.steepest.stiffness, -1.0)))
     trap = model.scene.traps[worst].prim
     if dt >= stable:
         raise InputError(
@@ -199,6 +199,7 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
             f"at {rate:.4g} 1/s; allowed: below {powers[worst] * stable / dt:.4g} mW (all powers scaled alike), or a "
             f"time step below {stable:.4g} s"
         )
+    rate, body = model.relaxation.fastest(powers)
     error = variance_error(rate, dt)
     if error > COARSE:
         warnings.warn(

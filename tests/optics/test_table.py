@@ -174,7 +174,7 @@ def test_building_is_deterministic(table):
     assert same(again, table)
 
 
-@pytest.mark.parametrize("harm", ["cut short", "flipped bit", "empty", "text", "foreign"])
+@pytest.mark.parametrize("harm", ["cut short", "flipped bit", "encrypted", "empty", "text", "foreign"])
 def test_damaged_or_foreign_files_are_rebuilt(harm, table, folder, tmp_path):
     path = table_cache.file_of(tmp_path, table.beam, table.sphere, table.tolerance, table.interpolation)
     source = table_cache.file_of(folder, table.beam, table.sphere, table.tolerance, table.interpolation)
@@ -183,6 +183,9 @@ def test_damaged_or_foreign_files_are_rebuilt(harm, table, folder, tmp_path):
         data = data[: len(data) // 2]
     elif harm == "flipped bit":
         data[len(data) // 2] ^= 1
+    elif harm == "encrypted":
+        # the flag in the first entry of the central directory
+        data[data.index(b"PK\x01\x02") + 8] |= 1
     elif harm == "empty":
         data = bytearray()
     elif harm == "text":
@@ -222,3 +225,32 @@ def test_tolerance_out_of_range(tolerance):
 def test_unknown_interpolation():
     with pytest.raises(InputError, match="allowed: bilinear, bicubic"):
         ForceTable.build(BEAM, SMALL, interpolation="nearest")  # type: ignore[arg-type]
+
+
+def test_aberrated_focus_is_found_and_resolved():
+    """20 µm below a cover glass the focus lies several µm nearer to the glass; the table, its trap and its error bound
+    are those of that place, and the nodes of the quadrature resolve the interface's phase."""
+    beam = Beam(numerical_aperture=1.2, depth=20.0, glass_index=1.518)
+    assert -0.3 * 20.0 < beam.focus_shift < -0.1 * 20.0
+    table = ForceTable.build(beam, SMALL, tolerance=2e-2, interpolation="bicubic", cache=False, device="cpu")
+    assert table.properties is not None
+    assert abs(table.properties.equilibrium - beam.focus_shift) < 1.5
+    assert fresh_error(table, 2000, 3) <= table.tolerance
+
+
+@pytest.mark.parametrize("depth", [50.0, 200.0])
+def test_quadrature_resolves_the_interface(depth):
+    """Twice the nodes change nothing: the phase of a deep focus oscillates faster than the point's own."""
+    from otwarp.optics import exact
+
+    beam = Beam(numerical_aperture=1.2, depth=depth, glass_index=1.518)
+    points = np.array([[0.0, 0.0, 0.0], [0.2, 0.1, beam.focus_shift], [0.5, 0.0, 1.0]])
+    orders = exact.highest_order(beam.wavenumber * SMALL.radius)
+    finer = exact._act(beam, SMALL, points, orders, 2 * exact.quadrature_nodes(orders, 500.0 + beam.aberration))
+    np.testing.assert_allclose(force(beam, SMALL, points), finer[:, :3], atol=1e-12)
+    np.testing.assert_allclose(force(beam, SMALL, points, device="cpu"), finer[:, :3], atol=1e-12)
+
+
+def test_a_point_that_pushes_out_sideways_is_no_equilibrium():
+    with pytest.raises(InputError, match=r"stable along the axis of this beam only|no stable point"):
+        trap_properties(Beam(charge=1), Sphere(radius=0.1, index=1.59))

@@ -74,9 +74,9 @@ READ = {
     "double ot:trap:depth = 1e-3\n        " + GLASS: ("depth", 1000.0),
     "double ot:trap:depth = 6.1e-6\n        " + GLASS: ("depth", 6.1),
     "double ot:trap:glassIndex = 1.518": ("glass_index", 1.518),
-    "double ot:trap:glassIndex = 1": ("glass_index", 1.0),
+    "double ot:trap:glassIndex = 1.4": ("glass_index", 1.4),
     "double ot:trap:glassIndex = 0": ("glass_index", None),
-    "double ot:trap:tolerance = 1e-6": ("tolerance", 1e-6),
+    "double ot:trap:tolerance = 1e-5": ("tolerance", 1e-5),
     "double ot:trap:tolerance = 0.1": ("tolerance", 0.1),
     'token ot:trap:interpolation = "bilinear"': ("interpolation", "bilinear"),
     'token ot:trap:interpolation = "bicubic"': ("interpolation", "bicubic"),
@@ -107,9 +107,9 @@ def test_what_is_not_authored_is_the_default_of_the_dataclass(stage_file: StageF
 REFUSED = {
     'token ot:trap:model = "tabel"': "ot:trap:model = tabel: must be one of harmonic, piecewise, table, exact",
     'token ot:trap:beam = "bessel"': "ot:trap:beam = bessel: must be one of gaussian, sine, aplanatic",
-    "double ot:trap:filling = 0": "ot:trap:filling = 0.0: must be in (0, 100]",
-    "double ot:trap:filling = 100.1": "ot:trap:filling = 100.1: must be in (0, 100]",
-    "double ot:trap:filling = nan": "ot:trap:filling = nan: must be in (0, 100]",
+    "double ot:trap:filling = 0": "ot:trap:filling = 0.0: must be in [0.01, 100]",
+    "double ot:trap:filling = 100.1": "ot:trap:filling = 100.1: must be in [0.01, 100]",
+    "double ot:trap:filling = nan": "ot:trap:filling = nan: must be in [0.01, 100]",
     "int ot:trap:charge = 21": "ot:trap:charge = 21: must be a whole number in [-20, 20]",
     "int ot:trap:charge = -21": "ot:trap:charge = -21: must be a whole number in [-20, 20]",
     "double ot:trap:charge = 1": "ot:trap:charge = 1.0 (type double): must be of type int, [-20, 20]",
@@ -123,9 +123,9 @@ REFUSED = {
     "double ot:trap:glassIndex = -1": "ot:trap:glassIndex = -1.0: must be 0 or [1, 4]",
     "double ot:trap:glassIndex = 4.01": "ot:trap:glassIndex = 4.01: must be 0 or [1, 4]",
     "double ot:trap:glassIndex = nan": "ot:trap:glassIndex = nan: must be 0 or [1, 4]",
-    "double ot:trap:tolerance = 9e-7": "ot:trap:tolerance = 9e-07: must be in [1e-06, 0.1]",
-    "double ot:trap:tolerance = 0.11": "ot:trap:tolerance = 0.11: must be in [1e-06, 0.1]",
-    "double ot:trap:tolerance = nan": "ot:trap:tolerance = nan: must be in [1e-06, 0.1]",
+    "double ot:trap:tolerance = 9e-7": "ot:trap:tolerance = 9e-07: must be in [1e-05, 0.1]",
+    "double ot:trap:tolerance = 0.11": "ot:trap:tolerance = 0.11: must be in [1e-05, 0.1]",
+    "double ot:trap:tolerance = nan": "ot:trap:tolerance = nan: must be in [1e-05, 0.1]",
     'token ot:trap:interpolation = "spline"': "ot:trap:interpolation = spline: must be one of bilinear, bicubic",
 }
 
@@ -233,7 +233,7 @@ UNWRITABLE = [
     ({"glass_index": 0.5}, "ot:trap:glassIndex = 0.5: must be 0 or [1, 4]"),
     ({"glass_index": None}, "ot:trap:depth = 7.3e-06: must be 0 m while ot:trap:glassIndex = 0;"),
     ({"depth": -1.0}, "ot:trap:depth = -1e-06: must be in [0, 0.001] m"),
-    ({"tolerance": 0.0}, "ot:trap:tolerance = 0.0: must be in [1e-06, 0.1]"),
+    ({"tolerance": 0.0}, "ot:trap:tolerance = 0.0: must be in [1e-05, 0.1]"),
     ({"model": "piecewise"}, "OtTrapLawAPI = (none): must be isotropic alone"),
 ]
 

@@ -1,6 +1,7 @@
 """Computed optical forces in a simulation: tables against exact forces, thermal motion, time step, what is refused."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from otwarp import Simulation
 from otwarp.errors import InputError
 from otwarp.optics import Sphere, force
-from otwarp.scene.description import Body, Scene, Settings, Track, Trap
+from otwarp.scene.description import Body, Scene, Settings, Track, Trap, TrapLaw
 from otwarp.scene.description import Sphere as SceneSphere
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
@@ -155,3 +156,45 @@ def test_info_prints_every_pair_once(device):
         assert 0.0 < row["table_error"] <= row["tolerance"]
         assert len(row["stiffness"]) == 3
         assert len(row["escape_force"]) == 4
+
+
+@pytest.mark.parametrize("model", ["table", "exact"])
+def test_a_checkpoint_continues_bit_for_bit(model, device, tmp_path):
+    """What the scene resolves to is not part of what a checkpoint compares: the scene is, as it was authored."""
+    source = Path(__file__).parents[2] / "scenes" / "single_bead.usda"
+    text = source.read_text().replace('ot:trap:model = "harmonic"', f'ot:trap:model = "{model}"')
+    text = text.replace("ot:trap:tolerance = 0.001", "ot:trap:tolerance = 0.01")
+    assert f'"{model}"' in text
+    file = tmp_path / "bead.usda"
+    file.write_text(text)
+    sim = Simulation(Scene.load(file), worlds=2, device=device)
+    sim.step(20)
+    again = Simulation.restore(sim.save(tmp_path / "c.npz"), device=device)
+    sim.step(20)
+    again.step(20)
+    np.testing.assert_array_equal(again.state.position.numpy(), sim.state.position.numpy())
+
+
+def test_other_kinds_of_spheres_count_for_the_step(device):
+    """A small dense bead beside the held cell relaxes faster: the step follows it, not what the trap holds."""
+    held, dense = bead("Cell", index=1.38), bead("Dense", (3.0, 0.0, 0.0), radius=0.3, index=1.6)
+    model = Model.build(Scene(traps=(trap(),), bodies=(held, dense)), device=device)
+    table = model.optics.tables[model.optics.table[0, model.optics.kind(0.3, 1.6)]]
+    rate = 20.0 * max(table.properties.stiffness) / (6.0 * np.pi * 0.00089 * 0.3)
+    assert rate * model.time_step <= 2.0 * 0.01 * (1.0 + 1e-6)
+
+
+def test_laws_of_other_traps_may_be_overridden(device):
+    law = TrapLaw(stiffness=1.0, cutoff=2.0, power=1.0)
+    other = Trap(
+        prim="/World/Spring",
+        position=Track.constant((9.0, 0.0, 0.0)),
+        power=Track.constant(1.0),
+        model="harmonic",
+        radial=law,
+    )
+    scene = Scene(traps=(trap(), other), bodies=(bead(), bead("B", (9.0, 0.0, 0.0))))
+    plain = Model.build(scene, device=device)
+    model = Model.build(scene, device=device, parameters={"trap_stiffness": [5.0, 3.0]})
+    assert model.values["trap_stiffness"][0, 0] == plain.values["trap_stiffness"][0, 0]
+    assert model.values["trap_stiffness"][0, 1] == 3.0
