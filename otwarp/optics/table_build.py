@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from otwarp.device import pick_device
-from otwarp.errors import InputError, SimulationError
+from otwarp.errors import InputError
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import force
@@ -34,6 +34,10 @@ from otwarp.optics.table import (
 
 SAMPLE_SHARE, NODE_SHARE = 0.2, 0.7
 """Shares of the tolerance for the splines through exact samples and for the interpolation between nodes."""
+
+STUCK = 2.5
+"""Times its share that a spline's error may be where finer samples do not lower it; the finished table is judged all
+the same."""
 
 PROBES = 300
 """Random points on which a level's spline is judged."""
@@ -64,7 +68,7 @@ def build_table(
     """Make a table whose error on unseen points is below `tolerance`·peak; see `ForceTable.build` for the arguments.
 
     Raises:
-        SimulationError: The field does not converge.
+        InputError: The field does not converge, or the table would grow too large.
     """
     device = pick_device(device).alias
 
@@ -103,8 +107,8 @@ def build_table(
             measured = {"error": error, "properties": _properties(table, device), "steepest": steepest_slope(table)}
             return ForceTable(**(vars(table) | measured))
         shrink *= 0.7 * tolerance / error
-    raise SimulationError(
-        f"force table of a sphere of radius {sphere.radius:g} µm did not reach tolerance {tolerance:g}: {error:.3g}"
+    raise InputError(
+        f"force table of a sphere of radius {sphere.radius:g} µm did not reach tolerance {tolerance:g}: {error:.3g}; allowed: a larger tolerance"
     )
 
 
@@ -247,15 +251,20 @@ def _refine(
     q = field(np.stack([rho * c, rho * s, z], axis=1))
     exact = np.stack([q[:, 0] * c + q[:, 1] * s, q[:, 1] * c - q[:, 0] * s, q[:, 2]], axis=1)
     intervals = max(16, math.ceil(radius / (0.3 * beam.wavelength))) if inner == 0.0 else 20
+    before = math.inf
     for _ in range(12):
         spline = _sampled(field, beam, radius, intervals)
         found = combine(spline.at(rho, z), np.cos(phi), np.sin(phi))
         error = float(np.linalg.norm(found - exact, axis=1).max())
-        if error <= allowed:
+        # behind a hard edge fringes as fine as the wavelength follow the axis for ever, too weak to be worth resolving
+        if error <= allowed or (error > 0.75 * before and error <= STUCK * allowed):
             return spline
+        before = error
         # sixth order once the field is resolved, slower before
         intervals = math.ceil(intervals * min(1.6, max(1.12, 1.05 * (error / allowed) ** (1.0 / 6.0))))
-    raise SimulationError(f"force samples within {radius:g} µm did not converge: error {error:.3g} of {allowed:.3g}")
+    raise InputError(
+        f"samples within {radius:g} µm did not converge ({error:.2g} of {allowed:.2g}); allowed: a larger tolerance"
+    )
 
 
 def _nodes(spline: _Spline, inner: float, radius: float, allowed: float, interpolation: Interpolation) -> TableLevel:
@@ -274,7 +283,9 @@ def _nodes(spline: _Spline, inner: float, radius: float, allowed: float, interpo
         if error <= allowed:
             return level
         intervals = math.ceil(intervals * min(8.0, max(1.03, 1.01 * (error / allowed) ** (1.0 / order))))
-    raise SimulationError(f"force nodes within {radius:g} µm did not converge: error {error:.3g} of {allowed:.3g}")
+    raise InputError(
+        f"nodes within {radius:g} µm did not converge ({error:.2g} of {allowed:.2g}); allowed: a larger tolerance"
+    )
 
 
 def _level(spline: _Spline, radius: float, intervals: int, interpolation: Interpolation) -> TableLevel:
