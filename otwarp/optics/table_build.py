@@ -108,7 +108,8 @@ def build_table(
             return ForceTable(**(vars(table) | measured))
         shrink *= 0.7 * tolerance / error
     raise InputError(
-        f"force table of a sphere of radius {sphere.radius:g} µm did not reach tolerance {tolerance:g}: {error:.3g}; allowed: a larger tolerance"
+        f"force table of a sphere of radius {sphere.radius:g} µm missed tolerance {tolerance:g} with {error:.3g}; "
+        "allowed: a larger one"
     )
 
 
