@@ -1,8 +1,9 @@
-"""Hydrodynamics of rigid sphere assemblies: pair mobilities, body mobility and centre of diffusion (float64)."""
+"""Hydrodynamics of rigid bodies: pair mobilities, surface blobs, body mobility, centre of diffusion (float64)."""
 
 from __future__ import annotations
 
-from otwarp.hydrodynamics.mobility import BodyMobility, body_mobilities, body_mobility, from_override
+from otwarp.hydrodynamics.mobility import body_mobility, from_override
+from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.hydrodynamics.rpy import grand_mobility
 
-__all__ = ["BodyMobility", "body_mobilities", "body_mobility", "from_override", "grand_mobility"]
+__all__ = ["BodyMobility", "body_mobility", "from_override", "grand_mobility"]

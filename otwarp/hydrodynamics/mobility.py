@@ -13,17 +13,22 @@ Sources: H. Brenner, J. Colloid Interface Sci. 23, 407 (1967); S. C. Harvey, J. 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from pathlib import Path
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.rigid import BodyMobility, about_centre_of_diffusion, assemble, inverse, shift, symmetric
 from otwarp.hydrodynamics.rpy import cross_matrix, grand_mobility
 
-IMMERSION_TOLERANCE = 1e-12
-"""Relative overhang below which a sphere counts as inside another: rounding of authored coordinates."""
+Rods = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Ends (m, 3), (m, 3) and radii (m,) of rods [µm]."""
+
+LARGEST_ERROR = 0.5
+"""Largest accuracy that may be asked for."""
 
 NULL_EIGENVALUE = 1e-11
 """Smallest eigenvalue kept of the grand mobility scaled to unit diagonal. Directions below it are relative motions of
@@ -34,53 +39,62 @@ SYMMETRY_TOLERANCE = 1e-6
 """Asymmetry of an authored mobility that is taken for rounding, relative to its diagonal."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BodyMobility:
-    """Geometric mobility (unit viscosity) of a rigid body, in the axes of its prim. The arrays are read-only.
+def body_mobility(
+    centres: np.ndarray,
+    radii: np.ndarray,
+    *,
+    rods: Rods | None = None,
+    accuracy: float = 0.0,
+    cache: bool | Path = True,
+    where: str = "argument accuracy",
+) -> BodyMobility:
+    """Mobility of spheres, and rods, held rigidly together. Equal arguments are evaluated once and share the result.
 
-    Attributes:
-        reference: (3,) centre of diffusion from the prim's origin [µm].
-        mobility: (6, 6) about the reference, symmetric positive definite [1/µm, 1/µm², 1/µm³].
-        resistance: (6, 6) inverse of `mobility` [µm, µm², µm³].
-        cholesky: (6, 6) lower triangle L with L Lᵀ = `mobility`.
-        flow_coupling: (n, 6, 6) C_i: (velocity at the reference, angular velocity) = Σ_i C_i (u∞(x_i), ω∞(x_i)), in
-            the order of the spheres; zero for a sphere inside another [1, µm, 1/µm].
-    """
+    One sphere is exact: 1/6πa and 1/8πa³. Without a wanted accuracy the RPY tensors of the spheres are used as they
+    are: up to 5 % off for spheres that touch, and without rods. With one, the surface is covered with blobs, as finely
+    as it takes.
 
-    reference: np.ndarray
-    mobility: np.ndarray
-    resistance: np.ndarray
-    cholesky: np.ndarray
-    flow_coupling: np.ndarray
-
-    def __post_init__(self) -> None:
-        for name in ("reference", "mobility", "resistance", "cholesky", "flow_coupling"):
-            getattr(self, name).setflags(write=False)
-
-
-def body_mobility(centres: np.ndarray, radii: np.ndarray) -> BodyMobility:
-    """Mobility of spheres held rigidly together. Equal arguments are evaluated once and share the result.
-
-    One sphere is exact: 1/6πa and 1/8πa³. Spheres inside another one touch no liquid and are left out. (A pair of
-    which one is inside the other moves like the outer one anyway; next to a third sphere the RPY tensors would give
-    the inner one a small spurious force, because they resolve no strain inside a sphere.)
+    Spheres inside another one touch no liquid and are left out. (A pair of which one is inside the other moves like the
+    outer one anyway; next to a third sphere the RPY tensors would give the inner one a small spurious force, because
+    they resolve no strain inside a sphere.)
 
     Args:
         centres: (n, 3) sphere centres in the prim's frame [µm].
         radii: (n,) µm.
+        rods: Ends (m, 3), (m, 3) and radii (m,) of the rods, which are rounded at their ends [µm].
+        accuracy: Wanted relative error of the mobility, 0 or in (0, 0.5].
+        cache: Whether blobs are looked up on disk first and kept there, or in which folder.
+        where: What error messages call the accuracy, for instance by file, prim and attribute.
 
     Raises:
-        InputError: No sphere, shapes that do not match, a centre that is not finite or a radius that is not positive.
+        InputError: No sphere, shapes that do not match, a value that is not finite, a radius that is not positive, an
+            accuracy out of range or out of reach.
 
     Source: Zuk et al. 2014, doi:10.1017/jfm.2013.668; Harvey & García de la Torre 1980, doi:10.1021/ma60076a037.
     """
     centres, radii = _checked(centres, radii)
-    return _evaluate(centres.tobytes(), radii.tobytes())
+    if not (accuracy == 0.0 or 0.0 < accuracy <= LARGEST_ERROR):
+        raise InputError(f"{where} = {accuracy:g}: must be 0 or in (0, {LARGEST_ERROR:g}]")
+    starts, ends, widths = _checked_rods(rods)
+    lone = len(widths) == 0 and (len(radii) == 1 or len(outermost_spheres(centres, radii)) == 1)
+    if accuracy == 0.0 or lone:
+        return _evaluate(centres.tobytes(), radii.tobytes())
+    key = tuple(a.tobytes() for a in (centres, radii, starts, ends, widths))
+    try:
+        return _refined(key, float(accuracy), cache)
+    except InputError as error:
+        raise InputError(f"{where} = {accuracy:g}: {error}") from None
 
 
-def body_mobilities(bodies: Iterable[tuple[np.ndarray, np.ndarray]]) -> list[BodyMobility]:
-    """`body_mobility` of each (centres, radii); equal bodies share one evaluation and one result."""
-    return [body_mobility(centres, radii) for centres, radii in bodies]
+@lru_cache(maxsize=1024)
+def _refined(key: tuple[bytes, ...], accuracy: float, cache: bool | Path) -> BodyMobility:
+    from otwarp.hydrodynamics.blobs import assembly_mobility
+    from otwarp.hydrodynamics.mobility_cache import cached
+
+    flat = [np.frombuffer(b) for b in key]
+    centres, starts, ends = (flat[i].reshape(-1, 3) for i in (0, 2, 3))
+    geometry = centres, flat[1], (starts, ends, flat[4]), accuracy
+    return cached(cache, *geometry, partial(assembly_mobility, *geometry))
 
 
 def from_override(
@@ -119,7 +133,7 @@ def from_override(
             f"{where}: not symmetric, elements ({row + 1}, {column + 1}) = {about_origin[row, column]:g} and "
             f"({column + 1}, {row + 1}) = {about_origin[column, row]:g}; allowed: a symmetric positive definite matrix"
         )
-    eigenvalues = np.linalg.eigvalsh(_symmetric(scaled))
+    eigenvalues = np.linalg.eigvalsh(symmetric(scaled))
     if eigenvalues[0] <= NULL_EIGENVALUE:
         raise InputError(
             f"{where}: not positive definite, smallest of 6 eigenvalues is {eigenvalues[0]:.3g} (scaled to unit "
@@ -128,10 +142,10 @@ def from_override(
     if radii is None:
         radii = _touching_radii(np.asarray(centres, dtype=float).reshape(-1, 3))
     spheres = body_mobility(centres, radii)
-    reference, about_reference = _about_centre_of_diffusion(_symmetric(about_origin))
+    reference, about_reference = about_centre_of_diffusion(symmetric(about_origin))
     # Seen from another point of the same rigid motion: U' = U + Ω × (reference' − reference).
-    coupling = _shift(spheres.reference - reference) @ spheres.flow_coupling
-    return _assemble(reference, about_reference, coupling)
+    coupling = shift(spheres.reference - reference) @ spheres.flow_coupling
+    return assemble(reference, about_reference, coupling)
 
 
 def _checked(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,11 +157,28 @@ def _checked(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.nda
     if not np.all(np.isfinite(centres)):
         k = int(np.argmin(np.all(np.isfinite(centres), axis=1)))
         raise InputError(f"argument centres: sphere {k} at {centres[k].tolist()}; allowed: finite numbers")
+    _check_radii(radii, "radii: sphere")
+    return centres + 0.0, radii  # + 0.0 turns −0 into 0, so that equal bodies have equal bytes.
+
+
+def _checked_rods(rods: Rods | None) -> Rods:
+    if rods is None:
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
+    starts, ends, radii = (np.array(part, dtype=float) for part in rods)
+    shapes = (starts.shape, ends.shape, radii.shape)
+    if radii.ndim != 1 or starts.shape != (len(radii), 3) or ends.shape != starts.shape:
+        raise InputError(f"argument rods: shapes {shapes}; allowed: (m, 3), (m, 3) and (m,)")
+    if not (np.all(np.isfinite(starts)) and np.all(np.isfinite(ends))):
+        raise InputError("argument rods: an end that is not finite; allowed: finite numbers")
+    _check_radii(radii, "rods: rod")
+    return starts + 0.0, ends + 0.0, radii
+
+
+def _check_radii(radii: np.ndarray, what: str) -> None:
     good = np.isfinite(radii) & (radii > 0.0)
     if not np.all(good):
         k = int(np.argmin(good))
-        raise InputError(f"argument radii: sphere {k} has radius {radii[k]:g}; allowed: (0, inf)")
-    return centres + 0.0, radii  # + 0.0 turns −0 into 0, so that equal bodies have equal bytes.
+        raise InputError(f"argument {what} {k} has radius {radii[k]:g}; allowed: (0, inf)")
 
 
 @lru_cache(maxsize=4096)
@@ -160,27 +191,16 @@ def _evaluate(centres_bytes: bytes, radii_bytes: bytes) -> BodyMobility:
         a = radii[kept[0]]
         coupling[kept[0]] = np.eye(6)
         mobility = np.diag([1.0 / (6.0 * np.pi * a)] * 3 + [1.0 / (8.0 * np.pi * a**3)] * 3)
-        return _assemble(centres[kept[0]].copy(), mobility, coupling)
+        return assemble(centres[kept[0]].copy(), mobility, coupling, error=0.0)
     # About the mean centre, so that a body far from its prim's origin loses no digits.
     middle = centres[kept].mean(axis=0)
     constrained, motion = _constrained_resistance(centres[kept] - middle, radii[kept])
-    resistance = _symmetric(motion.T @ constrained)
-    about_middle = _inverse(resistance)
-    offset, mobility = _about_centre_of_diffusion(about_middle)
-    per_sphere = _shift(-offset) @ about_middle @ constrained.T
+    resistance = symmetric(motion.T @ constrained)
+    about_middle = inverse(resistance)
+    offset, mobility = about_centre_of_diffusion(about_middle)
+    per_sphere = shift(-offset) @ about_middle @ constrained.T
     coupling[kept] = per_sphere.reshape(6, len(kept), 6).transpose(1, 0, 2)
-    return _assemble(middle + offset, mobility, coupling)
-
-
-def outermost_spheres(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Indices of the spheres that are not inside another one; of coincident equal spheres the first stays."""
-    distance = np.linalg.norm(centres[:, None, :] - centres[None, :, :], axis=-1)
-    inside = distance + radii[:, None] <= radii[None, :] * (1.0 + IMMERSION_TOLERANCE)  # [i, j]: i is inside j
-    # Two spheres inside each other are equal: the earlier one swallows the later.
-    earlier = np.arange(len(radii))[None, :] < np.arange(len(radii))[:, None]
-    swallowed = inside & (~inside.T | earlier)
-    np.fill_diagonal(swallowed, False)
-    return np.flatnonzero(~swallowed.any(axis=1))
+    return assemble(middle + offset, mobility, coupling)
 
 
 def _constrained_resistance(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -199,47 +219,6 @@ def _constrained_resistance(centres: np.ndarray, radii: np.ndarray) -> tuple[np.
     kept = eigenvalues > NULL_EIGENVALUE
     projected = vectors[:, kept].T @ (scale[:, None] * motion)
     return scale[:, None] * (vectors[:, kept] @ (projected / eigenvalues[kept, None])), motion
-
-
-def _about_centre_of_diffusion(mobility: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centre of diffusion from the point that `mobility` is about, and the mobility about it.
-
-    About a point ρ the coupling b (force → angular velocity) becomes b + c[ρ]×, with c the rotation block; it is
-    symmetric where (tr(c) I − c) ρ = −vec(b − bᵀ).
-    """
-    b, c = mobility[3:, :3], mobility[3:, 3:]
-    skew = b - b.T
-    axial = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    offset = -np.linalg.solve(np.trace(c) * np.eye(3) - c, axial)
-    shift = _shift(-offset)
-    return offset, _symmetric(shift @ mobility @ shift.T)
-
-
-def _shift(lever: np.ndarray) -> np.ndarray:
-    """(6, 6) matrix that turns (U, Ω) at a point P into the motion at P − `lever`: U + lever × Ω."""
-    out = np.eye(6)
-    out[:3, 3:] = cross_matrix(lever)
-    return out
-
-
-def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    return 0.5 * (matrix + matrix.T)
-
-
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive definite matrix of mixed dimensions, scaled to unit diagonal first."""
-    scale = 1.0 / np.sqrt(np.diag(matrix))
-    return _symmetric(np.linalg.inv(matrix * scale[:, None] * scale[None, :]) * scale[:, None] * scale[None, :])
-
-
-def _assemble(reference: np.ndarray, mobility: np.ndarray, coupling: np.ndarray) -> BodyMobility:
-    return BodyMobility(
-        reference=reference,
-        mobility=mobility,
-        resistance=_inverse(mobility),
-        cholesky=np.linalg.cholesky(mobility),
-        flow_coupling=coupling,
-    )
 
 
 def _touching_radii(centres: np.ndarray) -> np.ndarray:

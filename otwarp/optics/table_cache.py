@@ -1,38 +1,25 @@
-"""Force tables on disk: found by what they hold for, written whole or not at all, believed only if intact.
-
-A file's name is the hash of beam, sphere, tolerance, interpolation and format version; inside are the same description
-and a checksum of the numbers. A file that does not match its name, its checksum or this version is built anew.
-"""
+"""Force tables on disk, by `otwarp.cache`: under a hash of beam, sphere, tolerance, interpolation and version."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
-import os
-import tempfile
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from otwarp import cache
+from otwarp.cache import cache_folder
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.mie import Sphere
 from otwarp.optics.table import ForceTable, Interpolation, TableLevel
 
+__all__ = ["cache_folder", "describe", "file_of", "load", "save"]
+
 VERSION = 2
 """Raise it with any change of the format or of the numbers a build gives."""
-
-
-def cache_folder() -> Path:
-    """`OTWARP_CACHE`, or `otwarp` in the user's cache folder."""
-    chosen = os.environ.get("OTWARP_CACHE")
-    if chosen:
-        return Path(chosen).expanduser()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "otwarp"
 
 
 def describe(beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -> str:
@@ -53,19 +40,15 @@ def describe(beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -
 
 def file_of(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -> Path:
     """Where the table belongs."""
-    name = hashlib.sha256(describe(beam, sphere, tolerance, interpolation).encode()).hexdigest()[:32]
-    return folder / f"{name}.npz"
+    return cache.file_of(folder, describe(beam, sphere, tolerance, interpolation))
 
 
 def load(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolation: Interpolation) -> ForceTable | None:
     """The cached table, or None if there is none that can be trusted."""
-    about = describe(beam, sphere, tolerance, interpolation)
+    arrays = cache.load(folder, describe(beam, sphere, tolerance, interpolation))
+    if arrays is None:
+        return None
     try:
-        path = file_of(folder, beam, sphere, tolerance, interpolation)
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-        if str(arrays.pop("about")) != about or str(arrays.pop("checksum")) != _checksum(arrays):
-            return None
         radius, spacing = arrays["radius"], arrays["spacing"]
         nodes = [arrays[f"node{n}"] for n in range(len(radius))]
         return ForceTable(
@@ -79,24 +62,12 @@ def load(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolati
             steepest=float(arrays["steepest"]),
             levels=tuple(TableLevel(float(r), float(h), n) for r, h, n in zip(radius, spacing, nodes, strict=True)),
         )
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        EOFError,
-        zipfile.BadZipFile,
-        zlib.error,
-        RuntimeError,
-        MemoryError,
-    ):
-        # absent, cut short, damaged or not ours; RuntimeError: a header that says encrypted, or of an unknown kind
+    except (ValueError, KeyError, TypeError, MemoryError):  # intact, but not a table as this version writes it
         return None
 
 
 def save(folder: Path, table: ForceTable) -> None:
     """Write a table atomically. A folder that cannot be written to costs the cache, not the run."""
-    path = file_of(folder, table.beam, table.sphere, table.tolerance, table.interpolation)
     arrays = {
         "radius": np.array([level.radius for level in table.levels]),
         "spacing": np.array([level.spacing for level in table.levels]),
@@ -106,31 +77,10 @@ def save(folder: Path, table: ForceTable) -> None:
         "steepest": np.array(table.steepest),
         **{f"node{n}": level.node for n, level in enumerate(table.levels)},
     }
-    about = describe(table.beam, table.sphere, table.tolerance, table.interpolation)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle, part = tempfile.mkstemp(dir=folder, prefix=".", suffix=".part")
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, about=np.array(about), checksum=np.array(_checksum(arrays)), **arrays)
-        Path(part).replace(path)
-    except OSError:
-        Path(part).unlink(missing_ok=True)
+    cache.save(folder, describe(table.beam, table.sphere, table.tolerance, table.interpolation), arrays)
 
 
 def _properties(fields: dict[str, Any] | None) -> TrapProperties | None:
     if fields is None:
         return None
     return TrapProperties(**{k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()})
-
-
-def _checksum(arrays: dict[str, np.ndarray]) -> str:
-    """SHA-256 over names, shapes, types and bytes."""
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        value = np.ascontiguousarray(arrays[name])
-        digest.update(f"{name}{value.shape}{value.dtype.str}".encode())
-        digest.update(value.tobytes())
-    return digest.hexdigest()

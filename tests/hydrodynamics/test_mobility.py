@@ -7,7 +7,7 @@ import pytest
 from pygrpy import grpy_tensors
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics import body_mobilities, body_mobility, from_override
+from otwarp.hydrodynamics import body_mobility, from_override
 from otwarp.hydrodynamics.mobility import _evaluate
 from otwarp.hydrodynamics.rpy import cross_matrix
 
@@ -234,9 +234,9 @@ def test_very_unequal_spheres():
 
 def test_ten_thousand_equal_cells_cost_one_evaluation():
     one = (np.zeros((1, 3)), np.array([5.0]))
-    body_mobilities([one])
+    body_mobility(*one)
     before = _evaluate.cache_info().misses
-    bodies = body_mobilities([one] * 10_000)
+    bodies = [body_mobility(*one) for _ in range(10_000)]
     assert _evaluate.cache_info().misses == before
     assert len({id(b) for b in bodies}) == 1
 

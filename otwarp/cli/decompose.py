@@ -1,0 +1,105 @@
+"""`otwarp decompose`: a closed mesh as spheres."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from otwarp.hydrodynamics.decompose import Decomposition
+    from otwarp.scene.description import Body
+
+
+@click.command()
+@click.argument("mesh", type=click.Path(path_type=Path))
+@click.option("-n", "--spheres", type=int, metavar="N", help="At most how many spheres.")
+@click.option(
+    "--volume-error",
+    type=float,
+    metavar="X",
+    help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
+)
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
+@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="FILE", help="USD file for the body.")
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write JSON; - prints it."
+)
+def decompose(
+    mesh: Path,
+    spheres: int | None,
+    volume_error: float | None,
+    scale: float,
+    out: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Turn a closed MESH (STL, OBJ, PLY, …) into spheres for optical forces, and say how well they stand for it."""
+    from otwarp.hydrodynamics.decompose import decompose as run
+
+    found = run(mesh, spheres=spheres, volume_error=volume_error, scale=scale)
+    about = _describe(mesh, found)
+    if json_file is None or str(json_file) != "-":
+        _print(about)
+    if out is not None:
+        from otwarp.scene.body_file import write_body
+
+        write_body(_body(mesh, found), out)
+        if str(json_file) != "-":
+            click.echo(f"wrote {out}: prim {_body(mesh, found).prim}, for a scene to reference")
+    if json_file is not None:
+        text = json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False)
+        click.echo(text) if str(json_file) == "-" else json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def _body(mesh: Path, found: Decomposition) -> Body:
+    from otwarp.scene.description import Body, Sphere
+
+    name = "".join(c if c.isascii() and c.isalnum() else "_" for c in mesh.stem)
+    path = "/" + (name if name[:1].isalpha() else f"body_{name}")
+    rows = zip(found.centres.tolist(), found.radii.tolist(), strict=True)
+    spheres = tuple(Sphere(prim=f"{path}/sphere_{k}", offset=(*c,), radius=r) for k, (c, r) in enumerate(rows))
+    return Body(prim=path, spheres=spheres)
+
+
+def _describe(mesh: Path, found: Decomposition) -> dict[str, Any]:
+    from otwarp.cli.mobility import describe
+    from otwarp.scene.description import Medium
+    from otwarp.units import BOLTZMANN
+
+    water = Medium()
+    rate = BOLTZMANN * water.temperature / water.viscosity
+    rows = zip(found.centres.tolist(), found.radii.tolist(), strict=True)
+    return {
+        "mesh": str(mesh),
+        "spheres": [{"centre": c, "radius": r} for c, r in rows],
+        "volume": found.volume,
+        "volume_error": found.volume_error,
+        "excess_volume": found.excess,
+        "mobility_error": found.mobility_error,
+        "spheres_mobility": describe(found.mobility, rate),
+        "mesh_mobility": describe(found.mesh_mobility, rate),
+    }
+
+
+def _print(about: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    table = Table("sphere", "x (µm)", "y (µm)", "z (µm)", "radius (µm)", title=f"Spheres for {about['mesh']}")
+    for k, row in enumerate(about["spheres"]):
+        table.add_row(str(k), *(f"{round(x, 4) + 0.0:.4f}" for x in (*row["centre"], row["radius"])))
+    console.print(table)
+    quality = Table("quantity", "value", title="How well they stand for it", show_header=False)
+    quality.add_row("volume of the mesh", f"{about['volume']:.4g} µm³")
+    quality.add_row("volume of the spheres' union", f"{100.0 * about['excess_volume']:+.2g} %")
+    quality.add_row("volume in one but not in both", f"{100.0 * about['volume_error']:.2g} %")
+    quality.add_row("mobility, against the mesh's", f"{100.0 * about['mobility_error']:.2g} %")
+    for key, name in (("spheres_mobility", "spheres"), ("mesh_mobility", "mesh")):
+        for kind, unit in (("translation", "µm²/s"), ("rotation", "rad²/s")):
+            values = "  ".join(f"{d:.4g}" for d in about[key][kind]["coefficients"])
+            quality.add_row(f"{kind}al diffusion of the {name} in water at 25 °C", f"{values} {unit}")
+    console.print(quality)

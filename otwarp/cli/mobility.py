@@ -1,0 +1,114 @@
+"""`otwarp mobility`: how the bodies of a scene diffuse, and how well that is known."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from otwarp.cli.options import scene_argument
+
+if TYPE_CHECKING:
+    from otwarp.hydrodynamics import BodyMobility
+    from otwarp.scene.description import Body, Scene
+
+
+@click.command()
+@scene_argument
+@click.option(
+    "--accuracy",
+    type=float,
+    metavar="X",
+    help="Wanted relative error, 0 for the pair mobilities of the spheres alone; default: what each body asks for.",
+)
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write JSON; - prints it."
+)
+def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> None:
+    """Print diffusion along principal axes, centre of diffusion and error of each distinct body of SCENE."""
+    from otwarp.scene.description import Scene
+    from otwarp.simulation.pack_bodies import mobilities
+
+    loaded = Scene.load(scene)
+    if accuracy is not None:
+        bodies = tuple(dataclasses.replace(b, mobility_accuracy=accuracy) for b in loaded.bodies)
+        loaded = dataclasses.replace(loaded, bodies=bodies)
+    rows = _distinct(loaded, mobilities(loaded))
+    text = json.dumps({"scene": str(scene), "bodies": rows}, indent=2, ensure_ascii=False, allow_nan=False)
+    if json_file is None or str(json_file) != "-":
+        _print(rows, loaded.root)
+    if json_file is not None:
+        click.echo(text) if str(json_file) == "-" else json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def describe(move: BodyMobility, energy_over_viscosity: float) -> dict[str, Any]:
+    """Diffusion of one body, ready for JSON.
+
+    Args:
+        move: Its geometric mobility.
+        energy_over_viscosity: k_B T over the viscosity [µm³/s].
+
+    Returns:
+        Coefficients [µm²/s, rad²/s] with their axes in the prim's frame, fastest first, the centre of diffusion [µm],
+        the estimated relative error (None where nothing estimates it), and the number of surface blobs.
+    """
+    import numpy as np
+
+    out: dict[str, Any] = {}
+    for name, block in (("translation", move.mobility[:3, :3]), ("rotation", move.mobility[3:, 3:])):
+        values, axes = np.linalg.eigh(block)
+        axes = axes * np.where(axes[np.argmax(np.abs(axes), axis=0), range(3)] < 0.0, -1.0, 1.0)
+        out[name] = {
+            "coefficients": [energy_over_viscosity * float(v) for v in values[::-1]],
+            "axes": axes.T[::-1].tolist(),
+        }
+    out["centre_of_diffusion"] = move.reference.tolist()
+    out["estimated_error"] = float(move.error) if np.isfinite(move.error) else None
+    out["blobs"] = move.blobs
+    return out
+
+
+def _distinct(scene: Scene, moves: list[BodyMobility]) -> list[dict[str, Any]]:
+    """One row for each kind: bodies that share a mobility and look the same count once."""
+    from otwarp.units import BOLTZMANN
+
+    rate = BOLTZMANN * scene.medium.temperature / scene.medium.viscosity
+    same: dict[tuple[int, int, int], list[tuple[Body, BodyMobility]]] = {}
+    for body, move in zip(scene.bodies, moves, strict=True):
+        same.setdefault((id(move), len(body.spheres), len(body.rods)), []).append((body, move))
+    return [
+        {
+            "bodies": list(dict.fromkeys(body.prim for body, _ in group)),
+            "count": len(group),
+            "spheres": len(group[0][0].spheres),
+            "rods": len(group[0][0].rods),
+            "accuracy": group[0][0].mobility_accuracy,
+            **describe(group[0][1], rate),
+        }
+        for group in same.values()
+    ]
+
+
+def _print(rows: list[dict[str, Any]], root: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+    columns = ("bodies", "spheres, rods", "D_t (µm²/s)", "D_r (rad²/s)", "centre of diffusion (µm)", "error", "blobs")
+    table = Table(*columns, title="Diffusion along principal axes, fastest first")
+    for row in rows:
+        name = row["bodies"][0].removeprefix(root.rstrip("/") + "/")
+        error = row["estimated_error"]
+        table.add_row(
+            name if row["count"] == 1 else f"{name} + {row['count'] - 1}",
+            f"{row['spheres']}, {row['rods']}",
+            *("  ".join(f"{d:.4g}" for d in row[key]["coefficients"]) for key in ("translation", "rotation")),
+            "  ".join(f"{round(x, 4) + 0.0:.4f}" for x in row["centre_of_diffusion"]),
+            "not estimated" if error is None else "exact" if error == 0.0 else f"{100.0 * error:.2g} %",
+            str(row["blobs"]) if row["blobs"] else "–",
+        )
+    console.print(table)
