@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks import forces, realtime, startup, terms
+from benchmarks import forces, integrators, realtime, speed, stability, startup, terms
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
@@ -11,6 +11,9 @@ BENCHMARKS = {
     "realtime": realtime.measure,
     "terms": terms.measure,
     "forces": forces.measure,
+    "integrators": integrators.measure,
+    "speed": speed.measure,
+    "stability": stability.measure,
 }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -100,6 +101,8 @@ def thermal_points(bead: TrappedBead, count: int, rng: np.random.Generator) -> n
 class Runner:
     """A rung in motion, ready to be timed and to be asked for forces.
 
+    Further arguments are those of `Simulation`.
+
     Attributes:
         rung: Its force model.
         sim: One bead per world.
@@ -116,12 +119,12 @@ class Runner:
         worlds: int,
         time_step: float,
         seconds: float,
-        fast_math: bool = False,
+        **settings: Any,
     ):
         scene = bead.scene(rung)
         self.rung, self.device = rung, device
         self.build_seconds = self._build(bead, device)
-        how: dict = {"time_step": time_step, "threads": 1, "fast_math": fast_math}
+        how: dict = {"time_step": time_step, "threads": 1, **settings}
         self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, **how)
         # a bead at rest at the equilibrium would make all worlds read the same cell of a table
         start = thermal_points(bead, worlds, np.random.default_rng(SEED))[:, None, :]

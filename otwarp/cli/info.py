@@ -61,6 +61,7 @@ def _optics_table(rows: list[dict[str, Any]], root: str) -> Table:
         "equilibrium (µm)",
         "escape x, y, +z, −z (pN)",
         "table error",
+        "ends at (µm)",
     )
     table = Table(*columns, title="Optical forces at 1 mW")
     for row in rows:
@@ -72,6 +73,7 @@ def _optics_table(rows: list[dict[str, Any]], root: str) -> Table:
             f"{row['equilibrium']:.4f}" if row["stiffness"] else "–",
             ", ".join(f"{f:.3g}" for f in row["escape_force"]) if row["stiffness"] else "–",
             _accuracy(row),
+            f"{row['cutoff']:.3g}" + (f", {row['beyond']:.1e} of the peak left out" if row["beyond"] else ""),
         )
     return table
 
@@ -84,12 +86,14 @@ def _print(about: dict[str, Any]) -> None:
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
     root = about["root"].rstrip("/") + "/"
     console.print(f"[bold]{about['scene']}[/bold]: {about['duration']:g} s at {about['frames_per_second']:g} frames/s")
-    bodies = Table("body", "kind", "spheres", "trapped", "collide", "D_t (µm²/s)", "D_r (rad²/s)", title="Bodies")
+    bodies = Table(
+        "body", "kind", "spheres", "rods", "trapped", "collide", "D_t (µm²/s)", "D_r (rad²/s)", title="Bodies"
+    )
     for row in about["bodies"]:
         bodies.add_row(
             row["name"].removeprefix(root),
             row["kind"] if row["count"] == 1 else f"{row['count']} × {row['kind']}",
-            *(str(row[k]) for k in ("spheres", "trapped", "colliding")),
+            *(str(row[k]) for k in ("spheres", "rods", "trapped", "colliding")),
             f"{row['translational_diffusion']:.4g}",
             f"{row['rotational_diffusion']:.4g}",
         )
@@ -116,9 +120,12 @@ def _print(about: dict[str, Any]) -> None:
         ("… of body", scales["stiffest_body"] or "–"),
         ("diffusion over 0.1 of the smallest colliding radius", _time(scales["diffusion"])),
         ("prescribed motion over the same distance", _time(scales["travel"])),
+        ("diffusion or fall over a radius, near hydrodynamic walls", _time(scales["wall"])),
         ("largest stable step", _time(scales["largest_stable"])),
         ("time step", f"{_time(scales['time_step'])}  ({scales['chosen_by']})"),
-        ("predicted error of stationary variances", f"{100.0 * scales['variance_error']:.2g} %"),
+        ("integrator", scales["integrator"] + (f"  ({why})" if (why := about["integrator_reason"]) else "")),
+        ("predicted error of stationary variances", f"{100.0 * scales['variance_error']:+.2g} %"),
+        ("predicted error of relaxation rates", f"{100.0 * scales['rate_error']:+.2g} %"),
         ("steps of the run", f"{about['steps']:,}"),
     ):
         table.add_row(name, value)

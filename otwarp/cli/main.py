@@ -18,6 +18,8 @@ COMMANDS = {
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
     "forces": "Evaluate the optical force on a sphere exactly.",
+    "mobility": "Say how the bodies of a scene diffuse, and how well that is known.",
+    "decompose": "Turn a closed mesh into spheres.",
     "bench": "Measure what accuracy costs on this machine.",
 }
 """Subcommands and their one-line help; each lives in the module of its name and is imported when called."""

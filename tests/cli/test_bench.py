@@ -1,4 +1,4 @@
-"""`otwarp bench forces` as typed: table, files, overlay; bad input; no need of USD or netCDF."""
+"""`otwarp bench forces` and `integrators` as typed: table, files, overlay; bad input; no need of USD or netCDF."""
 
 from __future__ import annotations
 
@@ -93,6 +93,45 @@ def test_a_run_of_another_bead_is_refused(numbers, capfd, tmp_path):
     assert "another bead" in error and "r = 0.5 µm" in error and not picture.exists()
 
 
-def test_help_names_the_benchmark(capfd):
+def test_help_names_the_benchmarks(capfd):
     assert main(["bench", "--help"]) == 0
-    assert "forces" in capfd.readouterr().out
+    out = capfd.readouterr().out
+    assert "forces" in out and "integrators" in out
+
+
+INTEGRATORS = ["bench", "integrators", "--device", "cpu"]
+
+
+def test_integrators(tmp_path, capfd):
+    file, picture = tmp_path / "numbers.json", tmp_path / "bench.png"
+    quick = ["--radius", "0.5", "--worlds", "8", "--rounds", "1", "--seconds", "0.01", "--axis", "precision"]
+    assert main([*INTEGRATORS, *quick, "--json", str(file), "--plot", str(picture)]) == 0
+    data = json.loads(file.read_text())
+    assert [line["name"] for line in data["lines"]][:2] == ["heun", "float32"] and data["worlds"] == 8
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    out = capfd.readouterr().out
+    assert "Heun, default" in out and "float32" in out and f"wrote {file}" in out
+    assert main([*INTEGRATORS, "--radius", "0.6", "--plot", str(picture), "--with", str(file)]) == 2
+    assert "another bead" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--axis", "colour"], ["--axis", "'colour'", "precision"]),
+        (["--seconds", "-1"], ["--seconds", "-1"]),
+        (["--worlds", "1"], ["--worlds", "1"]),
+        (["--polarization", "x"], ["--polarization", "'x'", "circular"]),
+        (["--json", "absent/x.json"], ["--json", "absent"]),
+        (["--with", "absent.json"], ["--with", "--plot"]),
+        (["--plot", "x.png", "--with", "absent.json"], ["--with", "absent.json"]),
+    ],
+)
+def test_bad_input_of_integrators(arguments, words, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main([*INTEGRATORS, *arguments]) == 2
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1
+    for word in words:
+        assert word in error
+    assert list(tmp_path.iterdir()) == []

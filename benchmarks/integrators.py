@@ -1,0 +1,86 @@
+"""The central figure in numbers: the section of `otwarp bench integrators` for docs/benchmarks.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.report import Section, Table, command, options, save_json
+from otwarp.bench.integrators import CALL, SECONDS, STEPS, bench_integrators
+from otwarp.bench.integrators_result import IntegratorsBench
+from otwarp.bench.integrators_table import (
+    SUMMARY_HEAD,
+    VARIANTS_HEAD,
+    caption,
+    error_head,
+    error_rows,
+    summary_rows,
+    variant_rows,
+)
+from otwarp.bench.machine import Machine
+from otwarp.device import pick_device
+from otwarp.optics import Beam, Sphere
+
+BEAM = Beam(numerical_aperture=1.2)
+SPHERE = Sphere(radius=1.0, index=1.59)
+
+HOW_TO_READ = (
+    "The first table answers which integrator to take: the column `ns per relaxation time` is the least run time that "
+    "gives all three observables to 1 %. The second shows the errors behind it, step by step."
+)
+
+
+def measure(
+    device: str = "cpu",
+    *,
+    axes: Sequence[str] = (),
+    beam: Beam = BEAM,
+    sphere: Sphere = SPHERE,
+    rounds: int = 7,
+    worlds: int | None = None,
+    seconds: float = SECONDS,
+    steps: Sequence[int] = STEPS,
+    call: float = CALL,
+    plot: Path | None = None,
+) -> Section:
+    """All axes, or those named; see `bench_integrators`."""
+    place = pick_device(device)
+    how: dict = {"axes": axes, "device": device, "worlds": worlds, "rounds": rounds}
+    found = bench_integrators(beam, sphere, seconds=seconds, steps=steps, call=call, **how)
+    if plot is not None:
+        from otwarp.bench.integrators_figure import draw_integrators
+
+        draw_integrators([found], plot)
+    kind = "cpu" if place.is_cpu else "cuda"
+    data = {"integrators": found.json()}
+    return Section(name="integrators", kind=kind, machine=Machine.look(place), tables=tables(found), data=data)
+
+
+def tables(found: IntegratorsBench) -> list[Table]:
+    """For people."""
+    out = [
+        Table(title="Time to 1 %", head=SUMMARY_HEAD, rows=summary_rows(found), note=HOW_TO_READ),
+        Table(title="Errors of the integrators", head=error_head(found), rows=error_rows(found), note=caption(found)),
+    ]
+    variants = variant_rows(found)
+    if variants:
+        title = "Force models and precisions, default integrator and step"
+        out.append(Table(title=title, head=VARIANTS_HEAD, rows=variants, note="Errors in per cent."))
+    return out
+
+
+def main() -> None:
+    """Command line."""
+    parser = options("Error against run time of the integrators.", rounds=7)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help=f"budget of the errors (default: {SECONDS:g})")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the figure")
+    arguments = parser.parse_args()
+    how = {"rounds": arguments.rounds, "seconds": arguments.seconds, "plot": arguments.plot}
+    section = measure(arguments.device, **how)
+    print(section.markdown())
+    if arguments.json:
+        save_json(arguments.json, [section])
+
+
+if __name__ == "__main__":
+    command(main)

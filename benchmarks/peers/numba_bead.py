@@ -1,0 +1,49 @@
+"""Case a in numba for one core: the loop that numba's manual teaches, with NumPy's normal deviates inside."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+
+
+def missing(kind: str) -> str | None:
+    """On a CPU with numba."""
+    if kind != "cpu":
+        return "runs on the CPU alone"
+    return None if importlib.util.find_spec("numba") else "numba is not installed"
+
+
+class Peer:
+    """See `benchmarks.peers`."""
+
+    def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
+        import numba
+
+        self.name = f"numba {numba.__version__}"
+
+        @numba.njit(fastmath=True)
+        def start(seed):
+            np.random.seed(seed)  # noqa: NPY002 numba's own generator, which compiled code can draw from
+
+        @numba.njit(fastmath=True)
+        def run(position, centre, relaxation, kick, steps):
+            for i in range(position.shape[0]):
+                x, y, z = position[i, 0], position[i, 1], position[i, 2]
+                for _ in range(steps):
+                    x += relaxation * (centre[0] - x) + kick * np.float32(np.random.normal())  # noqa: NPY002
+                    y += relaxation * (centre[1] - y) + kick * np.float32(np.random.normal())  # noqa: NPY002
+                    z += relaxation * (centre[2] - z) + kick * np.float32(np.random.normal())  # noqa: NPY002
+                position[i, 0], position[i, 1], position[i, 2] = x, y, z
+
+        self.run = run
+        self.centre = np.array([3.0, 5.0, 7.0], dtype=np.float32)
+        self.position = np.tile(self.centre, (beads, 1))
+        self.constants = (np.float32(relaxation), np.float32(kick))
+        start(seed)
+
+    def step(self, steps: int) -> None:
+        self.run(self.position, self.centre, *self.constants, steps)
+
+    def variance(self) -> float:
+        return float(np.mean((self.position.astype(float) - self.centre) ** 2))

@@ -1,0 +1,53 @@
+"""Stress tests of stability: the section of `otwarp bench stability` for docs/benchmarks.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.report import Section, Table, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.stability import bench_stability
+from otwarp.bench.stability_table import head, legend, letters, stated
+from otwarp.bench.stability_thermal import Effort
+from otwarp.device import pick_device
+
+
+def measure(
+    device: str = "cpu",
+    *,
+    grids: Sequence[str] = (),
+    rounds: int = 1,
+    quick: bool = True,
+    long: bool = False,
+    effort: Effort | None = None,
+) -> Section:
+    """All grids, or those named; see `bench_stability`. Nothing is timed: `rounds` does not count."""
+    place = pick_device(device)
+    machine = Machine.look(place)
+    found = bench_stability(grids=grids, device=device, quick=quick and not long, long=long, effort=effort)
+    # the heads of the columns are numbers; what they are stands in the first
+    tables = [Table(title=g.title, head=head(g), rows=letters(g), note=stated(g)) for g in found.grids]
+    if tables:
+        lines = [tuple(line.split(maxsplit=2)) for line in legend(found)]
+        rows = [(letter, words, count) for letter, count, words in lines]
+        tables.append(Table(title="Letters", head=("letter", "meaning", "cells"), rows=rows))
+    return Section(name="stability", kind=found.kind, machine=machine, tables=tables, data=found.json())
+
+
+def main() -> None:
+    """Command line."""
+    parser = options("Stress tests of stability.", rounds=1)
+    parser.add_argument("--grid", nargs="+", default=(), help="grids to run")
+    parser.add_argument("--full", action="store_true", help="all worlds and scenes")
+    parser.add_argument("--long", action="store_true", help="also runs of 10⁸ steps")
+    arguments = parser.parse_args()
+    section = measure(
+        arguments.device, grids=arguments.grid, quick=not (arguments.full or arguments.long), long=arguments.long
+    )
+    print(section.markdown())
+    if arguments.json:
+        save_json(arguments.json, [section])
+
+
+if __name__ == "__main__":
+    command(main)

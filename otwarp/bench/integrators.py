@@ -1,0 +1,299 @@
+"""Error against run time for integrators, force models and precisions: one bead in a tabulated trap.
+
+Three observables: stationary variances and correlations in a well of 20 k_B T, where thermal motion reaches the steep
+rim of the force, and the mean escape time from a well of 5 k_B T. Their exact values come from the Fokker–Planck
+equation with the same force, so that an integrator's error is not mixed with its table's; the errors of force models
+are against the exact force's. Run time is that of `Simulation.step`, in turns with the default.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.bench.fokker_planck import Estimate
+from otwarp.bench.forces import Runner
+from otwarp.bench.integrator_cases import DEFAULT, PLAIN, Case, all_cases
+from otwarp.bench.integrators_result import WANTED, IntegratorsBench, Line, Point
+from otwarp.bench.machine import Machine
+from otwarp.bench.observables import (
+    PANELS,
+    STATIONARY,
+    WATCHED,
+    Measured,
+    measure_escape,
+    measure_stationary,
+)
+from otwarp.bench.result import beam_fields, sphere_fields
+from otwarp.bench.time_to_accuracy import Limit, largest_step
+from otwarp.bench.timing import Pairs, Spread, interleaved
+from otwarp.bench.wells import DEEP, SHALLOW, SplinedForce, Well
+from otwarp.device import pick_device
+from otwarp.errors import InputError
+from otwarp.optics import Beam, Sphere
+from otwarp.simulation.model import Model
+from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.stepping import usable_cores
+
+WORLDS = {"cpu": 4096, "cuda": 1 << 20}
+"""Beads of a timed call."""
+
+AVERAGED = {"cpu": 4096, "cuda": 1 << 18}
+"""Beads behind stationary averages: their positions come to the host at every look."""
+
+ESCAPING = {"cpu": (256, 1 << 16), "cuda": (1 << 18, 1 << 20)}
+"""Fewest and most beads behind an escape time."""
+
+STEPS = (100, 50, 25, 14, 10, 7, 5, 4, 3, 2)
+"""Steps per relaxation time, 1/z; those too long to be stable are left out."""
+
+TIMED = 20
+"""Steps per relaxation time while costs are measured, which do not depend on it."""
+
+SECONDS, CALL = 60.0, 0.05
+"""Budget of all errors together, and length of one timed call."""
+
+Note = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Study:
+    """The two wells, what is true in them, and what a measurement may take.
+
+    Attributes:
+        deep, shallow: The wells.
+        references: By force model and observable.
+        device: Where beads move.
+        worlds: Beads of all measurements, None for each one's usual number.
+        seconds: Budget of one measurement [s].
+        note: Hears what is being done.
+    """
+
+    deep: Well
+    shallow: Well
+    references: dict[str, dict[str, Estimate]]
+    device: wp.Device
+    worlds: int | None
+    seconds: float
+    note: Note
+
+    @property
+    def kind(self) -> str:
+        """`cpu` or `cuda`."""
+        return "cpu" if self.device.is_cpu else "cuda"
+
+    def simulation(self, case: Case, well: Well, steps: int, worlds: int) -> Simulation:
+        """The bead in a well, with so many steps per relaxation time."""
+        scene = well.bead.scene(case.rung)
+        step = well.relaxation / steps
+        # rows with the same noise would err alike, and many of them would look like a bias
+        seed = zlib.crc32(f"{case.name} {steps} {well.power}".encode())
+        how: dict[str, Any] = {"device": self.device, "seed": seed, **case.settings}
+        return Simulation(scene, worlds=worlds, time_step=step, **how)
+
+    def errors(self, case: Case, steps: int, cost: float, observables: Sequence[str]) -> dict[str, Measured]:
+        """Relative errors of a case at a step; `cost` is that of one bead-step [ns]."""
+        found: dict[str, Measured] = {}
+        note = self.note
+
+        def look() -> None:
+            note(f"{case.label}: z = {1.0 / steps:.3g}")
+
+        if set(observables) & set(STATIONARY):
+            worlds, well = self.worlds or AVERAGED[self.kind], self.deep
+            sim = self.simulation(case, well, steps, worlds)
+            how: dict[str, Any] = {"window": steps, "lags": well.lags, "seconds": self.seconds, "note": look}
+            found |= measure_stationary(sim, well.bead.centre, well.start(worlds), **how)
+        truth = self.references["exact" if case.group == "force" else "table"]
+        if "escape" in observables:
+            mean = truth["escape"].value
+            worlds = self.worlds or self._escaping(mean / self.shallow.relaxation * steps, cost)
+            found["escape"] = measure_escape(self.simulation(case, self.shallow, steps, worlds), mean, look)
+        return {name: relative(found[name], truth[name]) for name in found}
+
+    def _escaping(self, steps: float, cost: float) -> int:
+        """Beads whose escapes can be awaited for `WATCHED` times as many steps within the budget."""
+        cores = usable_cores() if self.device.is_cpu else 1
+        fewest, most = ESCAPING[self.kind]
+        return int(np.clip(cores * 1e9 * self.seconds / (cost * WATCHED * steps), fewest, most))
+
+
+def relative(found: Measured, truth: Estimate) -> Measured:
+    """Relative error and its standard error, that of the reference included."""
+    return Measured(found.value / truth.value - 1.0, math.hypot(found.error, truth.error) / truth.value)
+
+
+def bench_integrators(
+    beam: Beam,
+    sphere: Sphere,
+    *,
+    axes: Sequence[str] = (),
+    device: str | None = None,
+    worlds: int | None = None,
+    seconds: float = SECONDS,
+    rounds: int = 7,
+    steps: Sequence[int] = STEPS,
+    call: float = CALL,
+    fast_math: bool = False,
+    note: Note = lambda text: None,
+) -> IntegratorsBench:
+    """Measure errors and costs.
+
+    Args:
+        beam: The trap; its power does not matter.
+        sphere: The bead.
+        axes: Of `GROUPS`, none for all.
+        device: `cpu`, `cuda:0`, … or None for the best available.
+        worlds: Beads; None for as many as suit the device and the budget.
+        seconds: Budget of all errors together [s of wall time].
+        rounds: Repeats of every timed call.
+        steps: Steps per relaxation time.
+        call: Length of a timed call [s].
+        fast_math: For all cases but those that compare precisions.
+        note: Hears what is being done.
+
+    Raises:
+        InputError: An argument out of range, or a trap that does not suit.
+    """
+    _check(worlds, seconds, rounds)
+    cases = all_cases(axes, fast_math=fast_math)
+    place = pick_device(device)
+    machine = Machine.look(place)
+    note("wells")
+    wells = Well.of_depth(beam, sphere, DEEP), Well.of_depth(beam, sphere, SHALLOW)
+    default = next(c for c in cases if c.name == DEFAULT)
+    models = [Model.build(w.bead.scene(default.rung), device=place, integrator=DEFAULT) for w in wells]
+    note("Fokker–Planck equation")
+    exact = any(c.group == "force" for c in cases)
+    truth = references(*wells, models[1], exact=exact)
+    beads = worlds or WORLDS["cpu" if place.is_cpu else "cuda"]
+    costs = _costs(cases, wells[0], place, worlds=beads, rounds=rounds, call=call, note=note)
+    product = models[0].time_step / wells[0].relaxation
+    stable = models[0].scales.largest_stable / wells[0].relaxation
+    ladder = {c.name: _ladder(c, steps, stable, product) for c in cases}
+    share = seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
+    study = Study(
+        deep=wells[0], shallow=wells[1], references=truth, device=place, worlds=worlds, seconds=share, note=note
+    )
+    return IntegratorsBench(
+        kind=study.kind,
+        hardware=machine.name() + (", fast math" if fast_math else ""),
+        machine=machine.data(),
+        beam=beam_fields(beam),
+        sphere=sphere_fields(sphere),
+        worlds=beads,
+        rounds=rounds,
+        seconds=seconds,
+        powers=(wells[0].power, wells[1].power),
+        relaxations=(wells[0].relaxation, wells[1].relaxation),
+        lags=wells[0].lags,
+        default=DEFAULT,
+        default_product=product,
+        references={m: {k: Measured(e.value, e.error) for k, e in of.items()} for m, of in truth.items()},
+        lines=tuple(_lines(study, cases, ladder, costs)),
+    )
+
+
+def _check(worlds: int | None, seconds: float, rounds: int) -> None:
+    for name, value, least in (("worlds", worlds, 2), ("rounds", rounds, 1)):
+        if value is not None and value < least:
+            raise InputError(f"--{name} is {value}; allowed: {least} or more")
+    if not 0.0 < seconds < math.inf:
+        raise InputError(f"--seconds is {seconds:g}; allowed: above 0")
+
+
+def references(deep: Well, shallow: Well, model: Model, *, exact: bool) -> dict[str, dict[str, Estimate]]:
+    """By force model, `table` (that of `model`) and if wanted `exact`, and by observable.
+
+    Raises:
+        InputError: The bead does not leave the shallow well, or not by itself.
+    """
+    table, reach = model.optics.tables[0], float(model.held_range[0, 0])
+    if not math.isfinite(reach):
+        raise InputError("the trap has no reach beyond which a bead has escaped; allowed: a beam that lets go of it")
+    fields: dict[str, Callable[[np.ndarray], np.ndarray]] = {"table": table.force}
+    if exact:
+        bead = deep.bead
+        outer = max(reach, bead.region) + abs(bead.properties.equilibrium)
+        fields["exact"] = SplinedForce(bead.beam, bead.sphere, outer, str(model.device))
+    out = {}
+    for name, q in fields.items():
+        out[name] = deep.averages(deep.about_centre(q))
+        out[name]["escape"] = shallow.escape(shallow.about_centre(q), reach)
+    return out
+
+
+def _ladder(case: Case, steps: Sequence[int], stable: float, product: float) -> list[int]:
+    """Steps per relaxation time: all that are stable, or for force models and precisions the default."""
+    if case.group != "integrator":
+        return [math.ceil(1.0 / product)]
+    return sorted((n for n in steps if 1.0 / n < stable), reverse=True)
+
+
+def _costs(
+    cases: Sequence[Case], well: Well, device: wp.Device, *, worlds: int, rounds: int, call: float, note: Note
+) -> dict[str, Pairs]:
+    """Costs of all cases [ns per bead-step] in turns with that of the default."""
+    how: dict[str, Any] = {"worlds": worlds, "time_step": well.relaxation / TIMED, "seconds": call}
+    runners = {}
+    for case in cases:
+        note(f"{case.label}: building")
+        runners[case.name] = Runner(well.bead, case.rung, device, **how, **case.settings)
+
+    def noted(case: Case) -> Callable[[], float]:
+        def measure() -> float:
+            note(f"{case.label}: timing")
+            return runners[case.name].sample()
+
+        return measure
+
+    base = runners[DEFAULT].sample
+    return interleaved({case.name: (noted(case), base) for case in cases}, rounds)
+
+
+def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], costs: dict[str, Pairs]) -> list[Line]:
+    """Measure the errors of all cases."""
+    points: dict[str, tuple[Point, ...]] = {}
+    for case in cases:
+        cost = Spread.of(costs[case.name].first).median
+        # what happens inside the deep well does not depend on how escapes are seen
+        before = points.get("eulerMaruyama") if case.name == PLAIN else None
+        found = []
+        for i, n in enumerate(ladder[case.name]):
+            errors = study.errors(case, n, cost, PANELS["escape"] if before else (*STATIONARY, "escape"))
+            if before:
+                errors = {**before[i].errors, **errors}
+            found.append(Point(product=1.0 / n, errors=errors))
+        points[case.name] = tuple(found)
+    return [
+        Line(
+            name=case.name,
+            label=case.label,
+            group=case.group,
+            cost=Spread.of(costs[case.name].first),
+            ratio=costs[case.name].ratio(),
+            points=points[case.name],
+            limits=limits(points[case.name], case) if len(points[case.name]) > 1 else {},
+        )
+        for case in cases
+    ]
+
+
+def limits(points: Sequence[Point], case: Case) -> dict[str, Limit]:
+    """By panel, the largest step at which none of its observables is wrong by more than `WANTED`."""
+    out = {}
+    for panel, names in PANELS.items():
+        order = 0.5 if panel == "escape" and not case.sees_crossings else case.order
+        found = []
+        for name in names:
+            seen = [(p.product, p.errors[name]) for p in points if math.isfinite(p.errors[name].value)]
+            z, e = [z for z, _ in seen], [e for _, e in seen]
+            found.append(largest_step(z, [m.value for m in e], [m.error for m in e], order=order, wanted=WANTED))
+        out[panel] = min(found, key=lambda limit: limit.product)
+    return out

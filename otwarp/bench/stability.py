@@ -1,0 +1,170 @@
+"""Stress tests of numerical stability: every cell of every grid is accurate, stable with a stated error, or told of."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from otwarp.bench.machine import Machine
+from otwarp.bench.stability_grids import GRIDS, Grid
+from otwarp.bench.stability_thermal import Effort
+from otwarp.bench.verdict import Cell, Verdict, judge
+from otwarp.device import pick_device
+from otwarp.errors import InputError
+
+QUICK, FULL, LONG = (
+    {"worlds": 4096, "random_scenes": 12, "steps": 100_000},
+    {"worlds": 16384, "random_scenes": 96, "steps": 1_000_000},
+    {"worlds": 16384, "random_scenes": 96, "steps": 100_000_000},
+)
+"""Efforts of `--quick`, of neither option, and of `--long`."""
+
+Note = Callable[[str], None]
+"""Called with what is being done, often enough to stop there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridResult:
+    """The cells of one grid; `name`, `title` and `axes` as `Grid`."""
+
+    name: str
+    title: str
+    axes: tuple[str, str]
+    cells: tuple[Cell, ...]
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Heads of the rows."""
+        return tuple(dict.fromkeys(c.row for c in self.cells))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Heads of the columns."""
+        return tuple(dict.fromkeys(c.column for c in self.cells))
+
+    def cell(self, row: str, column: str) -> Cell | None:
+        """The cell at a place, if there is one."""
+        return next((c for c in self.cells if (c.row, c.column) == (row, column)), None)
+
+    def largest(self, verdict: Verdict) -> Cell | None:
+        """The cell of that verdict with the largest error."""
+        found = [c for c in self.cells if c.verdict is verdict and c.error is not None]
+        return max(found, key=lambda c: abs(c.error or 0.0), default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StabilityBench:
+    """What `bench_stability` found.
+
+    Attributes:
+        kind: `cpu` or `cuda`.
+        machine: See `otwarp.bench.machine.Machine`.
+        effort: Worlds, random scenes and steps of the longest run.
+        grids: In the order of `GRIDS`.
+    """
+
+    kind: str
+    machine: dict[str, Any]
+    effort: Effort
+    grids: tuple[GridResult, ...]
+
+    @property
+    def counts(self) -> dict[Verdict, int]:
+        """Cells of every verdict."""
+        found = Counter(c.verdict for g in self.grids for c in g.cells)
+        return {v: found[v] for v in Verdict}
+
+    @property
+    def wrong(self) -> tuple[tuple[str, Cell], ...]:
+        """Grid name and cell of everything silently wrong."""
+        return tuple((g.name, c) for g in self.grids for c in g.cells if c.verdict is Verdict.WRONG)
+
+    def json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "format": "otwarp bench stability",
+            "version": 1,
+            "kind": self.kind,
+            "machine": self.machine,
+            "effort": {name: value for name, value in vars(self.effort).items() if name != "device"},
+            "counts": {v.name.lower(): n for v, n in self.counts.items()},
+            "grids": [
+                {"name": g.name, "title": g.title, "axes": list(g.axes), "cells": [c.json() for c in g.cells]}
+                for g in self.grids
+            ],
+        }
+
+    def save(self, file: Path) -> None:
+        """Write as JSON, to a temporary file that then takes the name.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        part = file.with_name(f".{file.name}.part")
+        try:
+            part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
+            part.replace(file)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
+
+
+def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[Grid, ...]:
+    """The grids of these names, or for no names those that the effort asks for.
+
+    Raises:
+        InputError: A name that is not in `GRIDS`.
+    """
+    known = [grid.name for grid in GRIDS]
+    for name in names:
+        if name not in known:
+            raise InputError(f"--grid is {name!r}; allowed: {', '.join(known)}")
+    return tuple(g for g in GRIDS if g.name in names or (not names and not (quick and g.full_only)))
+
+
+def bench_stability(
+    *,
+    grids: Sequence[str] = (),
+    device: str | None = None,
+    quick: bool = False,
+    long: bool = False,
+    effort: Effort | None = None,
+    note: Note = lambda text: None,
+) -> StabilityBench:
+    """Run the stress tests.
+
+    Args:
+        grids: Names of `GRIDS`, none for all.
+        device: `cpu`, `cuda:0`, … or None for the best available.
+        quick: Fewer worlds and scenes, and without the grids that take long to compile.
+        long: Runs of 10⁸ steps.
+        effort: Instead of those of `quick` and `long`; its device does not count.
+        note: Hears what is being done.
+
+    Raises:
+        InputError: An unknown grid or device, or both `quick` and `long`.
+    """
+    if quick and long:
+        raise InputError("--quick comes with --long; allowed: one of the two")
+    wanted = chosen_grids(grids, quick=quick)
+    place = pick_device(device)
+    usual = QUICK if quick else LONG if long else FULL
+    numbers = usual if effort is None else {n: v for n, v in vars(effort).items() if n != "device"}
+    how = Effort(device=place.alias, **numbers)
+    results = []
+    for grid in wanted:
+        cells = []
+        for row, column, measure in grid.cells(how):
+            note(f"{grid.name}: {row}, {column}")
+            cells.append(judge(row, column, measure))
+        results.append(GridResult(name=grid.name, title=grid.title, axes=grid.axes, cells=tuple(cells)))
+    return StabilityBench(
+        kind="cpu" if place.is_cpu else "cuda",
+        machine=Machine.look(place).data(),
+        effort=how,
+        grids=tuple(results),
+    )

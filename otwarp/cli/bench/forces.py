@@ -1,0 +1,48 @@
+"""`otwarp bench forces`: error against run time of every force model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from otwarp.cli.bench.options import BEAD, OUTPUT, Bead, Output, check_same, note, print_table, taken, with_options
+from otwarp.cli.options import device_option
+
+
+@click.command()
+@with_options(*BEAD)
+@click.option("--power", type=float, default=20.0, show_default=True, help="Power in the medium [mW].")
+@click.option(
+    "--model", "models", multiple=True, metavar="NAME", help="Measure this model; may be repeated. Default: all."
+)
+@click.option("--worlds", type=int, help="Beads; default: 4096 on a CPU, 1048576 on a GPU.")
+@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each figure.")
+@click.option("--time-step", type=float, metavar="SECONDS", help="The same for all models; default: k·dt/γ = 0.02.")
+@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA.")
+@device_option
+@with_options(*OUTPUT)
+def forces(power: float, **typed: Any) -> None:
+    """Error against run time of every force model, for one bead in one trap.
+
+    Each model runs in the same step that otwarp run takes, with Brownian noise, in many worlds; its error is that of
+    the force which the running simulation feels, against exact forces. Tables come from the cache, or are built: those
+    of small tolerance take minutes.
+    """
+    from otwarp.bench.forces import bench_forces
+    from otwarp.bench.result import ForcesBench
+    from otwarp.bench.table import HEAD, caption, table_rows
+
+    output: Output = taken(Output, typed)
+    earlier = [ForcesBench.read(file) for file in output.others]
+    beam, sphere = taken(Bead, typed).optics(power)
+    check_same(beam, sphere, output.others, earlier)
+    found = bench_forces(beam, sphere, note=note, **typed)
+    if output.json_file is not None:
+        found.save(output.json_file)
+    if output.plot is not None:
+        from otwarp.bench.figure import draw_runs
+
+        draw_runs([found, *earlier], output.plot)
+    print_table(f"Force models on {found.hardware}", HEAD, table_rows(found), caption(found))
+    output.report()

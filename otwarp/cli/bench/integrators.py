@@ -1,0 +1,68 @@
+"""`otwarp bench integrators`: error against run time of integrators, force models and precisions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from otwarp.cli.bench.options import BEAD, OUTPUT, Bead, Output, check_same, note, print_table, taken, with_options
+from otwarp.cli.options import device_option
+
+
+@click.command()
+@with_options(*BEAD)
+@click.option(
+    "--axis",
+    "axes",
+    multiple=True,
+    metavar="NAME",
+    help="integrator, force or precision; may be repeated. Default: all.",
+)
+@click.option("--worlds", type=int, help="Beads of all measurements; default: as many as suit device and budget.")
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="Budget of all errors together [s].")
+@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each run time.")
+@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA.")
+@device_option
+@with_options(*OUTPUT)
+def integrators(**typed: Any) -> None:
+    """Error against run time of integrators, then of force models and precisions, for one bead in a tabulated trap.
+
+    Stationary variances and correlations in a well of 20 k_BT, and the mean escape time from one of 5 k_BT, against
+    the Fokker–Planck equation with the same force. A run of an hour has a tenth of the statistical error of the
+    default one; runs on different devices go into one picture by --with.
+    """
+    from otwarp.bench.integrators import bench_integrators
+    from otwarp.bench.integrators_result import IntegratorsBench
+
+    output: Output = taken(Output, typed)
+    earlier = [IntegratorsBench.read(file) for file in output.others]
+    beam, sphere = taken(Bead, typed).optics(1.0)
+    check_same(beam, sphere, output.others, earlier)
+    found = bench_integrators(beam, sphere, note=note, **typed)
+    if output.json_file is not None:
+        found.save(output.json_file)
+    if output.plot is not None:
+        from otwarp.bench.integrators_figure import draw_integrators
+
+        draw_integrators([found, *earlier], output.plot)
+    _print(found)
+    output.report()
+
+
+def _print(found: Any) -> None:
+    from otwarp.bench.integrators_table import (
+        SUMMARY_HEAD,
+        VARIANTS_HEAD,
+        caption,
+        error_head,
+        error_rows,
+        summary_rows,
+        variant_rows,
+    )
+
+    print_table(f"Integrators on {found.hardware}", SUMMARY_HEAD, summary_rows(found))
+    print_table("Their errors", error_head(found), error_rows(found), caption(found))
+    variants = variant_rows(found)
+    if variants:
+        print_table("Force models and precisions with the default integrator and step", VARIANTS_HEAD, variants)

@@ -1,0 +1,52 @@
+"""`otwarp bench speed`: steps per second of typical scenes, beside other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from otwarp.cli.bench.options import OUTPUT, Output, note, print_table, with_options
+from otwarp.cli.options import device_option
+
+
+@click.command()
+@click.option(
+    "--case", "cases", multiple=True, metavar="NAME", help="Measure this case; may be repeated. Default: all."
+)
+@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each figure.")
+@click.option("--seconds", type=float, default=0.2, show_default=True, help="Length of one measured call [s].")
+@click.option(
+    "--scale", type=float, default=1.0, show_default=True, help="Part of the usual number of worlds and particles."
+)
+@device_option
+@with_options(*OUTPUT[:2])
+def speed(
+    cases: tuple[str, ...],
+    rounds: int,
+    seconds: float,
+    scale: float,
+    device: str | None,
+    json_file: Path | None,
+    plot: Path | None,
+) -> None:
+    """Steps per second of typical scenes, in turns with codes that others would write for one of them.
+
+    Cases: bead (in a spring, beside NumPy, C, numba, torch, JAX and CUDA C, as far as they are installed), table (bead
+    in a tabulated trap), robot (five spheres, three tabulated traps), delivery (the shipped cell delivery), crowd (many
+    spheres that touch), scaling (more and more worlds), threads (two against one). The other programs and the crowd
+    come from the source's folder benchmarks/.
+    """
+    from otwarp.bench.speed import bench_speed
+    from otwarp.bench.speed_table import HEAD, caption, table_rows
+
+    output = Output(json_file=json_file, plot=plot, others=())
+    found = bench_speed(cases=cases, device=device, rounds=rounds, seconds=seconds, scale=scale, note=note)
+    if json_file is not None:
+        found.save(json_file)
+    if plot is not None:
+        from otwarp.bench.speed_figure import draw_speed
+
+        draw_speed(found, plot)
+    print_table(f"Speed on {found.hardware}", HEAD, table_rows(found), caption(found))
+    output.report()

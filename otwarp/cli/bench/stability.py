@@ -1,0 +1,39 @@
+"""`otwarp bench stability`: what happens to scenes that are hard to step."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from otwarp.cli.bench.options import OUTPUT, Output, note, with_options
+from otwarp.cli.options import device_option
+
+EXIT_WRONG = 1
+
+
+@click.command()
+@click.option("--grid", "grids", multiple=True, metavar="NAME", help="Run this grid; may be repeated. Default: all.")
+@click.option("--quick", is_flag=True, help="Fewer worlds and scenes: two minutes on two cores.")
+@click.option("--long", is_flag=True, help="Also runs of 10⁸ steps.")
+@device_option
+@with_options(*OUTPUT[:1])
+def stability(grids: tuple[str, ...], quick: bool, long: bool, device: str | None, json_file: Path | None) -> int:
+    """Stress tests: time step, power, stiffness, sizes, overlaps, trap jumps, temperature, long runs, random scenes.
+
+    One letter per cell says whether the run was accurate against a closed form, stable with a stated error, refused or
+    stopped with a clear error. Exit code 1 if any cell is silently wrong.
+    """
+    from otwarp.bench.stability import bench_stability
+    from otwarp.bench.stability_table import plain
+
+    output = Output(json_file=json_file, plot=None, others=())
+    found = bench_stability(grids=grids, device=device, quick=quick, long=long, note=note)
+    if json_file is not None:
+        found.save(json_file)
+    if sys.stderr.isatty():
+        click.echo("\r\x1b[K", nl=False, err=True)
+    click.echo(plain(found))
+    output.report()
+    return EXIT_WRONG if found.wrong else 0

@@ -1,0 +1,233 @@
+"""Speed beside other programs: tiny worlds, real measurements, no claim about speed."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from benchmarks import crowd as crowd_module
+from benchmarks.peers import c_bead, c_crowd
+from otwarp.bench import beside as beside_module
+from otwarp.bench.beside import beside
+from otwarp.bench.speed import bench_speed
+from otwarp.bench.speed_figure import draw_speed
+from otwarp.bench.speed_result import SpeedBench, SpeedRow
+from otwarp.bench.speed_table import HEAD, NOTHING, caption, table_rows
+from otwarp.bench.timing import Spread
+from otwarp.bench.workloads import CASES, PARTICLES, RELAXATION, Setting, case_a, table_robot, workloads
+from otwarp.cli.main import main
+from otwarp.device import pick_device
+from otwarp.errors import InputError
+from otwarp.simulation.model import Model
+
+BEADS = 512
+PEERS = ("numpy_bead", "c_bead", "numba_bead", "torch_bead", "jax_bead", "cupy_bead")
+CHANCE = 5.0 * math.sqrt(2.0 / (3 * BEADS))
+"""5 standard errors of a variance from one snapshot of `BEADS` × 3 components."""
+
+
+def kind_of(device: str) -> str:
+    return "cpu" if pick_device(device).is_cpu else "cuda"
+
+
+@pytest.fixture(scope="module")
+def found(device) -> SpeedBench:
+    said: list[str] = []
+    scale = BEADS / PARTICLES[kind_of(device)]
+    out = bench_speed(cases=["bead"], device=device, rounds=2, seconds=1e-3, scale=scale, note=said.append)
+    assert {"bead in a spring, eulerMaruyama: building", "bead in a spring, heun: measuring"} <= set(said)
+    return out
+
+
+def test_rates_are_positive_and_ratios_are_to_the_first_row(found):
+    first = found.rows[0]
+    assert first.label == "bead in a spring, eulerMaruyama" and first.ratio is None and first.worlds == BEADS
+    for row in found.rows:
+        if row.rate is None:
+            assert row.skipped and row.ratio is None and row.peer
+            continue
+        assert 0.0 < row.rate.low <= row.rate.median <= row.rate.high and row.worlds == BEADS
+        assert (row.ratio is None) == (row is first)
+        assert row.peer == (not row.label.startswith("bead in"))
+    with pytest.raises(KeyError):
+        found.row("absent")
+
+
+def test_every_code_of_a_case_does_the_work(found):
+    checked = [row for row in found.rows if row.check is not None]
+    assert len(checked) >= 2 and any(row.peer for row in checked)
+    for row in checked:
+        assert row.check == pytest.approx(1.0, abs=CHANCE), row.label
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_runs_or_says_why_not(name, device):
+    code, kind = beside(f"peers.{name}"), kind_of(device)
+    other = "cuda" if kind == "cpu" else "cpu"
+    reason = code.missing(kind)
+    if reason is not None:
+        assert "installed" in reason or "runs on" in reason or "CUDA" in reason
+        return
+    peer = code.Peer(BEADS, relaxation=RELAXATION, kick=0.05, seed=11, kind=kind)
+    peer.step(1)
+    peer.step(199)
+    exact = 0.05**2 / (1.0 - (1.0 - RELAXATION) ** 2)
+    assert peer.variance() == pytest.approx(exact, rel=CHANCE) and peer.name
+    assert isinstance(code.missing(other), str | None)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_the_compiled_peer_draws_what_its_polynomials_should():
+    # a step without a past: position − centre is the noise of that step
+    peer = c_bead.Peer(200_000, relaxation=1.0, kick=1.0, seed=3)
+    peer.step(1)
+    x = (peer.position - peer.centre[:, None]).astype(float).ravel()
+    n = len(x)
+    # 5 standard errors of the moments of a normal distribution
+    assert abs(x.mean()) < 5.0 / math.sqrt(n)
+    assert abs(x.var() - 1.0) < 5.0 * math.sqrt(2.0 / n)
+    assert abs(np.mean(x**4) - 3.0) < 5.0 * math.sqrt(96.0 / n)
+    first = peer.position.copy()
+    peer.step(1)
+    assert abs(np.corrcoef(first.ravel() - np.repeat(peer.centre, 200_000), x)[0, 1] - 1.0) < 1e-6
+    later = (peer.position - peer.centre[:, None]).ravel()
+    assert abs(np.corrcoef(later, x)[0, 1]) < 5.0 / math.sqrt(n)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_the_compiled_crowd_pushes_apart_what_touches():
+    """As many pairs touch as in otwarp's own crowd, whose contact is implicit: within 5 standard errors and 3 %."""
+    count = 4000
+    peer = c_crowd.Peer(count, seed=5)
+    crowd = beside("crowd").Crowd(count, pick_device("cpu"))
+    start = peer.positions()
+    assert np.array_equal(start, crowd.state.position.numpy()[0])
+    steps = 300
+    peer.step(100)
+    peer.step(steps - 100)
+    crowd.step(steps)
+    pairs = []
+    for place in (peer.positions(), crowd.state.position.numpy()[0]):
+        tree = cKDTree(place.astype(float))
+        near = tree.query_pairs(2.0 * crowd_module.RADIUS, output_type="ndarray")
+        pairs.append(len(near))
+        assert np.linalg.norm(place[near[:, 0]] - place[near[:, 1]], axis=1).min() > 1.0
+    # counts of rare pairs are nearly Poissonian
+    assert abs(pairs[0] - pairs[1]) < 5.0 * math.sqrt(sum(pairs)) + 0.03 * pairs[1]
+    assert peer.made > 10 and pairs[0] > 100
+    # at most as far as free spheres, 2 D t along each axis, and at this density not much less
+    moved = peer.positions().astype(float) - start
+    free = 2.0 * crowd_module.DIFFUSED * (2.0 * crowd_module.RADIUS) ** 2 * steps
+    assert 0.6 * free < moved.var(axis=0).mean() < 1.1 * free
+
+
+def test_polynomials_are_as_good_as_float32():
+    t = np.linspace(-0.5, 0.5, 1001)
+    text = c_bead.horner(lambda t: np.log(1.5 + t), -0.5, 0.5, 9)
+    value = eval(text.replace("f", ""), {"t": t})
+    assert np.abs(value - np.log(1.5 + t)).max() < 2e-6
+
+
+def test_case_a_relaxes_as_the_peers_do(device):
+    scene, step = case_a()
+    model = Model.build(scene, device=device, time_step=step, integrator="eulerMaruyama")
+    assert step / model.scales.trap_relaxation == pytest.approx(RELAXATION, rel=1e-4)
+    assert model.features.driver == "solo" and not model.features.escapes
+
+
+def test_the_robot_has_three_tables_and_a_full_mobility(device):
+    model = Model.build(table_robot(), device=device)
+    assert model.features.rigid and model.features.driver == "solo"
+    assert model.held == ((0, 0), (0, 2), (0, 4))
+    assert all("table" in name for name in model.features.trap_models) and model.features.traps == 3
+
+
+@pytest.mark.parametrize("kind", ["cpu", "cuda"])
+def test_labels_and_cases(kind):
+    rows = list(workloads(kind))
+    assert len({row.label for row in rows}) == len(rows)
+    assert {row.case.split()[0] for row in rows} | {"threads"} == set(CASES)
+    assert any("fast math" in row.label for row in rows) == (kind == "cuda")
+
+
+def test_the_delivery_starts_anew(device):
+    runner = next(w for w in workloads("cpu") if w.case == "delivery").make(Setting(pick_device(device)))
+    sim = runner.step.__closure__
+    assert sim is not None and runner.worlds == 1 and runner.per_step > 0.0
+    simulation = next(c.cell_contents for c in sim if hasattr(c.cell_contents, "state"))
+    whole = round(simulation.scene.settings.duration / simulation.time_step)
+    start = simulation.state.position.numpy().copy()
+    simulation.state.step = whole - 2
+    runner.step(2)
+    assert simulation.state.step == 0 and np.array_equal(simulation.state.position.numpy(), start)
+    runner.step(5)
+    assert simulation.state.step == 5
+
+
+def row(label: str, **fields) -> SpeedRow:
+    return SpeedRow(case="c", label=label, unit="steps/s", worlds=3, **fields)
+
+
+def test_the_table_says_what_was_found():
+    rows = (
+        row("ours", rate=Spread(2e8, 1e8, 3e8), goal=1.2e8, check=1.0),
+        row("slow", rate=Spread(1e7, 1e7, 1e7), ratio=Spread(0.05, 0.05, 0.05), goal=1e8),
+        row("theirs", peer=True, skipped="nothing is installed"),
+    )
+    bench = SpeedBench(kind="cpu", hardware="a processor", machine={}, rounds=3, rows=rows)
+    cells = table_rows(bench)
+    assert all(len(line) == len(HEAD) for line in cells)
+    assert cells[0] == ("ours", "3", "2e+08 (1e+08 – 3e+08)", "steps/s", "1", "1.2e+08 reached", "1.0000")
+    assert cells[1][4:6] == ("0.05 (0.05 – 0.05)", "1e+08 missed")
+    assert cells[2][:3] == ("→ theirs", NOTHING, "skipped: nothing is installed")
+    assert "a processor; processor time" in caption(bench) and "of 3 repeats" in caption(bench)
+
+
+def test_files(found, tmp_path: Path):
+    numbers, picture = tmp_path / "speed.json", tmp_path / "speed.png"
+    found.save(numbers)
+    draw_speed(found, picture)
+    read = json.loads(numbers.read_text())
+    assert [r["label"] for r in read["rows"]] == [r.label for r in found.rows] and read["kind"] == found.kind
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert set(tmp_path.iterdir()) == {numbers, picture}
+    with pytest.raises(InputError, match=r"absent/x\.png"):
+        draw_speed(found, tmp_path / "absent" / "x.png")
+    with pytest.raises(InputError, match=r"absent/x\.json"):
+        found.save(tmp_path / "absent" / "x.json")
+    with pytest.raises(InputError, match="nothing was measured"):
+        draw_speed(replace(found, rows=(row("none", skipped="x"),)), picture)
+
+
+def test_without_the_source_peers_are_skipped(monkeypatch, device):
+    monkeypatch.setattr(beside_module, "ROOT", Path("/nowhere"))
+    scale = 16 / PARTICLES[kind_of(device)]
+    out = bench_speed(cases=["bead"], device=device, rounds=1, seconds=1e-4, scale=scale)
+    assert {r.skipped for r in out.rows if r.peer} == {"the folder benchmarks/ of the source is not here"}
+    assert all(r.rate is not None for r in out.rows if not r.peer)
+
+
+def test_the_command_prints_the_table_and_writes_files(device, capfd, tmp_path: Path):
+    file, scale = tmp_path / "speed.json", 16 / PARTICLES[kind_of(device)]
+    options = ["--case", "bead", "--rounds", "1", "--seconds", "1e-4", "--scale", f"{scale:g}", "--device", device]
+    assert main(["bench", "speed", *options, "--json", str(file)]) == 0
+    out = capfd.readouterr().out
+    assert "bead in a spring, heun" in out and "NumPy" in out and f"wrote {file}" in out and file.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"cases": ["chess"]}, "--case is 'chess'; allowed: bead"), ({"rounds": 0}, "--rounds is 0"),
+     ({"seconds": 0.0}, "--seconds is 0"), ({"scale": -1.0}, "--scale is -1")],
+)  # fmt: skip
+def test_bad_input(options, words):
+    with pytest.raises(InputError, match=words) as caught:
+        bench_speed(device="cpu", **options)
+    assert "\n" not in str(caught.value)

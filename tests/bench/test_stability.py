@@ -1,0 +1,286 @@
+"""Stress tests: the closed forms, the verdicts, and that a defect does not pass as anything else."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from otwarp.bench import closed_forms, random_scenes
+from otwarp.bench.stability import bench_stability, chosen_grids
+from otwarp.bench.stability_grids import GRIDS
+from otwarp.bench.stability_mechanical import dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
+from otwarp.bench.stability_scenes import PLACE, bead, resting, robot, scene, spring
+from otwarp.bench.stability_table import plain
+from otwarp.bench.stability_thermal import (
+    Effort,
+    RobotModes,
+    advance,
+    bead_variance,
+    check_state,
+    long_run,
+    resting_height,
+    robot_equipartition,
+    simulate,
+)
+from otwarp.bench.verdict import Defect, Measured, Verdict, judge
+from otwarp.cli.main import main
+from otwarp.errors import InputError, SimulationError
+from otwarp.record.run import record_run
+from otwarp.scene.author import SceneBuilder
+from otwarp.scene.description import Scene, Track
+
+QUADRATURE = 1e-4
+"""Of a midpoint rule over a kink, at the worst."""
+
+
+@pytest.fixture(scope="module")
+def effort(device) -> Effort:
+    return Effort(device=device, worlds=1024, random_scenes=2, steps=10_000)
+
+
+def test_height_on_a_hard_floor_is_half_a_gaussian():
+    k, energy = 20.0, 4e-3
+    width = math.sqrt(energy / k)
+    mean, spread = closed_forms.mean_height(k, 0.0, 1e14, energy)
+    assert mean == pytest.approx(width * math.sqrt(2.0 / math.pi), rel=QUADRATURE)
+    assert spread == pytest.approx(width * math.sqrt(1.0 - 2.0 / math.pi), rel=QUADRATURE)
+    mean, spread = closed_forms.mean_height(k, 0.03, 0.0, energy)
+    assert (mean, spread) == (pytest.approx(-0.03, rel=QUADRATURE), pytest.approx(width, rel=QUADRATURE))
+
+
+def test_overlaps_follow_hertz():
+    hard = closed_forms.hardness(1e4, 0.5, bodies=2)
+    delta = closed_forms.pressed_overlap(hard, lambda d: 7.0 - d, 1.0)
+    assert hard * delta**1.5 == pytest.approx(7.0 - delta)
+    assert closed_forms.hardness(1e4, 0.5, bodies=1) == pytest.approx(2.0 * hard)
+    times = np.array([0.01, 0.02])
+    # a point that is pushed with −K·x^{3/2} is the overlap of two free spheres
+    found = closed_forms.followed(lambda x: -hard * np.maximum(x, 0.0) ** 1.5, np.array([0.3]), 60.0, times)
+    exact = [closed_forms.relaxed_overlap(0.3, hard, 60.0, t) for t in times]
+    assert found[:, 0] == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict"),
+    [
+        (Measured(error=0.009), Verdict.ACCURATE),
+        (Measured(error=-0.02, standard_error=0.004), Verdict.ACCURATE),
+        (Measured(error=0.05), Verdict.STABLE),
+        (Measured(error=0.5, predicted=0.52), Verdict.STABLE),
+        (Measured(error=0.5, predicted=0.3), Verdict.WRONG),
+        (Measured(error=0.12), Verdict.WRONG),
+        (Measured(error=0.12, standard_error=0.005), Verdict.STABLE),
+        (Measured(error=math.nan), Verdict.WRONG),
+        (Measured(error=math.inf, predicted=math.inf), Verdict.WRONG),
+    ],
+)
+def test_verdicts(found, verdict):
+    assert found.verdict is verdict
+    cell = judge("r", "c", lambda: found)
+    assert cell.verdict is verdict and bool(cell.message) == (verdict is Verdict.WRONG)
+    json.dumps(cell.json(), allow_nan=False)
+
+
+def raising(error: Exception):
+    def measure() -> Measured:
+        raise error
+
+    return measure
+
+
+def test_a_clear_refusal_is_no_defect_and_an_unclear_one_is():
+    stop = SimulationError("stopped", world=0, body="/B", step=3, time=0.1)
+    assert judge("", "", raising(InputError("time step is 1 s; allowed: less"))).verdict is Verdict.REFUSED
+    assert judge("", "", raising(stop)).verdict is Verdict.STOPPED
+    assert judge("", "", raising(InputError("two\nlines"))).verdict is Verdict.WRONG
+    assert judge("", "", raising(Defect("nan"))).verdict is Verdict.WRONG
+    assert judge("", "", lambda: None).verdict is Verdict.STABLE
+    with pytest.raises(ZeroDivisionError):
+        judge("", "", raising(ZeroDivisionError()))
+
+
+def test_a_warning_makes_a_large_error_a_stated_one():
+    def measure() -> Measured:
+        warnings.warn("too coarse", stacklevel=1)
+        return Measured(error=0.5)
+
+    cell = judge("", "", measure)
+    assert cell.verdict is Verdict.STABLE and cell.warned == ("too coarse",)
+
+
+def test_cells_of_all_grids_have_places_of_their_own(effort):
+    for grid in GRIDS:
+        places = [(row, column) for row, column, _ in grid.cells(effort)]
+        assert places and len(set(places)) == len(places), grid.name
+    assert {g.name for g in chosen_grids((), quick=True)} < {g.name for g in chosen_grids((), quick=False)}
+    assert [g.name for g in chosen_grids(("crowd",), quick=True)] == ["crowd"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"grids": ["chess"]}, "--grid is 'chess'; allowed: step, power"),
+        ({"quick": True, "long": True}, "--quick comes with --long"),
+    ],
+)
+def test_bad_input(options, words):
+    with pytest.raises(InputError, match=words) as caught:
+        bench_stability(device="cpu", **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_grid_holds_what_its_cells_found(effort, tmp_path: Path):
+    said: list[str] = []
+    found = bench_stability(grids=["overlap"], device=effort.device, effort=effort, note=said.append)
+    assert said[0] == "overlap: 100, 0" and len(said) == 54
+    grid = found.grids[0]
+    for row in grid.rows:
+        for column in grid.columns:
+            cell = grid.cell(row, column)
+            assert cell is not None
+            assert cell.verdict is (Verdict.STOPPED if float(column) > 0.5 else Verdict.ACCURATE), cell
+    assert found.counts[Verdict.STOPPED] == 18 and not found.wrong
+    text = plain(found)
+    assert "A    36  accurate" in text and "first refusal: spheres overlap by more than half" in text
+    file = tmp_path / "found.json"
+    found.save(file)
+    read = json.loads(file.read_text())
+    assert read["counts"]["accurate"] == 36 and len(read["grids"][0]["cells"]) == 54
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_springs_beads_and_robots_are_as_accurate_as_predicted(effort):
+    for cell in (
+        judge("bead", "", lambda: bead_variance(effort)),
+        judge("cold", "", lambda: bead_variance(effort, temperature=0.0)),
+        judge("robot", "", lambda: robot_equipartition(effort)),
+        judge("long", "", lambda: long_run(effort, steps=4000, worlds=64)),
+    ):
+        assert cell.verdict is Verdict.ACCURATE, cell
+    # near the largest stable step Heun's variance is far off, and otwarp says by how much
+    near = judge("robot", "0.9", lambda: robot_equipartition(effort, factor=0.9, stable=True))
+    assert near.verdict is Verdict.STABLE and near.predicted is not None and near.predicted < -0.5
+    assert judge("", "", lambda: robot_equipartition(effort, factor=1.01, stable=True)).verdict is Verdict.REFUSED
+
+
+def test_far_from_the_origin_a_bead_is_not_silently_wrong(effort):
+    far = (1e5, PLACE[1], PLACE[2])
+    cell = judge("", "", lambda: bead_variance(effort, power=1000.0, place=far))
+    assert cell.verdict is Verdict.STABLE and "rounding of float32 coordinates" in cell.warned[0]
+    near = judge("", "", lambda: bead_variance(effort, power=1000.0))
+    assert near.verdict is Verdict.ACCURATE and not near.warned
+
+
+def test_contact_drag_and_jumps_follow_their_closed_forms(effort):
+    for cell in (
+        judge("pair", "", lambda: pressed_pair(effort, modulus=3e9, ratio=30.0)),
+        judge("overlap", "", lambda: first_overlap(effort, modulus=1e2, overlap=0.49)),
+        judge("floor", "", lambda: pulled_onto(effort, shape="plane", modulus=1e6, jump=20.0)),
+        judge("drag", "", lambda: dragged_bead(effort, speed=1e4)),
+        judge("jump", "", lambda: trap_jump(effort, law="piecewise", jump=1.0)),
+        judge("lost", "", lambda: trap_jump(effort, law="piecewise", jump=2.0)),
+    ):
+        assert cell.verdict is Verdict.ACCURATE, cell
+
+
+def test_a_soft_bead_on_a_floor_is_found_where_boltzmann_has_it(effort):
+    cell = judge("", "", lambda: resting_height(effort, modulus=1e2, below=0.0, step=0.5))
+    assert cell.verdict in (Verdict.ACCURATE, Verdict.STABLE), cell
+
+
+def test_a_wrong_law_is_found_out(effort, monkeypatch, capfd):
+    right = closed_forms.hardness
+    monkeypatch.setattr(closed_forms, "hardness", lambda *a, **k: 10.0 * right(*a, **k))
+    cell = judge("", "", lambda: pressed_pair(effort, modulus=1e2, ratio=1.0))
+    assert cell.verdict is Verdict.WRONG and cell.message.startswith("error ")
+    assert main(["bench", "stability", "--quick", "--grid", "pair", "--device", str(effort.device)]) == 1
+    assert "SILENTLY WRONG, " in capfd.readouterr().out
+
+
+def test_a_sound_grid_exits_with_0(effort, capfd, tmp_path: Path):
+    file = tmp_path / "pair.json"
+    options = ["--quick", "--grid", "pair", "--device", str(effort.device), "--json", str(file)]
+    assert main(["bench", "stability", *options]) == 0
+    out = capfd.readouterr().out
+    assert "A    24  accurate" in out and f"wrote {file}" in out and file.exists()
+
+
+def test_nan_and_lost_rotations_are_defects(effort):
+    sim = simulate(scene(bead(), traps=(spring(),)), effort)
+    sim.state.position.assign(np.full((1, 1, 3), np.nan, dtype=np.float32))
+    with pytest.raises(Defect, match="non-finite"):
+        advance(sim, 3)
+    turned = simulate(robot(), effort)
+    advance(turned, 3)
+    turned.state.orientation.assign(np.array([[[0.0, 0.0, 0.0, 1.001]]], dtype=np.float32))
+    with pytest.raises(Defect, match=r"length 1 ± 0\.001"):
+        check_state(turned, "this test")
+
+
+def test_modes_of_the_robot_are_independent(effort):
+    sim = simulate(robot(), effort)
+    modes = RobotModes(sim, 20.0)
+    assert np.all(modes.rates > 0.0)
+    # the fastest is the rate by which otwarp chose its step; float32 mobility
+    assert 1.0 / modes.rates[-1] == pytest.approx(sim.model.scales.trap_relaxation, rel=1e-4)
+    assert modes.shares(sim) == pytest.approx(np.zeros((1, 6)), abs=1e-6)
+
+
+def authored(what: Scene, file: Path) -> Scene:
+    """The scene as read from a stage, half a second long."""
+    builder = SceneBuilder(medium=what.medium, settings=replace(what.settings, duration=0.5))
+    for item in (*what.bodies, *what.traps, *what.obstacles):
+        builder.add(item)
+    return Scene.load(builder.save(file))
+
+
+def test_a_stopped_run_leaves_finite_numbers_on_disk(device, tmp_path: Path):
+    import netCDF4
+
+    # a trap that leaves for 20 µm below the floor, too strong for so soft a bead
+    what = resting("plane", modulus=1e2)
+    path = Track(
+        times=np.array([0.0, 0.1, 0.11, 0.5]), values=np.array([PLACE, PLACE, *2 * [(*PLACE[:2], PLACE[2] - 20.0)]])
+    )
+    what = replace(what, traps=(replace(what.traps[0], position=path),))
+    with pytest.raises(SimulationError, match="more than half the smaller radius"):
+        record_run(authored(what, tmp_path / "scene.usda"), tmp_path / "run", device=device)
+    with netCDF4.Dataset(tmp_path / "run" / "run.nc") as data:
+        numbers = {n: v[:] for n, v in data.variables.items() if v.dtype != str and v.dtype.kind == "f"}
+    frames = 7  # to 0.1 s at 60 a second
+    assert {"position", "trap_position"} <= set(numbers)
+    for name, values in numbers.items():
+        # an escape that never was is nan
+        assert name == "escape_time" or (not np.ma.is_masked(values) and np.all(np.isfinite(values))), name
+    assert len(numbers["position"]) >= frames
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), cold=st.booleans())
+def test_random_scenes_are_never_silently_wrong(effort, seed, cold):
+    cell = judge("", "", lambda: random_scenes.run_draw(effort, seed, cold=cold))
+    assert cell.verdict is not Verdict.WRONG, cell
+
+
+def test_draws_are_the_same_everywhere_and_overlaps_are_seen(effort):
+    drawn = random_scenes.draw(3, cold=True)
+    assert drawn.what == random_scenes.draw(3, cold=True).what
+    assert drawn.what != random_scenes.draw(4, cold=True).what
+    sim = simulate(drawn.what, effort)
+    apart = np.array([[-40.0, 0.0, 30.0], [0.0, 40.0, 30.0], [40.0, 0.0, 30.0]])
+    sim.set_state(position=apart)
+    random_scenes.check_overlaps(sim)
+    for spoilt, words in (([-40.0, 0.0, 0.0], "deep in floor"), ([0.0, 0.0, 12.0], "deep in box"), (apart[1], "bead")):
+        place = apart.copy()
+        place[0] = spoilt
+        sim.set_state(position=place)
+        with pytest.raises(Defect, match=words.replace("bead", "World")):
+            random_scenes.check_overlaps(sim)
