@@ -7,6 +7,7 @@ doi:10.1016/0021-9797(75)90018-1.
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from otwarp.scene.description import Material
 
@@ -30,6 +31,11 @@ def normal_force(overlap: float, radius: float, modulus: float, adhesion: float,
             2.0 * modulus * np.sqrt(radius * overlap),
         )
     return (-pull * (1.0 + overlap / reach) if overlap > -reach else 0.0), 0.0
+
+
+def overlap_alone(hardness: float, give: float, reach: float) -> float:
+    """δ with δ + give·K·δ^{3/2} = reach: where backward Euler takes a lone contact [µm]."""
+    return brentq(lambda d: d + give * hardness * d**1.5 - reach, 0.0, reach, xtol=1e-300, rtol=1e-14)
 
 
 def adhesion_of(a: Material, b: Material) -> tuple[float, float]:

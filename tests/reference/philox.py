@@ -54,3 +54,27 @@ def noise_words(*, seed: int, stream: int, step: np.ndarray, world: np.ndarray, 
     step, world, body = np.broadcast_arrays(*(np.asarray(v, dtype=np.uint64) for v in (step, world, body)))
     counter = np.stack([step & WORD, step >> np.uint64(32), world, body], axis=-1)
     return philox4x32(counter, np.array([seed & 0xFFFFFFFF, stream]))
+
+
+def halves(words: np.ndarray) -> np.ndarray:
+    """(..., 2n) numbers below 2¹⁶ of (..., n) words, the low half of each before its high half."""
+    words = np.asarray(words, dtype=np.uint64)
+    pairs = np.stack([words & np.uint64(0xFFFF), words >> np.uint64(16)], axis=-1)
+    return pairs.reshape(*words.shape[:-1], -1).astype(np.int64)
+
+
+def three_point(half: np.ndarray) -> np.ndarray:
+    """±a with probability 10923/65536 each, the outermost values of signed 16-bit numbers, else 0; variance 1."""
+    signed = np.where(half < 2**15, half, half - 2**16)
+    outer = 10923
+    value = np.sqrt(2**16 / (2.0 * outer))
+    return value * ((signed >= 2**15 - outer).astype(float) - (signed < -(2**15) + outer).astype(float))
+
+
+def uniform_deviates(half: np.ndarray) -> np.ndarray:
+    """65536 equally spaced values about 0, of variance 1, in the order of signed 16-bit numbers."""
+    signed = np.where(half < 2**15, half, half - 2**16)
+    return (signed + 0.5) / np.sqrt((2.0**32 - 1.0) / 12.0)
+
+
+WEAK = {"threePoint": three_point, "uniform": uniform_deviates}

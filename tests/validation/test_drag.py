@@ -1,0 +1,116 @@
+"""A bead that a moving trap drags through the liquid: how far it lags behind, and when it is lost.
+
+In the frame of the trap the drag is a constant force, so the potential is U = kr²/2 + γv·x, and the time of escape
+from the centre solves the backward Smoluchowski equation in the ball that the trap reaches. It is solved by finite
+volumes; Kramers' theory of the same problem in one dimension is Dudko, Hummer & Szabo 2006,
+doi:10.1103/PhysRevLett.96.108101.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from otwarp.scene.description import Scene, Settings
+from otwarp.simulation.simulation import Simulation
+from tests.reference.fokker_planck import ball
+from tests.simulation.setups import ENERGY, STIFFNESS, drag, harmonic, line, sphere_body
+from tests.validation.laws import across_worlds
+from tests.validation.test_first_passage import first_escapes, rim
+
+GAMMA = drag(1.0)
+RATE = STIFFNESS / GAMMA
+ACCURACY = 0.01
+DEPTH = 8.0
+"""Of the trap at rest [k_B T]."""
+
+
+def dragged(speed: float, seconds: float, cutoff: float, settings: Settings) -> Scene:
+    track = line((0.0, (0.0, 0.0, 0.0)), (seconds, (speed * seconds, 0.0, 0.0)))
+    return Scene(bodies=(sphere_body("Bead"),), traps=(harmonic("Trap", track, cutoff=cutoff),), settings=settings)
+
+
+def check_lag(law, device: str, worlds: int, samples: int) -> None:
+    speed = 30.0
+    settled, every = 12.0 / RATE, 3.0 / RATE
+    sim = Simulation(dragged(speed, 1.0, np.inf, Settings(accuracy=ACCURACY)), worlds=worlds, seed=91, device=device)
+    sim.run(settled)
+    lag = []
+    for _ in range(samples):
+        sim.run(every)
+        x = sim.state.position.numpy()[:, 0].astype(float)
+        lag.append(x - [speed * sim.time, 0.0, 0.0])
+    assert sim.time < 1.0
+    lag = np.array(lag)
+    mean, error = across_worlds(lag.mean(axis=0))
+    # float32 positions 20 µm from the origin are rounded to 1 nm, without a preference
+    law("mean lag behind the trap [µm]", mean[0], -GAMMA * speed / STIFFNESS, error[0], bias=1e-6)
+    law("mean displacement across [µm]", mean[1:], 0.0, error[1:], bias=1e-6)
+    spread, error = across_worlds(((lag - mean) ** 2).mean(axis=0) * STIFFNESS / ENERGY)
+    law("spread about it, ⟨δx²⟩ k/k_B T", spread, 1.0, error, bias=1.02 * ACCURACY)
+
+
+def test_lag(law, device):
+    """⟨x − x_trap⟩ = −γv/k, with the same thermal spread as at rest.
+
+    Source: Stokes' law; van Zon & Cohen 2003, doi:10.1103/PhysRevE.67.046102, for the Gaussian about the lag.
+    """
+    check_lag(law, device, 4000, 5)
+
+
+@pytest.mark.validate
+def test_lag_precisely(law, device):
+    """⟨x − x_trap⟩ = −γv/k, with the same thermal spread as at rest.
+
+    Source: Stokes' law; van Zon & Cohen 2003, doi:10.1103/PhysRevE.67.046102, for the Gaussian about the lag.
+    """
+    check_lag(law, device, 50_000, 30)
+
+
+def escape_time(pull: float, *, shells: int = 240, sectors: int = 80) -> float:
+    """Mean time from the centre to the rim under a drag of `pull`·k_B T/rim [s]."""
+    force = pull * ENERGY / rim(DEPTH)
+    grid = ball(
+        lambda r, mu: 0.5 * STIFFNESS * r**2 + force * r * mu,
+        rim(DEPTH),
+        shells=shells,
+        sectors=sectors,
+        diffusion=ENERGY / GAMMA,
+        energy=ENERGY,
+    )
+    # the innermost shell surrounds the centre
+    return float(grid.exit_time()[:sectors].mean())
+
+
+def test_the_solution_has_converged():
+    """Half as many cells along r and cos θ change the escape time by less than a fifth of the accuracy."""
+    assert escape_time(6.0, shells=120, sectors=40) == pytest.approx(escape_time(6.0), rel=0.2 * ACCURACY)
+
+
+def check_escape(law, device: str, pull: float, worlds: int) -> None:
+    speed = pull * ENERGY / rim(DEPTH) / GAMMA
+    expected = escape_time(pull)
+    longest = 40.0 * expected
+    scene = dragged(speed, longest, rim(DEPTH), Settings(accuracy=ACCURACY))
+    sim = Simulation(scene, worlds=worlds, seed=92, device=device)
+    mean, error = across_worlds(first_escapes(sim, longest))
+    name = f"mean escape time from {DEPTH:g} k_B T dragged with {pull:g} k_B T/rim, over the law"
+    law(name, mean / expected, 1.0, error / expected, bias=ACCURACY)
+
+
+def test_escape_under_drag(law, device):
+    """Mean time after which a bead is lost by a moving trap, against the backward Smoluchowski equation.
+
+    Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; Kramers 1940.
+    """
+    check_escape(law, device, 8.0, 2000)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("pull", [4.0, 8.0, 12.0])
+def test_escape_under_drag_precisely(law, device, pull):
+    """Mean time after which a bead is lost by a moving trap, against the backward Smoluchowski equation.
+
+    Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; Kramers 1940.
+    """
+    check_escape(law, device, pull, {4.0: 15_000, 8.0: 50_000, 12.0: 50_000}[pull])
