@@ -22,7 +22,7 @@ class Features:
 
     Attributes:
         driver: `solo`, one thread owns one body for many steps (bodies do not touch each other); `world`, one thread
-            owns a world for many steps; `grid`, one thread per body and step, neighbours from a hash grid.
+            owns a world for many steps; `grid`, one thread per body and step, neighbours from lists.
         bodies, traps: How many of each in a world.
         trap_models: Force models in use, keys of `TRAP_TERMS`.
         moving_traps: Traps follow key frames.
@@ -33,10 +33,19 @@ class Features:
         obstacles: Shapes of obstacles that something can hit.
         moving_obstacles: Some of them move.
         pairs: Bodies can touch each other.
+        rods: Some of them touch by rods too.
+        soft_contacts: In the `grid` driver, contacts of lone spheres are so soft against the time step that their force
+            at its start serves for all of it.
         escapes: Traps hold spheres that can escape.
+        crossings: Escapes between steps count; off only where a benchmark asks what that is worth.
+        walls: Planes that hinder motion hydrodynamically: 0, 1, or 2 for several.
         max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
             thread keeps that room to itself.
         fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
+        integrator: Key of `INTEGRATORS`.
+        noise: Distribution of the thermal noise, one of `NOISES`.
+        lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
+            bodies to a thread.
     """
 
     driver: Literal["solo", "world", "grid"] = "solo"
@@ -53,9 +62,16 @@ class Features:
     obstacles: tuple[str, ...] = ()
     moving_obstacles: bool = False
     pairs: bool = False
+    rods: bool = False
+    soft_contacts: bool = False
     escapes: bool = False
+    crossings: bool = True
+    walls: int = 0
     max_contacts: int = MAX_CONTACTS
     fast_math: bool = False
+    integrator: str = "heun"
+    noise: str = "gaussian"
+    lanes: bool = False
 
     @property
     def still_traps(self) -> bool:
@@ -87,13 +103,26 @@ class Features:
                 "shapes: " + ", ".join(self.obstacles),
                 "no obstacle, or nothing that collides",
             ),
+            (
+                "hydrodynamic walls",
+                self.walls > 0,
+                "planes with ot:obstacle:hydrodynamic",
+                "no plane with ot:obstacle:hydrodynamic",
+            ),
             ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
             ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
+            ("rods in contact", self.rods, "a rod collides", "no rod that anything can touch"),
             (
-                "neighbour grid",
+                "neighbour lists",
                 self.driver == "grid" and self.pairs,
                 f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
                 "bodies do not touch" if not self.pairs else "few bodies",
+            ),
+            (
+                "implicit contact forces",
+                self.contacts and not self.soft_contacts,
+                "contacts may be stiff against the time step",
+                "contacts are soft against the time step" if self.contacts else "nothing touches",
             ),
             (
                 "escape detection",

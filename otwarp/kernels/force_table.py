@@ -8,6 +8,19 @@ import warp as wp
 
 from otwarp.kernels.roots import reciprocal_root, square_root
 
+mat32 = wp.types.matrix(shape=(3, 2), dtype=wp.float32)
+
+
+@wp.struct
+class GridLevel:
+    """One level, as interpolation needs it; a loop of steps keeps the finest in registers."""
+
+    node: wp.int32  # first node
+    columns: wp.int32  # nodes along ρ
+    radius: wp.float32  # distance from the focus up to which the level serves [µm]
+    per_spacing: wp.float32  # 1/spacing [1/µm]
+    middle: wp.float32  # cells below the focus
+
 
 @wp.struct
 class ForceTableData:
@@ -18,29 +31,7 @@ class ForceTableData:
 
     node: wp.array(dtype=wp.vec3)
     level_start: wp.array(dtype=wp.int32)  # (tables + 1) first level of each table
-    node_start: wp.array(dtype=wp.int32)  # (L) first node
-    columns: wp.array(dtype=wp.int32)  # (L) nodes along ρ
-    radius: wp.array(dtype=wp.float32)  # (L) distance from the focus up to which the level serves [µm]
-    per_spacing: wp.array(dtype=wp.float32)  # (L) 1/spacing [1/µm]
-
-
-@wp.struct
-class GridLevel:
-    """One level, as interpolation needs it; a loop of steps keeps the finest in registers."""
-
-    node: wp.int32  # first node
-    columns: wp.int32
-    radius: wp.float32  # [µm]
-    per_spacing: wp.float32  # [1/µm]
-    middle: wp.float32  # cells below the focus
-
-
-@wp.func
-def grid_level(tables: ForceTableData, level: int) -> GridLevel:
-    """Level of this number, counted over all tables."""
-    radius = tables.radius[level]
-    per_spacing = tables.per_spacing[level]
-    return GridLevel(tables.node_start[level], tables.columns[level], radius, per_spacing, radius * per_spacing)
+    level: wp.array(dtype=GridLevel)  # (L)
 
 
 BLEND = wp.constant(0.8)
@@ -193,23 +184,13 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
     interpolate = INTERPOLATIONS[interpolation](layers)
 
     @wp.func
-    def far_force(
-        tables: ForceTableData, table: int, rho: float, z: float, d2: float, first: wp.vec3, second: wp.vec3
-    ) -> wp.vec3:
-        """Beyond the inner part of the finest level: the level that serves, blended with the one outside it."""
+    def outer_level(tables: ForceTableData, table: int, d2: float) -> int:
+        """The level that serves at a squared distance."""
         level = tables.level_start[table]
         last = tables.level_start[table + 1] - 1
-        while level < last and d2 >= tables.radius[level] * tables.radius[level]:
+        while level < last and d2 >= tables.level[level].radius * tables.level[level].radius:
             level += 1
-        radius = tables.radius[level]
-        force = wp.vec3(0.0)
-        # written so that a NaN is outside
-        if d2 < radius * radius:
-            w = blend_weight(d2, radius)
-            force = (1.0 - w) * interpolate(tables, grid_level(tables, level), rho, z, first, second)
-            if level < last and w > 0.0:
-                force += w * interpolate(tables, grid_level(tables, level + 1), rho, z, first, second)
-        return force
+        return level
 
     @wp.func
     def table_force(tables: ForceTableData, table: int, finest: GridLevel, x: float, y: float, z: float) -> wp.vec3:
@@ -233,7 +214,102 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
         if d2 < inner * inner:
             f = interpolate(tables, finest, rho, z, first, second)
         else:
-            f = far_force(tables, table, rho, z, d2, first, second)
+            level = outer_level(tables, table, d2)
+            here = tables.level[level]
+            # written so that a NaN is outside
+            if d2 < here.radius * here.radius:
+                w = blend_weight(d2, here.radius)
+                parts = int(1)
+                if w > 0.0 and level < tables.level_start[table + 1] - 1:
+                    parts = 2
+                # a loop, so that the interpolation stands here once
+                weight = float(1.0) - w
+                for _ in range(parts):
+                    f += weight * interpolate(tables, here, rho, z, first, second)
+                    if parts == 2:
+                        here = tables.level[level + 1]
+                    weight = w
         return wp.vec3(f[0] * c - f[1] * s, f[0] * s + f[1] * c, f[2])
 
     return table_force
+
+
+def cell_slopes_term(interpolation: str, layers: int) -> wp.Function:
+    """`(tables, level, rho, z, first, second) -> (3, 2) ∂(F_ρ, F_φ, F_z)/∂(ρ, z)` of one level [pN/µm per mW].
+
+    Central differences over a cell of what the force interpolates, which smooths over the cell's size. The
+    exponential integrator stays right whatever stiffness it is given; a closer one lets it take longer steps.
+    """
+    interpolate = INTERPOLATIONS[interpolation](layers)
+
+    @wp.func
+    def cell_slopes(
+        tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
+    ) -> mat32:
+        """Half a cell to either side; across the axis the field is mirrored, F_ρ and F_φ odd and F_z even."""
+        h = 0.5 / level.per_spacing
+        inner = wp.max(rho - h, 0.0)
+        along_rho = (
+            interpolate(tables, level, rho + h, z, first, second) - interpolate(tables, level, inner, z, first, second)
+        ) / (rho + h - inner)
+        along_z = level.per_spacing * (
+            interpolate(tables, level, rho, z + h, first, second)
+            - interpolate(tables, level, rho, z - h, first, second)
+        )
+        return wp.matrix_from_cols(along_rho, along_z)
+
+    return cell_slopes
+
+
+def table_stiffness_term(interpolation: str, layers: int) -> wp.Function:
+    """`(tables, table, place) -> mat33` symmetric part of −∂F/∂x in the beam's frame [pN/µm per mW].
+
+    Args:
+        interpolation, layers: As `table_term`. `place` is (x, y, z) from the focus, x along the major axis of the
+            polarization [µm].
+    """
+    interpolate = INTERPOLATIONS[interpolation](layers)
+    slopes_at = cell_slopes_term(interpolation, layers)
+
+    @wp.func
+    def table_stiffness(tables: ForceTableData, table: int, place: wp.vec3) -> wp.mat33:
+        """∂F in cylindrical coordinates, turned into Cartesian ones; of the level that serves, without blending."""
+        level = tables.level_start[table]
+        last = tables.level_start[table + 1] - 1
+        distance = wp.length(place)
+        while level < last and distance >= BLEND * tables.level[level].radius:
+            level += 1
+        grid = tables.level[level]
+        # at least two cells from the rim, so that differences stay on the grid
+        stiffness = wp.mat33(0.0)
+        if distance < grid.radius - 2.0 / grid.per_spacing:
+            rho = wp.max(wp.sqrt(place[0] * place[0] + place[1] * place[1]), 1.0e-3 / grid.per_spacing)
+            c = place[0] / rho
+            s = place[1] / rho
+            if c * c + s * s < 0.5:
+                c = 1.0
+                s = 0.0
+            c2 = c * c - s * s
+            s2 = 2.0 * c * s
+            first = wp.vec3(c2, s2, c2)
+            second = wp.vec3(s2, c2, s2)
+            f = interpolate(tables, grid, rho, place[2], first, second)
+            turned = wp.vec3(0.0)
+            if wp.static(layers > 1):
+                # what is left of the layers that do not depend on φ cancels in this difference
+                along = wp.vec3(-2.0 * s2, 2.0 * c2, -2.0 * s2)
+                across = wp.vec3(2.0 * c2, -2.0 * s2, 2.0 * c2)
+                zero = wp.vec3(0.0)
+                turned = interpolate(tables, grid, rho, place[2], along, across)
+                turned -= interpolate(tables, grid, rho, place[2], zero, zero)
+            d = slopes_at(tables, grid, rho, place[2], first, second)
+            k_rf = -0.5 * (d[1, 0] + (turned[0] - f[1]) / rho)
+            k_rz = -0.5 * (d[0, 1] + d[2, 0])
+            k_fz = -0.5 * (d[1, 1] + turned[2] / rho)
+            k_ff = -(f[0] + turned[1]) / rho
+            local = wp.mat33(-d[0, 0], k_rf, k_rz, k_rf, k_ff, k_fz, k_rz, k_fz, -d[2, 1])
+            turn = wp.mat33(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+            stiffness = turn * local * wp.transpose(turn)
+        return stiffness
+
+    return table_stiffness

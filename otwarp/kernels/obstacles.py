@@ -84,17 +84,18 @@ def capsule_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach:
 
 @wp.func
 def mesh_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Closed triangle mesh; the sign comes from the pseudo-normal of the closest feature."""
+    """Triangle mesh: closed, where the sign comes from the pseudo-normal of the closest feature, or a thin sheet."""
     result = wp.vec4(0.0, 0.0, 1.0, FAR)
     mesh = obstacles.mesh[index]
     query = wp.mesh_query_point_sign_normal(mesh, point, reach)
     if query.result:
         way = point - wp.mesh_eval_position(mesh, query.face, query.u, query.v)
         distance = wp.length(way)
+        sign = wp.where(obstacles.sheet[index] != 0, 1.0, query.sign)
         n = wp.mesh_eval_face_normal(mesh, query.face)
         if distance > 1.0e-6:
-            n = (query.sign / distance) * way
-        result = wp.vec4(n[0], n[1], n[2], query.sign * distance)
+            n = (sign / distance) * way
+        result = wp.vec4(n[0], n[1], n[2], sign * distance)
     return result
 
 

@@ -20,6 +20,8 @@ class Stream(enum.IntEnum):
     """First four deviates of a body's thermal noise (translation, first rotation)."""
     BROWNIAN_B = 1
     """Last two deviates of a rigid body's thermal noise."""
+    CROSSING = 2
+    """Whether a path left a trap's reach between two steps; counts traps in place of bodies."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)
@@ -66,6 +68,12 @@ def philox(counter: vec4u, seed: wp.uint32, stream: wp.uint32) -> vec4u:
         k0 = k0 + _W0
         k1 = k1 + _W1
     return vec4u(c0, c1, c2, c3)
+
+
+@wp.func
+def uniform(word: wp.uint32) -> wp.float32:
+    """Uniform deviate in (0, 1]."""
+    return (wp.float32(word) + 0.5) * _TO_UNIT
 
 
 @wp.func

@@ -5,8 +5,8 @@ Measured on demand, not at every step: one thread per trap and per sphere gather
 
 import warp as wp
 
-from otwarp.kernels.body import trap_command_term
 from otwarp.kernels.features import Features
+from otwarp.kernels.trap_wrench import trap_command_term
 from otwarp.kernels.traps import trap_force_term
 from otwarp.kernels.types import ControlData, ModelData, StateData
 
@@ -40,7 +40,7 @@ def sphere_position_term(f: Features) -> wp.Function:
 def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     """Kernels over (world, trap), (world, sphere) and (world, hand), to be launched in this order."""
     trap_command = trap_command_term(f)
-    prepare, trap_force = trap_force_term(f.trap_models)
+    prepare, trap_force = trap_force_term(f.trap_models)[1:3]
     sphere_position = sphere_position_term(f)
 
     @wp.func

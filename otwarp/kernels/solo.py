@@ -2,12 +2,15 @@
 
 import warp as wp
 
-from otwarp.kernels.body import FEW_TRAPS, bead_constants_term, bead_move_term, free_move_term
-from otwarp.kernels.escapes import escape_term
+from otwarp.kernels.bead import FEW_TRAPS, bead_constants_term
+from otwarp.kernels.body import body_dynamics
+from otwarp.kernels.escapes import NEAR, crossed, escape_term
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import Features
-from otwarp.kernels.rotation import rotate_by
+from otwarp.kernels.integrators import INTEGRATORS, whole_step
+from otwarp.kernels.rigid import angular_part, linear_part
 from otwarp.kernels.types import (
+    BeadConstants,
     ControlData,
     ModelData,
     Pose,
@@ -17,6 +20,7 @@ from otwarp.kernels.types import (
     TrapData,
     world_row,
 )
+from otwarp.kernels.walls import out_of_walls, sphere_dynamics
 
 
 def make_solo_step(f: Features) -> wp.Kernel:
@@ -24,28 +28,78 @@ def make_solo_step(f: Features) -> wp.Kernel:
     return make_body_step(f) if f.rigid else make_bead_step(f)
 
 
-@wp.func
-def watched_range(traps: TrapData, readout: ReadoutData, world: int, b: int, trap: int) -> float:
-    """Squared distance at which the sphere that a trap holds has escaped [µm²]; inf if this is not it, or it has."""
-    reach = traps.held_range[world_row(traps.held_range.shape[0], world), trap]
-    if traps.held_body[trap] != b or readout.escape_step[world, trap] >= wp.int64(0):
-        reach = wp.inf
-    return reach * reach
+@wp.struct
+class Watch:
+    """One trap's view of a lone sphere, kept in registers over a launch."""
+
+    reach: wp.float32  # distance at which the sphere has escaped [µm], inf if the trap does not hold it or lost it
+    near2: wp.float32  # squared distance beyond which it may have left and come back within a step [µm²]
+    last2: wp.float32  # squared distance one step ago [µm²]
+    escape: wp.int32  # steps of this launch after which it was lost, -1: never
 
 
 @wp.func
-def escaped(law: TrapConstants, command: wp.vec4, position: wp.vec3, range2: float) -> bool:
-    """Whether a sphere is out of the range of a trap that shines."""
-    # the same displacement as the force of the step needs, so that it is computed once
-    away = position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis)
-    return wp.length_sq(away) > range2 and command[3] > 0.0
+def start_watch(traps: TrapData, readout: ReadoutData, bead: BeadConstants, world: int, b: int, trap: int) -> Watch:
+    """Watch the sphere that a trap holds, unless it is another one or has escaped before."""
+    watch = Watch()
+    watch.reach = traps.held_range[world_row(traps.held_range.shape[0], world), trap]
+    if traps.held_body[trap] != b or readout.escape_step[world, trap] >= wp.int64(0) or bead.trapped == 0:
+        watch.reach = wp.inf
+    near = wp.max(watch.reach - NEAR * bead.spread, 0.0)
+    watch.near2 = near * near
+    watch.escape = -1
+    return watch
+
+
+def watch_term(f: Features) -> wp.Function:
+    """`(model, bead, watch, law, command, world, trap, position, first, taken) -> Watch` after `taken` steps."""
+
+    @wp.func
+    def watched(
+        model: ModelData,
+        bead: BeadConstants,
+        watch: Watch,
+        law: TrapConstants,
+        command: wp.vec4,
+        world: int,
+        trap: int,
+        position: wp.vec3,
+        first: wp.int64,
+        taken: int,
+    ) -> Watch:
+        """Lost if out of reach of a trap that shines, now or since the last look."""
+        # the same displacement as the force of the step needs, so that it is computed once
+        away2 = wp.length_sq(position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis))
+        if wp.max(away2, watch.last2) > watch.near2 and command[3] > 0.0:
+            lost = away2 > watch.reach * watch.reach
+            if wp.static(f.brownian and f.crossings):
+                if taken > 0 and not lost:
+                    step = first + wp.int64(taken - 1)
+                    s2 = bead.spread * bead.spread
+                    lost = crossed(model.seed, world, trap, step, watch.reach, watch.last2, away2, s2)
+            if lost:
+                watch.escape = taken
+                watch.reach = wp.inf
+                watch.near2 = wp.inf
+        watch.last2 = away2
+        return watch
+
+    return watched
+
+
+@wp.func
+def note_escape(readout: ReadoutData, watch: Watch, world: int, trap: int, first: wp.int64):
+    """Report a loss; a sphere that starts out of reach escapes with the first step."""
+    if watch.escape >= 0:
+        readout.escape_step[world, trap] = first + wp.int64(wp.max(watch.escape, 1))
 
 
 def make_bead_step(f: Features) -> wp.Kernel:
     """Step for lone spheres: whatever does not change over a launch is read once."""
     bead_constants = bead_constants_term(f)
-    bead_move = bead_move_term(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
     watch = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
+    watched = watch_term(f)
     note_escapes = escape_term(f) if f.escapes and not watch else None
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
@@ -67,59 +121,59 @@ def make_bead_step(f: Features) -> wp.Kernel:
             world = first_world + wp.tid() // wp.static(f.bodies)
         position = state.position[world, b]
         bead = bead_constants(model, control, world, b)
-        # steps of this launch after which the sphere held by the first or second trap was out of range; a sphere that
-        # starts there escapes with the first step
-        first_escape = int(-1)
-        second_escape = int(-1)
-        first_range = float(wp.inf)
-        second_range = float(wp.inf)
+        first = Watch()
+        second = Watch()
         if wp.static(watch):
-            if bead.trapped != 0:
-                first_range = watched_range(model.traps, readout, world, b, 0)
-                if wp.static(f.traps == FEW_TRAPS):
-                    second_range = watched_range(model.traps, readout, world, b, 1)
+            first = start_watch(model.traps, readout, bead, world, b, 0)
+            if wp.static(f.traps == FEW_TRAPS):
+                second = start_watch(model.traps, readout, bead, world, b, 1)
         taken = int(0)
         for i in range(steps):
             if wp.static(watch):
-                if escaped(bead.first, bead.first_command, position, first_range):
-                    first_escape = i
-                    first_range = float(wp.inf)
+                first = watched(
+                    model, bead, first, bead.first, bead.first_command, world, 0, position, first_step, i
+                )  # fmt: skip
                 if wp.static(f.traps == FEW_TRAPS):
-                    if escaped(bead.second, bead.second_command, position, second_range):
-                        second_escape = i
-                        second_range = float(wp.inf)
+                    second = watched(
+                        model, bead, second, bead.second, bead.second_command, world, 1, position, first_step, i
+                    )  # fmt: skip
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step
-            moved = position + bead_move(model, control, state, bead, world, b, position, step, time)
+            moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
+            if wp.static(f.walls > 0):
+                moved += out_of_walls(model.walls, b, Pose(moved, wp.quat_identity()))
             if not finite(moved):
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 break
-            position = moved
             taken = i + 1
             if wp.static(f.escapes and not watch):
-                pose = Pose(position, wp.quat_identity())
-                note_escapes(model, control, state, readout, world, b, pose, step + wp.int64(1), time + model.time_step)
+                before = Pose(position, wp.quat_identity())
+                pose = Pose(moved, wp.quat_identity())
+                note_escapes(
+                    model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
+                )
+            position = moved
         state.position[world, b] = position
         if wp.static(watch):
-            if escaped(bead.first, bead.first_command, position, first_range):
-                first_escape = taken
-            if first_escape >= 0:
-                readout.escape_step[world, 0] = first_step + wp.int64(wp.max(first_escape, 1))
-        if wp.static(watch and f.traps == FEW_TRAPS):
-            if escaped(bead.second, bead.second_command, position, second_range):
-                second_escape = taken
-            if second_escape >= 0:
-                readout.escape_step[world, 1] = first_step + wp.int64(wp.max(second_escape, 1))
+            first = watched(
+                model, bead, first, bead.first, bead.first_command, world, 0, position, first_step, taken
+            )  # fmt: skip
+            note_escape(readout, first, world, 0, first_step)
+            if wp.static(f.traps == FEW_TRAPS):
+                second = watched(
+                    model, bead, second, bead.second, bead.second_command, world, 1, position, first_step, taken
+                )  # fmt: skip
+                note_escape(readout, second, world, 1, first_step)
 
     return bead_step
 
 
 def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
-    free_move = free_move_term(f)
+    constants_of, dynamics = body_dynamics(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     note_escapes = escape_term(f) if f.escapes else None
 
-    # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options={"fast_math": f.fast_math})
     def body_step(
         model: ModelData,
@@ -137,19 +191,24 @@ def make_body_step(f: Features) -> wp.Kernel:
             b = wp.tid() % wp.static(f.bodies)
             world = first_world + wp.tid() // wp.static(f.bodies)
         pose = Pose(state.position[world, b], state.orientation[world, b])
+        body = constants_of(model, control, world, b)
         for i in range(steps):
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step
-            move = free_move(model, control, state, world, b, pose, step, time)
-            moved = pose.position + move.linear
-            if not finite(moved + move.angular):
+            move = move_freely(model, control, state, body, world, b, pose, step, time)
+            if not finite(pose.position + linear_part(move) + angular_part(move)):
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 break
-            pose.position = moved
-            pose.rotation = rotate_by(pose.rotation, move.angular)
+            before = pose
+            pose = moved_by(before, move)
+            if wp.static(f.walls > 0):
+                pose.position = pose.position + out_of_walls(model.walls, b, pose)
             if wp.static(f.escapes):
-                note_escapes(model, control, state, readout, world, b, pose, step + wp.int64(1), time + model.time_step)
+                note_escapes(
+                    model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
+                )
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 
+    moved_by = dynamics.shifted
     return body_step

@@ -1,9 +1,13 @@
 """The contact forces of one world and step, solved directly: block principal pivoting with a dense factorisation.
 
-Each contact obeys λ = max(floor, F − k·s), with s the opening of its gap during the step, itself a result of all λ:
-backward Euler for the linearised contacts. For the contacts above their floor this is (1/k + G) λ = F/k − s₀, with s₀
-the opening without contact forces and G the opening of gap i per unit force in contact j; the matrix is symmetric and
-positive definite. Which contacts rest on their floor is found by exchanging all that contradict themselves (Portugal,
+Each contact obeys λ = F(δ − s), with s the opening of its gap during the step, itself a result of all λ: backward
+Euler. A line stands for the law F, λ = max(floor, F − k·s), at first one that solves a lone contact and keeps a resting
+one exactly (`contact.anticipate`); where several contacts end elsewhere, the tangent there takes its place and they are
+solved again (Newton's method on a convex law, which does not overshoot). For the contacts above their floor this is
+(1/k + G) λ = F/k − s₀, with s₀ the opening without contact forces and G the opening of gap i per unit force in contact
+j; the matrix is symmetric and positive definite. Gaps that nothing closes stay out of it.
+
+Which contacts rest on their floor is found by exchanging all that contradict themselves (Portugal,
 Júdice, Vicente 1994, doi:10.1090/S0025-5718-1994-1250776-4) and, should that cycle, one at a time, which cannot
 (Murty 1974, Opsearch 11, 123).
 
@@ -13,7 +17,7 @@ the dozen contacts of a squeezed cell costs less than a few sweeps.
 
 import warp as wp
 
-from otwarp.kernels.contact import SETTLED, Contact, along
+from otwarp.kernels.contact import SETTLED, Contact, along, anticipate, law_error, tangent_at
 from otwarp.kernels.types import Move
 
 BLOCK_ROUNDS = wp.constant(8)
@@ -23,6 +27,17 @@ ROUNDS = wp.constant(64)
 """Most rounds of one step."""
 
 TOLERANCE = wp.constant(SETTLED)
+
+REDUNDANT = wp.constant(1.0e-4)
+"""Least pivot relative to the give of its contact. Below it the contact has nothing to hold that others do not hold
+already, as the fourth leg of a table, and is yielding by that much: it takes a share of the load that float32 resolves,
+and its gap errs by 10⁻⁴ of what the load would move."""
+
+LAW_ROUNDS = wp.constant(8)
+"""Most times the contacts are solved with new tangents."""
+
+LAW_TOLERANCE = wp.constant(1.0e-3)
+"""Error of a gap, relative to the effective radius, for which a line stands well enough for the force law."""
 
 
 @wp.func
@@ -75,7 +90,7 @@ def factorise(
             scaled = matrix[r * count + q] / pivot[q]
             diagonal -= scaled * matrix[r * count + q]
             matrix[r * count + q] = scaled
-        pivot[r] = diagonal
+        pivot[r] = wp.max(diagonal, REDUNDANT * contacts[i].give)
 
 
 @wp.func
@@ -117,34 +132,70 @@ def contradiction(
 
 
 @wp.func
+def opening_by_moves(c: Contact, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3)) -> float:
+    """Opening of a gap by the moves of its bodies and of its obstacle [µm]."""
+    opening = along(Move(linear[c.a], angular[c.a]), c.arm_a, c.normal) - c.drift
+    if c.b >= 0:
+        opening -= along(Move(linear[c.b], angular[c.b]), c.arm_b, c.normal)
+    return opening
+
+
+@wp.func
+def swap(contacts: wp.array(dtype=Contact), free: wp.array(dtype=float), on: wp.array(dtype=int), i: int, j: int):
+    """Exchange two contacts."""
+    if i != j:
+        c = contacts[i]
+        contacts[i] = contacts[j]
+        contacts[j] = c
+        opening = free[i]
+        free[i] = free[j]
+        free[j] = opening
+        pressed = on[i]
+        on[i] = on[j]
+        on[j] = pressed
+
+
+@wp.func
 def prepare(
     contacts: wp.array(dtype=Contact),
     count: int,
     linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
-    matrix: wp.array(dtype=float),
     free: wp.array(dtype=float),
     on: wp.array(dtype=int),
-):
-    """Fill in G and the free openings; a contact takes part unless its force is constant, as adhesion at a distance."""
+) -> int:
+    """Fill in the lines and the free openings; at first those are pressed that would be alone.
+
+    Returns how many take part: they are moved to the front. The others are gaps that stay open if nothing pushes.
+    """
+    held = int(0)
     for i in range(count):
         c = contacts[i]
-        opening = along(Move(linear[c.a], angular[c.a]), c.arm_a, c.normal) - c.drift
-        if c.b >= 0:
-            opening -= along(Move(linear[c.b], angular[c.b]), c.arm_b, c.normal)
+        opening = opening_by_moves(c, linear, angular)
+        c = anticipate(c, opening)
         free[i] = opening
-        on[i] = wp.where(c.stiffness > 0.0, 1, 0)
-        contacts[i].load = wp.max(c.force, c.floor)
+        on[i] = wp.where(c.stiffness > 0.0 and c.force - c.stiffness * opening > c.floor, 1, 0)
+        c.load = wp.where(c.stiffness > 0.0, c.floor, wp.max(c.force, c.floor))
+        contacts[i] = c
+        if on[i] != 0 or c.overlap >= 0.0 or c.load != 0.0:
+            swap(contacts, free, on, i, held)
+            held += 1
+    return held
+
+
+@wp.func
+def couple(contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float)):
+    """Fill in G above the diagonal."""
+    for i in range(count):
+        c = contacts[i]
         for j in range(i + 1, count):
             matrix[i * count + j] = coupling(c, contacts[j])
 
 
 @wp.func
-def solve_contacts(
+def solve_lines(
     contacts: wp.array(dtype=Contact),
     count: int,
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
     matrix: wp.array(dtype=float),
     free: wp.array(dtype=float),
     right: wp.array(dtype=float),
@@ -152,12 +203,7 @@ def solve_contacts(
     order: wp.array(dtype=int),
     on: wp.array(dtype=int),
 ) -> float:
-    """Write the loads of one step; `linear` and `angular` are the free moves of the bodies [µm, rad].
-
-    The last six arrays are scratch, `matrix` of count² numbers. Returns the largest error left in a gap [µm]: 0 unless
-    the rounds ran out.
-    """
-    prepare(contacts, count, linear, angular, matrix, free, on)
+    """Loads of contacts that follow their lines; the largest error left in a gap [µm], 0 unless the rounds ran out."""
     worst = float(0.0)
     for round in range(ROUNDS):
         pressed = int(0)
@@ -191,17 +237,102 @@ def solve_contacts(
 
 
 @wp.func
+def follow_law(
+    contacts: wp.array(dtype=Contact), count: int, error: wp.array(dtype=float), on: wp.array(dtype=int)
+) -> float:
+    """Tangents for the contacts whose lines miss the force law where they end; the largest error of a gap [µm].
+
+    Where a contact ends follows from its line: at its load if it is pressed, else short of the floor by `error`, what
+    `contradiction` found.
+    """
+    worst = float(0.0)
+    for i in range(count):
+        c = contacts[i]
+        if c.stiffness > 0.0:
+            end = c.overlap - (c.force - c.load) / c.stiffness
+            if on[i] == 0:
+                end = c.overlap - (c.force - c.floor) / c.stiffness + error[i]
+            if end > 0.0 or c.load > c.floor:
+                missed = law_error(c, end)
+                if missed > LAW_TOLERANCE * c.radius:
+                    worst = wp.max(worst, missed)
+                    contacts[i] = tangent_at(c, end)
+    return worst
+
+
+@wp.func
 def apply_loads(
+    contacts: wp.array(dtype=Contact),
+    count: int,
+    sign: float,
+    linear: wp.array(dtype=wp.vec3),
+    angular: wp.array(dtype=wp.vec3),
+):
+    """Add to the moves of the bodies what the contact forces move (`sign` 1), or take it back (−1)."""
+    for i in range(count):
+        c = contacts[i]
+        load = sign * c.load
+        linear[c.a] = linear[c.a] + load * c.response_a.linear
+        angular[c.a] = angular[c.a] + load * c.response_a.angular
+        if c.b >= 0:
+            linear[c.b] = linear[c.b] + load * c.response_b.linear
+            angular[c.b] = angular[c.b] + load * c.response_b.angular
+
+
+@wp.func
+def press_closed(
+    contacts: wp.array(dtype=Contact),
+    held: int,
+    count: int,
+    linear: wp.array(dtype=wp.vec3),
+    angular: wp.array(dtype=wp.vec3),
+    free: wp.array(dtype=float),
+    on: wp.array(dtype=int),
+) -> int:
+    """Press the gaps behind the first `held` contacts that the others pushed closed; their number."""
+    more = int(0)
+    for i in range(held, count):
+        c = contacts[i]
+        if c.overlap - opening_by_moves(c, linear, angular) > TOLERANCE:
+            on[i] = 1
+            swap(contacts, free, on, i, held + more)
+            more += 1
+    return more
+
+
+@wp.func
+def solve_contacts(
     contacts: wp.array(dtype=Contact),
     count: int,
     linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
-):
-    """Add to the moves of the bodies what the contact forces move."""
-    for i in range(count):
-        c = contacts[i]
-        linear[c.a] = linear[c.a] + c.load * c.response_a.linear
-        angular[c.a] = angular[c.a] + c.load * c.response_a.angular
-        if c.b >= 0:
-            linear[c.b] = linear[c.b] + c.load * c.response_b.linear
-            angular[c.b] = angular[c.b] + c.load * c.response_b.angular
+    matrix: wp.array(dtype=float),
+    free: wp.array(dtype=float),
+    right: wp.array(dtype=float),
+    pivot: wp.array(dtype=float),
+    order: wp.array(dtype=int),
+    on: wp.array(dtype=int),
+) -> float:
+    """Write the loads of one step, and add what they move to the free moves of the bodies [µm, rad].
+
+    `linear` and `angular` are these moves; the last six arrays are scratch, `matrix` of count² numbers. The contacts
+    may change places. Returns the largest error left in a gap [µm]: 0 unless the rounds ran out.
+    """
+    held = prepare(contacts, count, linear, angular, free, on)
+    worst = float(0.0)
+    for _ in range(count + 1):
+        couple(contacts, held, matrix)
+        for _law in range(LAW_ROUNDS):
+            worst = solve_lines(contacts, held, matrix, free, right, pivot, order, on)
+            if worst > 0.0:
+                break
+            worst = follow_law(contacts, held, right, on)
+            if worst == 0.0:
+                break
+        apply_loads(contacts, held, 1.0, linear, angular)
+        more = press_closed(contacts, held, count, linear, angular, free, on)
+        if more == 0 or worst > 0.0:
+            break
+        apply_loads(contacts, held, -1.0, linear, angular)
+        held += more
+    return worst

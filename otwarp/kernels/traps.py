@@ -1,20 +1,31 @@
 """Optical traps: where they are, and the force each exerts on a sphere.
 
-A force model is a pair of functions: `prepare(traps, world, trap, radius, kind) -> TrapConstants` gathers what stays
-the same over a run, `force(traps, law, displacement) -> force per mW` evaluates it, with `displacement` the vector from
-the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is such a pair and
-one line of `TRAP_TERMS`.
+A force model is three functions: `prepare(traps, world, trap, radius, kind) -> TrapConstants` gathers what stays the
+same over a run, `force(traps, law, displacement) -> force per mW` evaluates it, and `stiffness(traps, law,
+displacement) -> mat33 per mW` is the symmetric part of −∂F/∂x there, for the exponential integrator. `displacement` is
+the vector from the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is
+such a triple and one line of `TRAP_TERMS`.
 """
 
 import functools
+from typing import NamedTuple
 
 import warp as wp
 
 from otwarp.kernels.exact import exact_force_term
-from otwarp.kernels.force_table import blend_weight, grid_level, table_term
+from otwarp.kernels.force_table import blend_weight, table_stiffness_term, table_term
 from otwarp.kernels.keyframes import find_key, key_weight
 from otwarp.kernels.roots import reciprocal_root
 from otwarp.kernels.types import ControlData, TrapConstants, TrapData, world_row
+
+
+class TrapTerm(NamedTuple):
+    """A force model: the key stored in `TrapData.model`, and its three functions."""
+
+    key: int
+    prepare: wp.Function
+    force: wp.Function
+    stiffness: wp.Function
 
 
 @wp.func
@@ -153,11 +164,78 @@ def piecewise_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) 
 
 
 @wp.func
+def piecewise_curvature(d2: float, threshold2: float, inverse_square: float, offset: float, cutoff2: float) -> float:
+    """(df/dd − f/d)/d² of the piecewise law [pN/µm³ per mW]; zero on its linear branch and beyond the cutoff."""
+    curvature = float(0.0)
+    if d2 >= threshold2 and d2 < cutoff2:
+        per_distance2 = 1.0 / d2
+        per_distance = wp.sqrt(per_distance2)
+        curvature = -(3.0 * inverse_square * per_distance2 + offset) * per_distance * per_distance2
+    return curvature
+
+
+@wp.func
+def harmonic_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """K inside the cutoff."""
+    k = harmonic_ratio(wp.dot(displacement, displacement), law.stiffness, law.cutoff2)
+    return k * wp.identity(n=3, dtype=float)
+
+
+@wp.func
+def harmonic_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """K_r across and K_z along, each inside its own cutoff."""
+    z = wp.dot(displacement, law.axis)
+    d2 = wp.dot(displacement, displacement)
+    f_r = harmonic_ratio(d2 - z * z, law.stiffness, law.cutoff2)
+    f_z = harmonic_ratio(z * z, law.axial_stiffness, law.axial_cutoff2)
+    result = f_r * wp.identity(n=3, dtype=float) + (f_z - f_r) * wp.outer(law.axis, law.axis)
+    if d2 >= law.reach2:
+        result = wp.mat33(0.0)
+    return result
+
+
+@wp.func
+def piecewise_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """f/d across the displacement and df/dd along it."""
+    d2 = wp.dot(displacement, displacement)
+    ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+    curvature = piecewise_curvature(d2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+    return ratio * wp.identity(n=3, dtype=float) + curvature * wp.outer(displacement, displacement)
+
+
+@wp.func
+def piecewise_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """The same of the two curves."""
+    z = wp.dot(displacement, law.axis)
+    across = displacement - z * law.axis
+    result = wp.mat33(0.0)
+    if wp.dot(displacement, displacement) < law.reach2:
+        r2 = wp.dot(across, across)
+        z2 = z * z
+        f_r = piecewise_ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        c_r = piecewise_curvature(r2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        f_z = piecewise_ratio(
+            z2,
+            law.axial_stiffness,
+            law.axial_threshold2,
+            law.axial_inverse_square,
+            law.axial_offset,
+            law.axial_cutoff2,
+        )
+        c_z = piecewise_curvature(
+            z2, law.axial_threshold2, law.axial_inverse_square, law.axial_offset, law.axial_cutoff2
+        )
+        result = f_r * wp.identity(n=3, dtype=float) + c_r * wp.outer(across, across)
+        result += (f_z + c_z * z2 - f_r) * wp.outer(law.axis, law.axis)
+    return result
+
+
+@wp.func
 def prepare_table(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
     """The table of the trap's beam and the sphere's kind."""
     law = beam_frame(traps, trap)
     law.table = traps.table[trap, kind]
-    law.finest = grid_level(traps.tables, traps.tables.level_start[law.table])
+    law.finest = traps.finest[trap, kind]
     return law
 
 
@@ -188,6 +266,21 @@ def tabulated_term(interpolation: str, layers: int, upright: bool) -> wp.Functio
     return tabulated_upright if upright else tabulated
 
 
+def tabulated_stiffness_term(interpolation: str, layers: int) -> wp.Function:
+    """The stiffness of a table, in world axes; arguments as `table_term`."""
+    stiffness_at = table_stiffness_term(interpolation, layers)
+
+    @wp.func
+    def tabulated_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """Into the beam's frame and back."""
+        frame = wp.matrix_from_rows(law.side, law.up, law.axis)
+        place = frame * displacement + wp.vec3(0.0, 0.0, law.equilibrium)
+        k = stiffness_at(traps.tables, law.table, place)
+        return wp.transpose(frame) * k * frame
+
+    return tabulated_stiffness
+
+
 @functools.lru_cache(maxsize=16)
 def exact_term(orders: int, nodes: int) -> wp.Function:
     """The exact force of the trap's beam on the sphere's kind, in float64; it ends as the tables do.
@@ -203,7 +296,7 @@ def exact_term(orders: int, nodes: int) -> wp.Function:
         z = wp.dot(displacement, law.axis) + law.equilibrium
         x = wp.dot(displacement, law.side)
         y = wp.dot(displacement, law.up)
-        cutoff = traps.tables.radius[traps.tables.level_start[law.table + 1] - 1]
+        cutoff = traps.tables.level[traps.tables.level_start[law.table + 1] - 1].radius
         d2 = x * x + y * y + z * z
         force = wp.vec3(0.0)
         if d2 < cutoff * cutoff:
@@ -227,47 +320,59 @@ def table_name(interpolation: str, layers: int, upright: bool) -> str:
     return f"table_{interpolation}{LAYER_NAMES[layers]}{'_upright' if upright else ''}"
 
 
-TRAP_TERMS: dict[str, tuple[int, wp.Function, wp.Function]] = {
-    "harmonic_isotropic": (0, prepare_law(branches=False, split=False), harmonic_isotropic),
-    "harmonic_split": (1, prepare_law(branches=False, split=True), harmonic_split),
-    "piecewise_isotropic": (2, prepare_law(branches=True, split=False), piecewise_isotropic),
-    "piecewise_split": (3, prepare_law(branches=True, split=True), piecewise_split),
+TRAP_TERMS: dict[str, TrapTerm] = {
+    "harmonic_isotropic": TrapTerm(
+        0, prepare_law(branches=False, split=False), harmonic_isotropic, harmonic_isotropic_stiffness
+    ),
+    "harmonic_split": TrapTerm(1, prepare_law(branches=False, split=True), harmonic_split, harmonic_split_stiffness),
+    "piecewise_isotropic": TrapTerm(
+        2, prepare_law(branches=True, split=False), piecewise_isotropic, piecewise_isotropic_stiffness
+    ),
+    "piecewise_split": TrapTerm(3, prepare_law(branches=True, split=True), piecewise_split, piecewise_split_stiffness),
     **{
-        table_name(interpolation, layers, upright): (
+        table_name(interpolation, layers, upright): TrapTerm(
             TABLE_KEY + 6 * cubic + 2 * layers + upright,
             prepare_table,
             tabulated_term(interpolation, layers, upright),
+            tabulated_stiffness_term(interpolation, layers),
         )
         for cubic, interpolation in enumerate(("bilinear", "bicubic"))
         for layers in LAYER_NAMES
         for upright in (False, True)
     },
 }
-"""Force models by name: the key stored in `TrapData.model`, and the pair of functions."""
+"""Force models by name."""
 
-EXACT_KEY = 4
-"""Key of the exact model, whose term depends on the room its sphere and reach need."""
-
-
-def exact_name(orders: int, nodes: int) -> str:
-    """Name of the exact model with these capacities."""
-    return f"exact_{orders}_{nodes}"
+EXACT_KEY = 40
+"""First key of the exact models, whose terms depend on the room their spheres and reach need."""
 
 
-def trap_term(name: str) -> tuple[int, wp.Function, wp.Function]:
-    """Key, prepare and force of a model: of `TRAP_TERMS`, or of the exact one by `exact_name`."""
+def exact_name(orders: int, nodes: int, interpolation: str, layers: int) -> str:
+    """Name of the exact model with these capacities; the rest describes the tables beside it."""
+    return f"exact_{orders}_{nodes}_{interpolation}_{layers}"
+
+
+def trap_term(name: str) -> TrapTerm:
+    """The model of this name: of `TRAP_TERMS`, or the exact one by `exact_name`.
+
+    An exact force has a table beside it, which knows how far it reaches and how stiff it is.
+    """
     if name.startswith("exact_"):
-        orders, nodes = (int(part) for part in name.split("_")[1:])
-        return EXACT_KEY, prepare_table, exact_term(orders, nodes)
+        orders, nodes, interpolation, layers = name.split("_")[1:]
+        key = EXACT_KEY + 3 * (interpolation == "bicubic") + int(layers) - 1
+        stiffness = tabulated_stiffness_term(interpolation, int(layers))
+        return TrapTerm(key, prepare_table, exact_term(int(orders), int(nodes)), stiffness)
     return TRAP_TERMS[name]
 
 
-def trap_force_term(models: tuple[str, ...]) -> tuple[wp.Function, wp.Function]:
-    """Prepare and force for the models a scene uses: those of the only one, or a branch on the trap's model."""
-    key, prepare_head, force_head = trap_term(models[0])
+def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
+    """The functions for the models a scene uses: those of the only one, or a branch on the trap's model."""
+    head = trap_term(models[0])
     if len(models) == 1:
-        return prepare_head, force_head
-    prepare_rest, force_rest = trap_force_term(models[1:])
+        return head
+    rest = trap_force_term(models[1:])
+    key, prepare_head, force_head, stiffness_head = head
+    _, prepare_rest, force_rest, stiffness_rest = rest
 
     @wp.func
     def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
@@ -280,16 +385,26 @@ def trap_force_term(models: tuple[str, ...]) -> tuple[wp.Function, wp.Function]:
         return law
 
     @wp.func
-    def either(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    def force(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
         """This model's force, or that of one of the rest."""
-        force = wp.vec3(0.0)
+        f = wp.vec3(0.0)
         if law.model == wp.static(key):
-            force = force_head(traps, law, displacement)
+            f = force_head(traps, law, displacement)
         else:
-            force = force_rest(traps, law, displacement)
-        return force
+            f = force_rest(traps, law, displacement)
+        return f
 
-    return prepare, either
+    @wp.func
+    def stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """This model's stiffness, or that of one of the rest."""
+        k = wp.mat33(0.0)
+        if law.model == wp.static(key):
+            k = stiffness_head(traps, law, displacement)
+        else:
+            k = stiffness_rest(traps, law, displacement)
+        return k
+
+    return TrapTerm(key, prepare, force, stiffness)
 
 
 @wp.func

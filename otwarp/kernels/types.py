@@ -30,6 +30,7 @@ class TrapData:
     axis: wp.array(dtype=wp.vec3)  # (T) beam direction
     side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
     table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
+    finest: wp.array2d(dtype=GridLevel)  # (T, optical kinds) first level of that table, so that one read finds it
     tables: ForceTableData
     exact: wp.array(dtype=ExactData)  # one per table, (0) without exact traps
     exact_scale: wp.array(dtype=wp.float32)  # (tables) force per mW of Q = 1 [pN]
@@ -52,6 +53,7 @@ class TrapData:
     hand: wp.array(dtype=wp.int32)  # (T) 0 none, 1 left, 2 right
     held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
+    held_mobility: wp.array(dtype=wp.float32)  # (T) mean mobility of that sphere's centre at unit viscosity [1/µm]
     held_range: wp.array2d(dtype=wp.float32)  # (1|W, T) distance at which that sphere has escaped [µm]
 
 
@@ -98,6 +100,38 @@ class BeadConstants:
     second: TrapConstants
     first_command: wp.vec4  # focus [µm] and power [mW] of traps that stay where they are
     second_command: wp.vec4
+    # of the `lanes` form
+    deviates: wp.uint64  # address of a block of noise
+    deviates_from: wp.int64  # its first step
+
+
+@wp.struct
+class RigidConstants:
+    """What one time step needs to know of a rigid body, in its own frame: M dt about the centre of diffusion.
+
+    Symmetric blocks as (xx, yy, zz, xy, xz, yz), lower triangles as (xx, yy, zz, yx, zx, zy).
+    """
+
+    translation: vec6  # [µm/pN]
+    coupling: vec6  # [1/pN], symmetric about the centre of diffusion
+    rotation: vec6  # [1/pN/µm]
+    translation_root: vec6  # lower factor of 2 k_B T M dt, block by block [µm]
+    coupling_root: wp.mat33
+    rotation_root: vec6
+    aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are
+    reaches: wp.vec4  # squared distance up to which they act [µm²]
+    # of the `lanes` form
+    deviates: wp.uint64  # address of a block of noise
+    deviates_from: wp.int64  # its first step
+
+
+@wp.struct
+class BodyConstants:
+    """Those of a body of either kind; the other kind's are zero."""
+
+    turns: wp.int32  # 1: a rigid body
+    bead: BeadConstants
+    rigid: RigidConstants
 
 
 @wp.struct
@@ -126,7 +160,8 @@ class ContactData:
     """Constants of contact."""
 
     start: wp.array(dtype=wp.int32)  # (B + 1)
-    sphere: wp.array(dtype=wp.vec4)  # (C) offset and radius of the spheres that collide
+    sphere: wp.array(dtype=wp.vec4)  # (C) offset (of a rod: of its middle) and radius of what collides
+    half: wp.array(dtype=wp.vec3)  # (C) from the middle of a rod to its end [µm], 0 for a sphere; (0) without rods
     body: wp.array(dtype=wp.int32)  # (C) body of each
     compliance: wp.array(dtype=wp.float32)  # (B) (1 − ν²)/E [µm²/pN]
     adhesion: wp.array(dtype=wp.float32)  # (B) work of adhesion [pN/µm]
@@ -140,6 +175,7 @@ class ObstacleData:
     shape: wp.array(dtype=wp.int32)  # (O) key of kernels.obstacles.SHAPES
     size: wp.array(dtype=wp.vec3)  # (O) [µm]
     mesh: wp.array(dtype=wp.uint64)  # (O) wp.Mesh id or 0
+    sheet: wp.array(dtype=wp.int32)  # (O) 1: a mesh that is not closed, solid from both sides
     bound: wp.array(dtype=wp.float32)  # (O) radius of the bounding sphere about its origin [µm]
     key_start: wp.array(dtype=wp.int32)  # (O + 1)
     key_time: wp.array(dtype=wp.float64)  # [s]
@@ -159,6 +195,18 @@ class FlowData:
 
 
 @wp.struct
+class WallData:
+    """No-slip planes that hinder motion, and the spheres that feel them; all of length 0 without such walls."""
+
+    normal: wp.array(dtype=wp.vec3)  # (walls) unit normal into the liquid
+    offset: wp.array(dtype=wp.float32)  # (walls) normal·point of the plane [µm]
+    start: wp.array(dtype=wp.int32)  # (B + 1)
+    sphere: wp.array(dtype=wp.vec4)  # offset from the reference point, body frame, and radius [µm]
+    turned_back: wp.array(dtype=wp.int32)  # 1: the wall stops it, because no contact does
+    resistance: wp.array(dtype=mat66)  # (shapes) of the free body at unit viscosity, body frame; (0) without rotation
+
+
+@wp.struct
 class ModelData:
     """All that never changes during a run."""
 
@@ -171,6 +219,7 @@ class ModelData:
     contact: ContactData
     obstacles: ObstacleData
     flow: FlowData
+    walls: WallData
 
 
 @wp.struct

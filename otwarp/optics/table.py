@@ -18,7 +18,7 @@ over the outer fifth of each with a continuous first derivative, and the last on
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -64,15 +64,22 @@ class TableLevel:
     """One grid.
 
     Attributes:
-        radius: Distance from the focus up to which it serves [µm].
+        radius: Distance from the focus up to which the grid reaches, and serves [µm].
         spacing: Of its nodes, along ρ and z [µm].
         node: (rows, columns, layers, 3) float32, node [j, i] at ρ = (i − 1)·spacing, z = (j − 1)·spacing − radius: one
             more than the disc needs on every side. Values of Q for bilinear, B-spline coefficients for bicubic.
+        cut: Distance at which the force is made to end before the grid does [µm].
     """
 
     radius: float
     spacing: float
     node: np.ndarray
+    cut: float = math.inf
+
+    @property
+    def end(self) -> float:
+        """Distance from the focus up to which it serves [µm]."""
+        return min(self.radius, self.cut)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,6 +96,8 @@ class ForceTable:
         properties: Equilibrium, stiffness, escape at 1 mW, or None if the beam does not hold this sphere.
         steepest: Steepest restoring slope anywhere in the finest level at 1 mW [pN/µm]; it limits the time step.
         levels: From the finest outward.
+        beyond: Largest |Q| where a cut begins, over `peak`; 0 for a whole table, which ends where the tolerance
+            allows.
     """
 
     beam: Beam
@@ -100,6 +109,7 @@ class ForceTable:
     properties: TrapProperties | None
     steepest: float
     levels: tuple[TableLevel, ...]
+    beyond: float = 0.0
 
     @classmethod
     def build(
@@ -142,12 +152,27 @@ class ForceTable:
     @property
     def cutoff(self) -> float:
         """Distance from the focus beyond which the tabulated force is zero [µm]."""
-        return self.levels[-1].radius
+        return self.levels[-1].end
 
     @property
     def layers(self) -> int:
         """1, 2 or 3."""
         return self.levels[0].node.shape[2]
+
+    def cut(self, reach: float) -> ForceTable:
+        """The table without what a sphere within `reach` of the focus does not need [µm].
+
+        From there on the force fades to zero, which it reaches at `reach`/`BLEND`.
+        """
+        end = reach / BLEND
+        if end >= self.cutoff:
+            return self
+        kept = next(n for n, level in enumerate(self.levels) if level.radius >= end)
+        levels = (*self.levels[:kept], replace(self.levels[kept], cut=end))
+        turns = np.linspace(0.0, np.pi, 181)
+        rim = reach * np.stack([np.sin(turns), 0.0 * turns, np.cos(turns)], axis=1)
+        largest = np.linalg.norm(self.force(rim), axis=1).max()
+        return replace(self, levels=levels, beyond=float(largest / self.peak))
 
     @property
     def size(self) -> int:
@@ -167,14 +192,14 @@ class ForceTable:
         q = np.hypot(rho, z)
         inner = 0.0
         for n, level in enumerate(self.levels):
-            start, end = BLEND * inner, level.radius
+            start, end = BLEND * inner, level.end
             inside = (q >= start) & (q < end)
-            weight = 1.0 - blend_weight(q[inside], level.radius)
+            weight = 1.0 - blend_weight(q[inside], end)
             if n > 0:
                 weight = weight * blend_weight(q[inside], inner)
             local = self._level(level, rho[inside], z[inside], cosine[inside], sine[inside])
             out[inside] += weight[:, None] * local
-            inner = level.radius
+            inner = end
         across = out[:, 0] * cosine - out[:, 1] * sine, out[:, 0] * sine + out[:, 1] * cosine
         return np.stack(
             [

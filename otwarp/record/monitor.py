@@ -199,5 +199,5 @@ def force_line(scene: Scene, cells: Sequence[int], robots: Sequence[int]) -> np.
 
 def can_touch(scene: Scene) -> bool:
     """Whether anything in the scene can touch anything: two colliding bodies, or one and an obstacle."""
-    colliding = sum(any(s.collides for s in body.spheres) for body in scene.bodies)
+    colliding = sum(bool(body.colliding) for body in scene.bodies)
     return colliding > 1 or (colliding == 1 and len(scene.obstacles) > 0)

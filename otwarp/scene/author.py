@@ -12,7 +12,20 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.attributes import author_values, authored, mobility_shift
-from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Scene, Settings, Sphere, Trap, TrapLaw
+from otwarp.scene.description import (
+    Body,
+    Camera,
+    Flow,
+    Goal,
+    Medium,
+    Obstacle,
+    Rod,
+    Scene,
+    Settings,
+    Sphere,
+    Trap,
+    TrapLaw,
+)
 from otwarp.scene.export import export_layer
 from otwarp.scene.looks import Color, Looks, author_extent, draw_beam
 from otwarp.scene.obstacle_prims import define_obstacle
@@ -141,8 +154,15 @@ class SceneBuilder:
         color: Color = _COLORS[Body][0],
         opacity: float = 1.0,
     ) -> Usd.Prim:
-        """Draw a rod from `start` to `end` (centres of its rounded ends, µm, body frame); looks only, no physics."""
-        path = f"{body_prim}/{name}"
+        """Draw a rod from `start` to `end` (centres of its rounded ends, µm, body frame); looks only, no physics.
+
+        Rods that collide or drag are `Rod`s of the body that `add` is given.
+        """
+        return self._capsule(f"{body_prim}/{name}", start, end, radius, color, opacity)
+
+    def _capsule(
+        self, path: str, start: Sequence[float], end: Sequence[float], radius: float, color: Color, opacity: float
+    ) -> Usd.Prim:
         self._check_path(path)
         a, b = np.asarray(start, float), np.asarray(end, float)
         length = float(np.linalg.norm(b - a))
@@ -288,6 +308,8 @@ class SceneBuilder:
         author_values(prim, vocabulary.BODY, vars(body) | vars(body.material) | {"mobility": mobility})
         for sphere in body.spheres:
             self._sphere(body, sphere, color, opacity)
+        for rod in body.rods:
+            self._rod(body, rod, color, opacity)
         return prim
 
     def _sphere(self, body: Body, sphere: Sphere, color: Color, opacity: float) -> None:
@@ -300,12 +322,18 @@ class SceneBuilder:
         author_values(ball.GetPrim(), vocabulary.SPHERE, vars(sphere))
         self._look(ball.GetPrim(), color, opacity)
 
+    def _rod(self, body: Body, rod: Rod, color: Color, opacity: float) -> None:
+        if not rod.prim.startswith(body.prim + "/"):
+            raise InputError(f"SceneBuilder: {rod.prim}: path = {rod.prim}: must be below its body {body.prim}")
+        prim = self._capsule(rod.prim, rod.start, rod.end, rod.radius, color, opacity)
+        author_values(prim, vocabulary.ROD, vars(rod))
+
     def _cell(self, path: str, body: Body, color: Color, opacity: float) -> Usd.Prim:
         sphere = body.spheres[0]
         plain = sphere.offset == (0.0, 0.0, 0.0) and sphere.collides and sphere.drag and body.mobility is None
-        if body.kind != "cell" or len(body.spheres) != 1 or not plain:
+        if body.kind != "cell" or len(body.spheres) != 1 or body.rods or not plain:
             raise InputError(
-                f"SceneBuilder: {path}: kind = {body.kind}: must be cell, with one centred colliding sphere"
+                f"SceneBuilder: {path}: kind = {body.kind}: must be cell, with one centred colliding sphere, no rods"
             )
         ball = UsdGeom.Sphere.Define(self._stage, self._parents(path))
         ball.CreateRadiusAttr(float(sphere.radius))

@@ -7,6 +7,7 @@ spheres are in the frame of the body's prim. Nothing here knows USD or Warp.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -83,9 +84,10 @@ class Settings:
     """How the scene is to be stepped.
 
     Attributes:
-        accuracy: Wanted relative error of stationary variances; the time step follows from it.
+        accuracy: Wanted relative error of variances, correlations and escape times; the time step follows from it.
         time_step: Explicit time step [s], or None to let otwarp choose.
         integrator: Name of the time integrator.
+        noise: Distribution of the thermal displacement of a step.
         brownian: Whether thermal noise acts.
         gravity: Whether weight minus buoyancy acts (along −Z).
         duration: Length of the authored run [s].
@@ -94,7 +96,8 @@ class Settings:
 
     accuracy: float = 0.01
     time_step: float | None = None
-    integrator: str = "eulerMaruyama"
+    integrator: str = "heun"
+    noise: str = "gaussian"
     brownian: bool = True
     gravity: bool = False
     duration: float = 1.0
@@ -151,6 +154,8 @@ class Trap(_ByValue):
         glass_index: Refractive index of the cover glass and immersion oil [1], or None for no interface.
         tolerance: Largest error of the force table, relative to the peak force [1].
         interpolation: Interpolation in the force table, `bilinear` or `bicubic`.
+        reach: Distance from the focus up to which an optical force is computed at least [µm], inf for as far as the
+            tolerance asks; the far field falls slowly, and a robot of many spheres pays for all of it.
         radial, axial: Force curves across and along the beam; `axial` is None when one isotropic curve serves, and
             both are None when none is authored, as only an optical trap may.
         equilibrium: Where the force curves vanish, µm from the focus along the beam; d is measured from there. An
@@ -175,6 +180,7 @@ class Trap(_ByValue):
     glass_index: float | None = None
     tolerance: float = 1e-3
     interpolation: str = "bilinear"
+    reach: float = math.inf
     radial: TrapLaw | None = None
     axial: TrapLaw | None = None
     equilibrium: float = 0.0
@@ -212,19 +218,33 @@ class Sphere:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rod:
+    """A rod of a body, which no trap acts on: centres of its rounded ends in the body's frame [µm], radius [µm]."""
+
+    prim: str
+    start: Vec3
+    end: Vec3
+    radius: float
+    collides: bool = True
+    drag: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
 class Body:
-    """A rigid body made of spheres: a microrobot, a bead, or a cell (one sphere).
+    """A rigid body made of spheres and rods: a microrobot, a bead, or a cell (one sphere).
 
     Attributes:
         prim: Path of its prim; for an instance, the path of its PointInstancer.
         instance: Index within a PointInstancer, or None.
         kind: `robot` (OtBodyAPI) or `cell` (OtCellAPI).
         position, orientation: Pose of the prim at the start.
-        spheres: Its spheres.
+        spheres: Its spheres, at least one.
+        rods: Its rods.
         density: pN·s²/µm⁴.
         material: Contact surface.
         mobility: Override of the computed geometric mobility, 36 numbers row by row about the prim's origin in the
             prim's frame at unit viscosity [1/µm, 1/µm², 1/µm³], or None.
+        mobility_accuracy: Wanted relative error of the computed mobility; 0 for the RPY tensors of its spheres alone.
         warning_force: Contact force above which the user is warned [pN], inf for none.
     """
 
@@ -234,15 +254,22 @@ class Body:
     position: Vec3 = (0.0, 0.0, 0.0)
     orientation: Quat = IDENTITY
     spheres: tuple[Sphere, ...]
+    rods: tuple[Rod, ...] = ()
     density: float = 1190e-12
     material: Material = field(default_factory=Material)
     mobility: tuple[float, ...] | None = None
+    mobility_accuracy: float = 0.01
     warning_force: float = float("inf")
 
     @property
     def name(self) -> str:
         """Readable unique name: the prim path, with the index of an instance."""
         return self.prim if self.instance is None else f"{self.prim}[{self.instance}]"
+
+    @property
+    def colliding(self) -> tuple[Sphere | Rod, ...]:
+        """What of it touches other things: spheres, then rods."""
+        return tuple(element for element in (*self.spheres, *self.rods) if element.collides)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -259,6 +286,7 @@ class Obstacle(_ByValue):
             the straight part, 0); plane and mesh: zeros [µm].
         vertices: (n, 3) µm, mesh only, scale applied.
         triangles: (m, 3) vertex indices, mesh only.
+        hydrodynamic: Whether the liquid sticks to it and hinders what moves nearby; a plane at rest only.
     """
 
     prim: str
@@ -268,6 +296,7 @@ class Obstacle(_ByValue):
     size: Vec3 = (0.0, 0.0, 0.0)
     vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int32))
+    hydrodynamic: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

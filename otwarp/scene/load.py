@@ -18,6 +18,7 @@ from otwarp.scene.read_traps import check_holds, read_trap
 from otwarp.scene.source import Source, open_stage, quiet_usd, usd_reason
 
 _BODIES = ("OtBodyAPI", "OtCellAPI")
+_ELEMENTS = ("OtSphereAPI", "OtRodAPI")
 
 
 def load_scene(path: Path, *, duration: float | None = None) -> Scene:
@@ -66,8 +67,9 @@ class _Sorted:
         body = _enclosing(source, prim)
         if "OtSceneAPI" in applied and prim != source.stage.GetDefaultPrim():
             raise source.bad(prim, "apiSchemas", "OtSceneAPI", "on the default prim")
-        if "OtSphereAPI" in applied and (body is None or not source.has(body, "OtBodyAPI")):
-            raise source.bad(prim, "apiSchemas", "OtSphereAPI", "below a prim with OtBodyAPI")
+        for schema in _ELEMENTS:
+            if schema in applied and (body is None or not source.has(body, "OtBodyAPI")):
+                raise source.bad(prim, "apiSchemas", schema, "below a prim with OtBodyAPI")
         for schema, prims in self.single.items():
             if schema in applied:
                 prims.append(prim)
@@ -79,6 +81,9 @@ class _Sorted:
             self.bodies.append(prim)
         elif is_collider(source, prim) and body is None and "OtSphereAPI" not in applied:
             self.obstacles.append(prim)
+        elif "OtObstacleAPI" in applied and (body is not None or not source.has(prim, "PhysicsCollisionAPI")):
+            allowed = "on an obstacle: a prim with PhysicsCollisionAPI outside any body"
+            raise source.bad(prim, "apiSchemas", "OtObstacleAPI", allowed)
 
 
 def _prototypes(prims: list[Usd.Prim]) -> list[Sdf.Path]:

@@ -6,6 +6,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from otwarp.errors import InputError
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import author_values
 from otwarp.scene.description import Obstacle
 from otwarp.scene.poses import author_tracks
 
@@ -34,6 +36,8 @@ def define_obstacle(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle, rate: 
     scale = obstacle.size if obstacle.shape == "box" else None
     author_tracks(prim, rate, obstacle.position, obstacle.orientation, scale)
     UsdPhysics.CollisionAPI.Apply(prim).CreateCollisionEnabledAttr(True)
+    if obstacle.hydrodynamic:
+        author_values(prim, vocabulary.OBSTACLE, vars(obstacle))
     if obstacle.position.animated or obstacle.orientation.animated:
         UsdPhysics.RigidBodyAPI.Apply(prim).CreateKinematicEnabledAttr(True)
     return prim

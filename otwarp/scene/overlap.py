@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from otwarp.scene.attributes import bad
-from otwarp.scene.description import Body, Obstacle
+from otwarp.scene.description import Body, Obstacle, Rod, Sphere
 from otwarp.scene.mesh_overlap import inside_mesh, nearest_distance
 from otwarp.scene.transforms import rotation_matrix
 
 OVERLAP_TOLERANCE = 0.1
 """Allowed overlap at the start, relative to the smaller radius."""
+
+_BEADS = 0.5
+"""Distance, relative to its radius, of the spheres that stand for a rod: 3 % of the radius is the most they miss."""
 
 _LARGE = 4.0
 """Spheres larger than this times the median are compared with all others instead of through the grid."""
@@ -21,7 +24,7 @@ _HALF_SPACE = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0
 
 
 def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
-    """Check colliding spheres of different bodies, and each of them against all obstacles, at the start.
+    """Check colliding spheres and rods of different bodies, and each of them against all obstacles, at the start.
 
     Raises:
         InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
@@ -52,13 +55,23 @@ def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstac
 def _colliding(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     owners, centres, radii = [], [], []
     for index, body in enumerate(bodies):
-        turn = None if len(body.spheres) == 1 and not any(body.spheres[0].offset) else rotation_matrix(_array(body))
-        for sphere in body.spheres:
-            if sphere.collides:
+        plain = len(body.spheres) == 1 and not body.rods and not any(body.spheres[0].offset)
+        turn = None if plain else rotation_matrix(_array(body))
+        for element in body.colliding:
+            for offset in _beads(element):
                 owners.append(index)
-                radii.append(sphere.radius)
-                centres.append(body.position if turn is None else turn @ np.array(sphere.offset) + body.position)
+                radii.append(element.radius)
+                centres.append(body.position if turn is None else turn @ offset + body.position)
     return np.array(owners, dtype=int), np.array(centres, dtype=float).reshape(-1, 3), np.array(radii, dtype=float)
+
+
+def _beads(element: Sphere | Rod) -> np.ndarray:
+    """(n, 3) centres in the body's frame of the spheres that an element is compared by: itself, or a row along it."""
+    if isinstance(element, Sphere):
+        return np.array([element.offset])
+    start, end = np.array(element.start), np.array(element.end)
+    count = 2 + int(np.linalg.norm(end - start) / (_BEADS * element.radius))
+    return start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
 
 
 def _array(body: Body) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Reads rigid bodies: robots made of spheres, single cells, and instanced cells."""
+"""Reads rigid bodies: robots made of spheres and rods, single cells, and instanced cells."""
 
 from __future__ import annotations
 
@@ -9,26 +9,28 @@ from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
 from otwarp.scene.attributes import mobility_shift, read_values
-from otwarp.scene.description import Body, Material, Sphere
-from otwarp.scene.read_obstacles import is_collider
+from otwarp.scene.description import Body, Material, Rod, Sphere
+from otwarp.scene.read_obstacles import is_collider, round_size
 from otwarp.scene.source import Source, quat, vec3
 from otwarp.scene.transforms import rotate
 
 
 def read_robot(source: Source, prim: Usd.Prim) -> Body:
-    """Read one prim with OtBodyAPI and the OtSphereAPI spheres below it.
+    """Read one prim with OtBodyAPI and the OtSphereAPI spheres and OtRodAPI rods below it.
 
     Raises:
-        InputError: No sphere, a nested body, or a sphere that is scaled unevenly.
+        InputError: No sphere, a nested body, or a sphere or rod that is scaled unevenly.
     """
     values = read_values(source.file, prim, vocabulary.BODY)
     position, rotation, scale = source.pose(prim)
-    spheres = []
+    spheres, rods = [], []
     for child in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
         if child != prim and (source.has(child, "OtBodyAPI") or source.has(child, "OtCellAPI")):
             raise source.bad(child, "apiSchemas", "a body", f"outside the body {prim.GetPath()}")
         if source.has(child, "OtSphereAPI"):
             spheres.append(_sphere(source, child, prim, scale))
+        if source.has(child, "OtRodAPI"):
+            rods.append(_rod(source, child, prim, scale))
     if not spheres:
         raise source.bad(prim, "OtSphereAPI", "(no sphere below)", "on at least one Sphere below the body")
     return Body(
@@ -37,9 +39,11 @@ def read_robot(source: Source, prim: Usd.Prim) -> Body:
         position=vec3(position),
         orientation=quat(rotation),
         spheres=tuple(spheres),
+        rods=tuple(rods),
         density=values["density"],
         material=Material(youngs_modulus=values["youngs_modulus"], poisson_ratio=values["poisson_ratio"]),
         mobility=mobility_shift(tuple(values["mobility"]), -1) if len(values["mobility"]) else None,
+        mobility_accuracy=values["mobility_accuracy"],
         warning_force=values["warning_force"],
     )
 
@@ -52,6 +56,31 @@ def _sphere(source: Source, prim: Usd.Prim, body: Usd.Prim, body_scale: np.ndarr
     values = read_values(source.file, prim, vocabulary.SPHERE)
     return Sphere(
         prim=str(prim.GetPath()), offset=vec3(offset), radius=source.geometry(prim, "radius") * scale, **values
+    )
+
+
+def _rod(source: Source, prim: Usd.Prim, body: Usd.Prim, body_scale: np.ndarray) -> Rod:
+    if not (prim.IsA(UsdGeom.Capsule) or prim.IsA(UsdGeom.Cylinder)):
+        kind = prim.GetTypeName() or "typeless prim"
+        raise source.bad(prim, "apiSchemas", "OtRodAPI", f"on a Capsule or Cylinder, not a {kind}")
+    values = read_values(source.file, prim, vocabulary.ROD)
+    axis = str(prim.GetAttribute("axis").Get())
+    radius, half = round_size(source, prim, source.pose(prim)[2], axis)
+    relative = source.relative(prim, body)
+    middle = relative[3, :3] * body_scale
+    along = relative["XYZ".index(axis), :3] * body_scale
+    along /= np.linalg.norm(along)
+    if prim.IsA(UsdGeom.Cylinder):
+        half -= radius  # the rounded ends stay within its flat ones
+        if half < 0.0:
+            shown, least = 2.0 * (half + radius) / source.unit, 2.0 * radius / source.unit
+            raise source.bad(prim, "height", f"{shown:g}", f"{least:g} stage units or more, twice the radius, on a rod")
+    return Rod(
+        prim=str(prim.GetPath()),
+        start=vec3(middle - half * along),
+        end=vec3(middle + half * along),
+        radius=radius,
+        **values,
     )
 
 

@@ -42,6 +42,7 @@ def read_settings(source: Source, root: Usd.Prim, duration: float | None) -> Set
         accuracy=values["accuracy"],
         time_step=values["time_step"] or None,
         integrator=values["integrator"],
+        noise=values["noise"],
         brownian=bool(values["brownian"]),
         gravity=bool(values["gravity"]),
         duration=duration,

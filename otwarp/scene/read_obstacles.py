@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from otwarp.scene import vocabulary
+from otwarp.scene.attributes import read_values
 from otwarp.scene.description import Obstacle
 from otwarp.scene.motion import motion
 from otwarp.scene.source import Source, track, vec3
@@ -30,13 +32,14 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     """Read one prim with PhysicsCollisionAPI.
 
     Raises:
-        InputError: A shape that is not supported, a scale it cannot carry, or a scale that changes.
+        InputError: A shape that is not supported, a scale it cannot carry, or a scale that changes; a hydrodynamic
+            obstacle that is no plane at rest.
     """
     readers = {
         "Cube": _box,
         "Sphere": _sphere,
-        "Cylinder": _rod,
-        "Capsule": _rod,
+        "Cylinder": _round,
+        "Capsule": _round,
         "Plane": _plane,
         "Mesh": _mesh,
     }
@@ -49,9 +52,25 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     axis = str(prim.GetAttribute("axis").Get()) if kind in ("Cylinder", "Capsule", "Plane") else "Z"
     fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
     turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
-    return Obstacle(
-        prim=str(prim.GetPath()), position=track(times, positions), orientation=track(times, turned), **fields
+    obstacle = Obstacle(
+        prim=str(prim.GetPath()),
+        position=track(times, positions),
+        orientation=track(times, turned),
+        hydrodynamic=_hydrodynamic(source, prim),
+        **fields,
     )
+    if obstacle.hydrodynamic and (obstacle.position.animated or obstacle.orientation.animated):
+        raise source.bad(prim, "ot:obstacle:hydrodynamic", True, "false on an obstacle that moves")
+    return obstacle
+
+
+def _hydrodynamic(source: Source, prim: Usd.Prim) -> bool:
+    if not source.has(prim, vocabulary.OBSTACLE.name):
+        return False
+    hydrodynamic = bool(read_values(source.file, prim, vocabulary.OBSTACLE)["hydrodynamic"])
+    if hydrodynamic and str(prim.GetTypeName()) != "Plane":
+        raise source.bad(prim, "ot:obstacle:hydrodynamic", True, f"false on a {prim.GetTypeName()}, true on a Plane")
+    return hydrodynamic
 
 
 def _box(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
@@ -63,7 +82,17 @@ def _sphere(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dic
     return {"shape": "sphere", "size": (source.geometry(prim, "radius") * source.uniform(prim, scale), 0.0, 0.0)}
 
 
-def _rod(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+def _round(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
+    radius, half = round_size(source, prim, scale, axis)
+    return {"shape": "capsule" if prim.IsA(UsdGeom.Capsule) else "cylinder", "size": (radius, half, 0.0)}
+
+
+def round_size(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> tuple[float, float]:
+    """Radius and half height (of the straight part) of a Capsule or Cylinder under `scale` [µm].
+
+    Raises:
+        InputError: A scale that makes it something else.
+    """
     along = "XYZ".index(axis)
     across = np.delete(np.abs(scale), along)
     capsule = prim.IsA(UsdGeom.Capsule)
@@ -74,7 +103,7 @@ def _rod(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[s
         raise source.bad(prim, "xformOp:scale", f"({shown})", allowed)
     radius = source.geometry(prim, "radius") * float(across[0])
     half = source.geometry(prim, "height", positive=not capsule) / 2 * float(abs(scale[along]))
-    return {"shape": "capsule" if capsule else "cylinder", "size": (radius, half, 0.0)}
+    return radius, half
 
 
 def _plane(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:

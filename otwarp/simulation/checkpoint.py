@@ -55,6 +55,9 @@ def save(sim: Simulation, path: Path) -> Path:
         "time_step": sim.time_step,
         "step": sim.state.step,
         "fast_math": sim.model.features.fast_math,
+        "integrator": sim.scene.settings.integrator,
+        "noise": sim.scene.settings.noise,
+        "crossings": sim.model.features.crossings,
     }
     arrays = {k: v.numpy() for k, v in _arrays(sim).items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
@@ -121,6 +124,9 @@ def restore(
         parameters=parameters,
         threads=threads,
         fast_math=bool(about.get("fast_math", False)),
+        integrator=about.get("integrator", "eulerMaruyama"),
+        noise=about.get("noise", "gaussian"),
+        crossings=bool(about.get("crossings", True)),
     )
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back

@@ -21,7 +21,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
     """Bytes of device memory held by the model's tables and the arrays of `groups` (State, Control, Readout)."""
     arrays = [v for group in groups for v in vars(group).values() if isinstance(v, wp.array)]
     data = model.data
-    for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow):
+    for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow, data.walls):
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
     arrays.append(data.traps.tables.node)
     return sum(a.capacity for a in arrays)
@@ -46,8 +46,9 @@ def _bodies(scene: Scene) -> list[dict[str, Any]]:
             "kind": body.kind,
             "count": 1,
             "spheres": len(body.spheres),
+            "rods": len(body.rods),
             "trapped": sum(s.trapped for s in body.spheres),
-            "colliding": sum(s.collides for s in body.spheres),
+            "colliding": len(body.colliding),
             "translational_diffusion": energy_over_viscosity * float(np.trace(move.mobility[:3, :3])) / 3.0,
             "rotational_diffusion": energy_over_viscosity * float(np.trace(move.mobility[3:, 3:])) / 3.0,
         }
@@ -110,6 +111,7 @@ def _optics(model: Model) -> list[dict[str, Any]]:
                     "escape_force": list(about.escape_force) if about else None,
                     "escape_distance": [_finite(d) for d in about.escape_distance] if about else None,
                     "cutoff": table.cutoff,
+                    "beyond": table.beyond,
                     "table_error": table.error,
                     "tolerance": table.tolerance,
                     "interpolation": table.interpolation,
@@ -117,6 +119,15 @@ def _optics(model: Model) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _integrator_reason(model: Model) -> str:
+    """Why the integrator is not the one that the scene asks for; empty if it is."""
+    if model.features.integrator == model.scene.settings.integrator:
+        return ""
+    if model.features.walls:
+        return "near hydrodynamic walls mobility and noise depend on place"
+    return "many bodies in contact are stepped in one stage"
 
 
 def describe(
@@ -146,6 +157,7 @@ def describe(
             for o in scene.obstacles
         ],
         "time_scales": scales,
+        "integrator_reason": _integrator_reason(model),
         "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in model.features.terms()],
         "memory": device_bytes(model, *groups),
     }

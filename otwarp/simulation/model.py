@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
+from otwarp.kernels.features import Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
+from otwarp.simulation.composition import check_settings, compose
 from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_traps import (
+    HeldSphere,
     pack_flow,
     pack_medium,
     pack_traps,
@@ -27,8 +29,10 @@ from otwarp.simulation.pack_traps import (
     trap_places,
     trap_reach,
 )
+from otwarp.simulation.pack_walls import check_flow, hydrodynamic_walls, pack_walls
 from otwarp.simulation.parameters import expand_all
-from otwarp.simulation.relaxation import Neighbours, TrapRelaxation
+from otwarp.simulation.relaxation import Neighbours, TrapRelaxation, mean_point_mobility
+from otwarp.simulation.softness import soft_contacts
 from otwarp.simulation.timescales import TimeScales, time_scales, warn_of_lost_motion
 
 
@@ -91,6 +95,9 @@ class Model:
         time_step: float | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
         fast_math: bool = False,
+        integrator: str | None = None,
+        noise: str | None = None,
+        crossings: bool = True,
     ) -> Model:
         """Pack a scene for a device.
 
@@ -101,21 +108,28 @@ class Model:
             time_step: Explicit step [s] instead of the scene's or the chosen one.
             parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
             fast_math: Approximate instructions on CUDA; see `Simulation`.
+            integrator, noise: Names as in the scene, or None for the scene's; see `Simulation`.
+            crossings: Whether escapes between steps count; see `Simulation`.
 
         Raises:
             InputError: Anything out of range.
         """
+        authored = scene
+        chosen = {"time_step": time_step, "integrator": integrator, "noise": noise}
+        kept = {name: value for name, value in chosen.items() if value is not None}
+        scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **kept))
         _check(scene, worlds, seed)
         place = pick_device(device)
         moves = mobilities(scene)
         overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
         _check_laws(scene, overrides)
         optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], place)
-        authored, scene = scene, optics.resolve(scene)
+        scene = optics.resolve(scene)
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = dataclasses.replace(_features(scene, values, optics), fast_math=fast_math)
+        features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings)
+        check_flow(scene, values)
         relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
         scales = time_scales(
@@ -124,13 +138,16 @@ class Model:
             values,
             relaxation,
             steepest,
+            integrator=features.integrator,
             contacts=features.contacts,
-            wanted=time_step if time_step is not None else scene.settings.time_step,
+            wanted=scene.settings.time_step,
         )
+        soft = soft_contacts(scene, moves, values, features, scales.time_step)
+        features = dataclasses.replace(features, soft_contacts=soft)
         warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian)
         held_range = np.minimum(_held_range(scene, values, held), optics.escape_distance())
         data, meshes = _pack(scene, moves, values, features, optics, place)
-        data.traps = pack_traps(scene, values, _held_offsets(scene, held, moves), held_range, optics, place)
+        data.traps = pack_traps(scene, values, _held_spheres(scene, held, moves), held_range, optics, place)
         data.time_step = wp.float64(scales.time_step)
         data.seed = wp.uint32(seed)
         return cls(
@@ -169,6 +186,7 @@ class Model:
 
 def _check(scene: Scene, worlds: int, seed: int) -> None:
     """Refuse what no model can be built from."""
+    check_settings(scene)
     if worlds < 1:
         raise InputError(f"worlds is {worlds}; allowed: 1 or more")
     if not 0 <= seed < 2**32:
@@ -201,9 +219,10 @@ def _pack(
     data.bodies = len(scene.bodies)
     data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
     data.body = pack_bodies(scene, moves, optics, device)
-    data.contact = pack_contact(scene, moves, features.contacts, device)
+    data.contact = pack_contact(scene, moves, features.contacts, device, rods=features.rods)
     data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
     data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], device)
+    data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), device)
     return data, meshes
 
 
@@ -218,59 +237,17 @@ def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
     }
 
 
-def _room_for_contacts(scene: Scene, pairs: bool) -> int:
-    """Contacts a world can have at most, as a power of two (so that similar scenes share a step), up to the limit."""
-    spheres = [sum(s.collides for s in body.spheres) for body in scene.bodies]
-    possible = sum(spheres) * len(scene.obstacles)
-    if pairs:
-        possible += (sum(spheres) ** 2 - sum(n * n for n in spheres)) // 2
-    return min(MAX_CONTACTS, 1 << max(2, (possible - 1).bit_length()))
-
-
-def _features(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -> Features:
-    """The terms this scene needs."""
-    bodies, traps = scene.bodies, scene.traps
-    colliding = sum(any(s.collides for s in b.spheres) for b in bodies)
-    pushed = any(s.trapped for b in bodies for s in b.spheres)
-    # sorted, so that scenes with the same models share one compiled step
-    models = tuple(sorted({optics.term_name(scene, t) for t in range(len(traps))})) if pushed else ()
-    obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
-    pairs = colliding > 1
-    limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))
-    flow = scene.flow
-    moving = flow is not None and bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
-    driver = "solo"
-    if pairs or obstacles or limits:
-        driver = "world" if len(bodies) <= MAX_WORLD_BODIES else "grid"
-    return Features(
-        driver=driver,
-        bodies=len(bodies),
-        traps=len(traps) if models else 0,
-        trap_models=models,
-        moving_traps=bool(models) and any(t.position.animated or t.power.animated for t in traps),
-        speed_limits=limits,
-        spheres=not all(is_rigid(b) for b in bodies),
-        rigid=any(is_rigid(b) for b in bodies),
-        brownian=scene.settings.brownian and bool(np.any(values["medium_temperature"] > 0.0)),
-        gravity=scene.settings.gravity,
-        flow=flow.kind if flow and moving else None,
-        obstacles=obstacles,
-        moving_obstacles=bool(obstacles)
-        and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
-        pairs=pairs,
-        max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
-        escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
-    )
-
-
-def _held_offsets(
-    scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]
-) -> list[tuple[int, np.ndarray]]:
-    """Per trap: body, and offset of the held sphere from the body's reference point [µm]."""
-    return [
-        (b, np.array(scene.bodies[b].spheres[i].offset) - moves[b].reference) if b >= 0 else (-1, np.zeros(3))
-        for b, i in held
-    ]
+def _held_spheres(scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]) -> list[HeldSphere]:
+    """Per trap the sphere it holds."""
+    spheres = []
+    for b, i in held:
+        if b < 0:
+            spheres.append(HeldSphere(-1, np.zeros(3), 0.0))
+            continue
+        offset = np.array(scene.bodies[b].spheres[i].offset)
+        mobility = mean_point_mobility(moves[b], offset) if is_rigid(scene.bodies[b]) else moves[b].mobility[0, 0]
+        spheres.append(HeldSphere(b, offset - moves[b].reference, float(mobility)))
+    return spheres
 
 
 def _held_range(scene: Scene, values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]) -> np.ndarray:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.force_table import ForceTableData
+from otwarp.kernels.force_table import ForceTableData, GridLevel
 from otwarp.kernels.traps import exact_name, table_name
 from otwarp.scene.description import IDENTITY, Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate
@@ -100,7 +100,7 @@ class TrapOptics:
             nearest[t] = kinds.index((chosen.radius, chosen.refractive_index))
             beam = beam_of(trap, scene.medium)
             for k, (radius, index) in enumerate(kinds):
-                key = (beam, radius, index, trap.tolerance, trap.interpolation)
+                key = (beam, radius, index, trap.tolerance, trap.interpolation, trap.reach)
                 if key not in tables:
                     tables[key] = len(made)
                     sphere = Sphere(radius=radius, index=index)
@@ -111,7 +111,7 @@ class TrapOptics:
                             tolerance=trap.tolerance,
                             interpolation=trap.interpolation,
                             device=device.alias,
-                        )
+                        ).cut(trap.reach)
                     )
                 table[t, k] = tables[key]
         exact: dict[int, PackedForce] = {}
@@ -136,9 +136,10 @@ class TrapOptics:
         if not self._optical(trap):
             # without a sphere to act on, any term serves
             return f"{'harmonic' if entry.optical else entry.model}_{'split' if entry.axial else 'isotropic'}"
-        if entry.model == "exact":
-            return exact_name(max(e.orders for e in self.exact.values()), max(e.nodes for e in self.exact.values()))
         table = self.tables[self.table[trap, 0]]
+        if entry.model == "exact":
+            orders, nodes = (max(getattr(e, n) for e in self.exact.values()) for n in ("orders", "nodes"))
+            return exact_name(orders, nodes, entry.interpolation, table.layers)
         return table_name(entry.interpolation, table.layers, _upright(entry, table.beam))
 
     def _optical(self, trap: int) -> bool:
@@ -221,8 +222,8 @@ def trap_sides(scene: Scene) -> np.ndarray:
     return np.array(sides).reshape(-1, 3)
 
 
-def pack_tables(optics: TrapOptics, device: wp.Device) -> ForceTableData:
-    """All tables one after another, in forces per mW."""
+def pack_tables(optics: TrapOptics, device: wp.Device) -> tuple[ForceTableData, wp.array]:
+    """All tables one after another, in forces per mW; and the (T, K) finest level of each pair."""
     starts, nodes, total = [], [np.zeros((0, 3), dtype=np.float32)], 0
     for table in optics.tables:
         for level in table.levels:
@@ -233,12 +234,17 @@ def pack_tables(optics: TrapOptics, device: wp.Device) -> ForceTableData:
             nodes.append(flat)
             total += len(flat)
     levels = [level for table in optics.tables for level in table.levels]
-    counts = np.cumsum([0] + [len(table.levels) for table in optics.tables])
+    packed = np.zeros(len(levels), dtype=GridLevel.numpy_dtype())
+    for row, (start, level) in enumerate(zip(starts, levels, strict=True)):
+        per_spacing = np.float32(1.0 / level.spacing)
+        middle = np.float32(level.radius) * per_spacing
+        packed[row] = (start, level.node.shape[1], level.end, per_spacing, middle)
     data = ForceTableData()
     data.node = device_array(np.concatenate(nodes), wp.vec3, device)
-    data.level_start = device_array(counts, wp.int32, device)
-    data.node_start = device_array(starts, wp.int32, device)
-    data.columns = device_array([level.node.shape[1] for level in levels], wp.int32, device)
-    data.radius = device_array([level.radius for level in levels], wp.float32, device)
-    data.per_spacing = device_array([1.0 / level.spacing for level in levels], wp.float32, device)
-    return data
+    first = np.cumsum([0] + [len(table.levels) for table in optics.tables])
+    data.level_start = device_array(first, wp.int32, device)
+    data.level = wp.array(packed, dtype=GridLevel, device=device)
+    # the finest level of every pair again by trap and kind: one read instead of three in a row
+    chosen = packed[first[np.maximum(optics.table, 0)]] if len(packed) else np.zeros((0, 0), dtype=packed.dtype)
+    finest = wp.array(chosen, dtype=GridLevel, device=device, ndim=2)
+    return data, finest

@@ -8,10 +8,12 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from otwarp.hydrodynamics.mobility import BodyMobility, body_mobilities, from_override
+from otwarp.hydrodynamics.mobility import body_mobility, from_override
+from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.obstacles import FAR, SHAPES
 from otwarp.kernels.types import BodyData, ContactData, ObstacleData, mat66
 from otwarp.scene.description import Body, Scene, Sphere, Vec3
+from otwarp.scene.mesh_overlap import is_closed
 from otwarp.simulation.arrays import device_array
 from otwarp.simulation.optics import TrapOptics
 from otwarp.units import STANDARD_GRAVITY
@@ -23,49 +25,69 @@ def drag_spheres(body: Body) -> list[Sphere]:
 
 
 def mobilities(scene: Scene) -> list[BodyMobility]:
-    """Mobility of every body; equal bodies share one evaluation."""
-    dragging = [drag_spheres(body) for body in scene.bodies]
-    geometry = [(np.array([s.offset for s in spheres]), np.array([s.radius for s in spheres])) for spheres in dragging]
-    computed = body_mobilities(geometry)
-    return [
-        computed[i]
-        if body.mobility is None
-        else from_override(body.mobility, *geometry[i], where=f"prim {body.prim}, attribute ot:body:mobility")
-        for i, body in enumerate(scene.bodies)
-    ]
+    """Mobility of every body, as accurate as it asks for; equal bodies share one evaluation.
+
+    Raises:
+        InputError: A given mobility that is none, or an accuracy out of reach.
+    """
+    file = f"{scene.file}: " if scene.file else ""
+    return [_mobility(body, f"{file}{body.prim}:") for body in scene.bodies]
+
+
+def _mobility(body: Body, where: str) -> BodyMobility:
+    spheres, rods = drag_spheres(body), [r for r in body.rods if r.drag]
+    centres, radii = np.array([s.offset for s in spheres]), np.array([s.radius for s in spheres])
+    if body.mobility is not None:
+        return from_override(body.mobility, centres, radii, where=f"{where} ot:body:mobility")
+    ends = (np.array([r.start for r in rods]), np.array([r.end for r in rods]), np.array([r.radius for r in rods]))
+    named = f"{where} ot:body:mobilityAccuracy"
+    return body_mobility(centres, radii, rods=ends if rods else None, accuracy=body.mobility_accuracy, where=named)
 
 
 def is_rigid(body: Body) -> bool:
-    """Whether the body needs rotation: several spheres, or an authored mobility.
+    """Whether the body needs rotation: several spheres, a rod, or an authored mobility.
 
     A lone sphere has no orientation that anything depends on, wherever its prim's origin is.
     """
-    return len(body.spheres) > 1 or body.mobility is not None
+    return len(body.spheres) > 1 or bool(body.rods) or body.mobility is not None
 
 
 def union_volume(body: Body) -> tuple[float, np.ndarray]:
-    """Volume [µm³] and centroid (3,) in the prim's frame [µm] of the union of the body's spheres.
+    """Volume [µm³] and centroid (3,) in the prim's frame [µm] of the union of the body's spheres and rods.
 
     By midpoint counting on a cubic grid about the middle of the union, so that what is symmetric stays so; exact for
     one sphere.
     """
-    volume, centroid = _union(tuple((s.offset, s.radius) for s in body.spheres))
+    volume, centroid = _union(tuple(_elements(body)))
     return volume, np.array(centroid)
 
 
+def _elements(body: Body) -> list[tuple[Vec3, Vec3, float]]:
+    """Ends of the axis and radius of every sphere and rod; the ends of a sphere are its centre."""
+    spheres = [(s.offset, s.offset, s.radius) for s in body.spheres]
+    return spheres + [(r.start, r.end, r.radius) for r in body.rods]
+
+
 @lru_cache(maxsize=4096)
-def _union(spheres: tuple[tuple[Vec3, float], ...], cells: int = 96) -> tuple[float, Vec3]:
-    """Volume and centroid of a union of (centre, radius); equal bodies are counted once."""
-    centres, radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
-    if len(radii) == 1:
-        return float(4.0 / 3.0 * np.pi * radii[0] ** 3), spheres[0][0]
-    low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
+def _union(elements: tuple[tuple[Vec3, Vec3, float], ...], cells: int = 96) -> tuple[float, Vec3]:
+    """Volume and centroid of a union of (end, end, radius); equal bodies are counted once."""
+    starts, ends = np.array([a for a, _, _ in elements]), np.array([b for _, b, _ in elements])
+    radii = np.array([r for _, _, r in elements])
+    if len(radii) == 1 and elements[0][0] == elements[0][1]:
+        return float(4.0 / 3.0 * np.pi * radii[0] ** 3), elements[0][0]
+    low = (np.minimum(starts, ends) - radii[:, None]).min(0)
+    high = (np.maximum(starts, ends) + radii[:, None]).max(0)
     middle, h = 0.5 * (low + high), (high - low).max() / cells
     counts = np.ceil((high - low) / h - 1e-9).astype(int)
     x, y, z = np.meshgrid(*[h * (np.arange(n) - 0.5 * (n - 1)) for n in counts], indexing="ij", sparse=True)
     inside = np.zeros(np.broadcast_shapes(x.shape, y.shape, z.shape), dtype=bool)
-    for c, r in zip(centres - middle, radii, strict=True):
-        inside |= (x - c[0]) ** 2 + (y - c[1]) ** 2 + (z - c[2]) ** 2 < r * r
+    for a, b, r in zip(starts - middle, ends - middle, radii, strict=True):
+        axis = b - a
+        t = np.zeros(())
+        if axis.any():
+            t = (((x - a[0]) * axis[0] + (y - a[1]) * axis[1] + (z - a[2]) * axis[2]) / (axis @ axis)).clip(0.0, 1.0)
+        across = [p - a[k] - t * axis[k] for k, p in enumerate((x, y, z))]
+        inside |= across[0] ** 2 + across[1] ** 2 + across[2] ** 2 < r * r
     centroid = middle + [float((axis * inside).sum()) / inside.sum() for axis in (x, y, z)]
     return float(inside.sum() * h**3), (float(centroid[0]), float(centroid[1]), float(centroid[2]))
 
@@ -107,7 +129,7 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, dev
     turned = zip(scene.bodies, moves, strict=True) if heavy and any(rigid) else ()
     data.weight_arm = device_array([union_volume(b)[1] - m.reference for b, m in turned], wp.vec3, device)
     bounds = [
-        max(np.linalg.norm(np.array(s.offset) - m.reference) + s.radius for s in b.spheres)
+        max(np.linalg.norm(np.array(end) - m.reference) + e[2] for e in _elements(b) for end in e[:2])
         for b, m in zip(scene.bodies, moves, strict=True)
     ]
     data.bound = device_array(bounds, wp.float32, device)
@@ -137,14 +159,25 @@ def _pack_flow_coupling(data: BodyData, scene: Scene, moves: list[BodyMobility],
     data.flow_coupling = device_array(np.concatenate([np.zeros((0, 6, 6)), *couplings]), mat66, device)
 
 
-def pack_contact(scene: Scene, moves: list[BodyMobility], wanted: bool, device: wp.Device) -> ContactData:
-    """Colliding spheres and surfaces; empty tables when nothing can touch anything."""
+def _colliding(body: Body, reference: np.ndarray) -> np.ndarray:
+    """(n, 7) middle from the reference point, radius, and half axis of the spheres and rods that collide."""
+    rods = [(r.start, r.end, r.radius) for r in body.rods if r.collides]
+    spheres = [(s.offset, s.offset, s.radius) for s in body.spheres if s.collides]
+    ends = [(np.array(a), np.array(b), radius) for a, b, radius in spheres + rods]
+    return np.array([[*(0.5 * (a + b) - reference), r, *(0.5 * (b - a))] for a, b, r in ends]).reshape(-1, 7)
+
+
+def pack_contact(
+    scene: Scene, moves: list[BodyMobility], wanted: bool, device: wp.Device, *, rods: bool = False
+) -> ContactData:
+    """Colliding spheres, with `rods` the axes of rods, and surfaces; empty tables when nothing can touch anything."""
     bodies = list(zip(scene.bodies, moves, strict=True)) if wanted else []
-    rows = [_spheres(b, m.reference, "collides") for b, m in bodies]
-    start, table = _ragged(rows, 4)
+    rows = [_colliding(b, m.reference) for b, m in bodies]
+    start, table = _ragged(rows, 7)
     data = ContactData()
     data.start = device_array(start, wp.int32, device)
-    data.sphere = device_array(table, wp.vec4, device)
+    data.sphere = device_array(table[:, :4], wp.vec4, device)
+    data.half = device_array(table[:, 4:] if rods else np.zeros((0, 3)), wp.vec3, device)
     owner = [i for i, r in enumerate(rows) for _ in r]
     data.body = device_array(owner, wp.int32, device)
     surfaces = [b.material for b, _ in bodies]
@@ -174,6 +207,8 @@ def pack_obstacles(scene: Scene, wanted: bool, device: wp.Device) -> tuple[Obsta
     data.shape = device_array([SHAPES[o.shape][0] for o in obstacles], wp.int32, device)
     data.size = device_array([o.size for o in obstacles], wp.vec3, device)
     data.mesh = device_array(ids, wp.uint64, device)
+    sheets = [o.shape == "mesh" and not is_closed(o.vertices, o.triangles) for o in obstacles]
+    data.sheet = device_array(sheets, wp.int32, device)
     data.bound = device_array(bounds, wp.float32, device)
     data.key_start = device_array(keys, wp.int32, device)
     times = np.concatenate([np.zeros(0), *[o.position.times for o in obstacles]])

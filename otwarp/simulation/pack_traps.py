@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -79,10 +80,25 @@ def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class HeldSphere:
+    """The sphere that a trap holds.
+
+    Attributes:
+        body: Its body, -1 for none.
+        offset: (3,) from the body's reference point [µm].
+        mobility: Mean over directions of its centre's mobility at unit viscosity [1/µm].
+    """
+
+    body: int
+    offset: np.ndarray
+    mobility: float
+
+
 def pack_traps(
     scene: Scene,
     values: Mapping[str, np.ndarray],
-    held: list[tuple[int, np.ndarray]],
+    held: list[HeldSphere],
     held_range: np.ndarray,
     optics: TrapOptics,
     device: wp.Device,
@@ -91,7 +107,7 @@ def pack_traps(
 
     Args:
         values: The `(1|W, T)` parameters.
-        held: Per trap the body of the sphere it holds, -1 for none, and the sphere's offset in that body [µm].
+        held: Per trap the sphere it holds.
         held_range: (1|W, T) distance at which that sphere has escaped [µm].
         optics: Force tables.
 
@@ -116,10 +132,10 @@ def pack_traps(
     data.speed_limit = device_array(
         values["trap_speed_limit"] if limits else np.zeros((0, 0)), wp.float32, device, ndim=2
     )
-    data.model = device_array([trap_term(optics.term_name(scene, t))[0] for t in range(len(traps))], wp.int32, device)
+    data.model = device_array([trap_term(optics.term_name(scene, t)).key for t in range(len(traps))], wp.int32, device)
     data.side = device_array(trap_sides(scene), wp.vec3, device)
     data.table = device_array(optics.table, wp.int32, device, ndim=2)
-    data.tables = pack_tables(optics, device)
+    data.tables, data.finest = pack_tables(optics, device)
     packed = [optics.exact[i].data if i in optics.exact else ExactData() for i in range(len(optics.tables))]
     data.exact = wp.array(packed if optics.exact else [], dtype=ExactData, device=device)
     data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
@@ -127,8 +143,9 @@ def pack_traps(
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
     data.law_radius = device_array([law(t).radius for t in traps], wp.float32, device)
     data.hand = device_array([_HANDS[t.hand] for t in traps], wp.int32, device)
-    data.held_body = device_array([b for b, _ in held], wp.int32, device)
-    data.held_offset = device_array([o for _, o in held], wp.vec3, device)
+    data.held_body = device_array([h.body for h in held], wp.int32, device)
+    data.held_offset = device_array([h.offset for h in held], wp.vec3, device)
+    data.held_mobility = device_array([h.mobility for h in held], wp.float32, device)
     data.held_range = device_array(held_range, wp.float32, device, ndim=2)
     _pack_keys(data, traps, device)
     return data

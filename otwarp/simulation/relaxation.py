@@ -80,6 +80,12 @@ def point_mobility(move: BodyMobility, point: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(j @ move.mobility @ j.T).max())
 
 
+def mean_point_mobility(move: BodyMobility, point: np.ndarray) -> float:
+    """Mean over the directions of the mobility of a point of a body, as `point_mobility` [1/µm]."""
+    j = lever(np.asarray(point) - move.reference)
+    return float(np.trace(j @ move.mobility @ j.T)) / 3.0
+
+
 @dataclass(frozen=True, eq=False)
 class _BodyModes:
     """Rates of one body per mW at unit viscosity; M = L Lᵀ.

@@ -13,10 +13,11 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.faults import FAULT_TEXT, Fault
 from otwarp.kernels.step import make_step
 from otwarp.scene.description import Scene
+from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.stepping import FusedStepper, GridStepper
+from otwarp.simulation.stepping import FusedStepper
 
 
 class Simulation:
@@ -33,7 +34,10 @@ class Simulation:
         threads: Worker threads on the CPU; None uses all cores. Results do not depend on it.
         fast_math: On CUDA, use approximate instructions for logarithm, sine, cosine, roots and divisions: up to twice
             as fast for a lone bead. Deviates of the noise change by about 1e-6, far below the error of any time step;
-            on a CPU only the noise's functions change, to the library's.
+            on a CPU only the noise's functions change, to the library's, and only where bodies touch.
+        integrator: `eulerMaruyama`, `leimkuhlerMatthews`, `heun`, `exponential`, or None for the scene's.
+        noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
+        crossings: Whether escapes between the ends of two steps count; off only to measure what that is worth.
 
     Raises:
         InputError: An argument out of range.
@@ -58,6 +62,9 @@ class Simulation:
         parameters: Mapping[str, ArrayLike] | None = None,
         threads: int | None = None,
         fast_math: bool = False,
+        integrator: str | None = None,
+        noise: str | None = None,
+        crossings: bool = True,
     ):
         self.model = Model.build(
             scene,
@@ -67,6 +74,9 @@ class Simulation:
             time_step=time_step,
             parameters=parameters,
             fast_math=fast_math,
+            integrator=integrator,
+            noise=noise,
+            crossings=crossings,
         )
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}; allowed: 1 or more")

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.scene.description import Obstacle, Scene
+from otwarp.scene.description import Obstacle, Scene, Sphere
 from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound, union_volume, weight
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.relaxation import point_mobility
@@ -22,7 +22,9 @@ def places(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def body_bound(scene: Scene) -> float:
     """Radius about its prim's origin that holds any body [µm]."""
-    return max(float(np.linalg.norm(s.offset)) + s.radius for b in scene.bodies for s in b.spheres)
+    spheres = [float(np.linalg.norm(s.offset)) + s.radius for b in scene.bodies for s in b.spheres]
+    rods = [float(np.linalg.norm(p)) + r.radius for b in scene.bodies for r in b.rods for p in (r.start, r.end)]
+    return max(spheres + rods)
 
 
 def flow_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
@@ -37,14 +39,16 @@ def flow_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
 
 
 def trap_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
-    """Fastest motion of a focus along its time samples, no faster than its limit allows [µm/s]."""
+    """Fastest motion of a focus [µm/s]: its limit, for a command may ask for more at any time; without one that along
+    its time samples."""
     limits = values["trap_speed_limit"].max(axis=0)
     speeds = [0.0]
     for trap, limit in zip(scene.traps, limits, strict=True):
         times, points = trap.position.times, trap.position.values
-        if len(times) > 1:
-            fastest = float((np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(times)).max())
-            speeds.append(min(fastest, float(limit)))
+        if np.isfinite(limit):
+            speeds.append(float(limit))
+        elif len(times) > 1:
+            speeds.append(float((np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(times)).max()))
     return max(speeds)
 
 
@@ -89,11 +93,16 @@ def adhesion_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) ->
 
     For two spheres R·(μ₁ + μ₂) = 1/(6πη) whatever their radii, so that of one sphere on a plane serves for all pairs.
     """
-    work = max((b.material.adhesion for b in scene.bodies if any(s.collides for s in b.spheres)), default=0.0)
+    work = max((b.material.adhesion for b in scene.bodies if b.colliding), default=0.0)
     if work <= 0.0:
         return 0.0
-    kinds = {(id(m), s.offset, s.radius): (m, s) for b, m in zip(scene.bodies, moves, strict=True) for s in b.spheres}
-    pulls = [s.radius * point_mobility(m, np.array(s.offset)) for m, s in kinds.values() if s.collides]
+    points = {
+        (id(m), point, element.radius): m
+        for b, m in zip(scene.bodies, moves, strict=True)
+        for element in b.colliding
+        for point in ([element.offset] if isinstance(element, Sphere) else [element.start, element.end])
+    }
+    pulls = [radius * point_mobility(m, np.array(point)) for (_, point, radius), m in points.items()]
     return 2.0 * math.pi * work * max(pulls) / viscosity
 
 

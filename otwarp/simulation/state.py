@@ -40,7 +40,7 @@ class _Bound:
 
 @dataclass(eq=False, kw_only=True)
 class State(_Bound):
-    """What moves. `Simulation.set_state` puts bodies elsewhere; `.assign(...)` is not seen by the neighbour grid.
+    """What moves. `Simulation.set_state` puts bodies elsewhere.
 
     Attributes:
         position: (W, B) vec3, reference point (centre of diffusion) of each body [µm].

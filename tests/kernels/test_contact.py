@@ -5,12 +5,13 @@ import pytest
 import warp as wp
 
 from otwarp.hydrodynamics import body_mobility
-from otwarp.kernels.contact import Contact, along, pair_law, pair_reach, rigid_response
-from otwarp.kernels.solve import apply_loads, solve_contacts
+from otwarp.kernels.contact import Contact, along, overlap_alone, pair_law, pair_reach, rigid_response
+from otwarp.kernels.solve import solve_contacts
 from otwarp.kernels.types import BodyData, ContactData, mat66
 from otwarp.scene.description import Material
 from otwarp.simulation.arrays import device_array
 from tests.kernels.samples import evaluate, on_device, quaternions
+from tests.reference import contact as twin
 from tests.reference.body import jacobian
 from tests.reference.contact import adhesion_of, sphere_obstacle, sphere_pair
 from tests.reference.contact_loads import contact_loads
@@ -92,7 +93,6 @@ def probe_solve(
     order = wp.zeros(shape=(COUNT,), dtype=int)
     on = wp.zeros(shape=(COUNT,), dtype=int)
     error[0] = solve_contacts(contacts, COUNT, d, t, matrix, free, right, pivot, order, on)
-    apply_loads(contacts, COUNT, d, t)
     for i in range(COUNT):
         load[i] = contacts[i].load
     for b in range(BODIES):
@@ -136,6 +136,26 @@ def test_force_law_is_that_of_the_twin(device):
             assert got[i, 3] >= np.float32(reach) * (1 - 1e-6)  # the search reaches at least as far as the law
         elif b[i] < 0 or MATERIALS[b[i]].adhesion == 0.0:
             assert got[i, 3] == 0.0
+
+
+@wp.kernel(enable_backward=False)
+def probe_alone(
+    hardness: wp.array(dtype=float),
+    give: wp.array(dtype=float),
+    reach: wp.array(dtype=float),
+    out: wp.array(dtype=float),
+):
+    i = wp.tid()
+    out[i] = overlap_alone(hardness[i], give[i], reach[i])
+
+
+def test_a_lone_contact_ends_where_backward_euler_takes_it(device):
+    """Five of Newton's steps from above: to float32 rounding from the softest contact to the hardest."""
+    rng, n = np.random.default_rng(4), 2000
+    given = [(10.0 ** rng.uniform(*r, n)).astype(np.float32) for r in ((-2, 11), (-8, 1), (-7, 1))]
+    (got,) = evaluate(probe_alone, n, on_device(device, *((v, float) for v in given)), [float], device)
+    expected = [twin.overlap_alone(*map(float, row)) for row in zip(*given, strict=True)]
+    np.testing.assert_allclose(got, expected, rtol=1e-5)
 
 
 class Problem:

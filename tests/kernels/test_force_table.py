@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from otwarp.kernels.force_table import BLEND, ForceTableData, grid_level, table_term
+from otwarp.kernels.force_table import BLEND, ForceTableData, table_term
 from otwarp.kernels.types import ModelData
 from otwarp.optics import Beam, ForceTable, Sphere
 from otwarp.optics import table as twin
@@ -71,14 +71,14 @@ def probe_points(rng: np.random.Generator, n: int, cutoff: float) -> np.ndarray:
 def test_term_is_that_of_the_twin(interpolation, layers, device):
     tables = tuple(made_up_table(beam, interpolation, seed) for seed, beam in enumerate(BEAMS))
     optics = TrapOptics((), tables, np.zeros((0, 0), dtype=np.int32), np.zeros(0, dtype=int))
-    data = pack_tables(optics, wp.get_device(device))
+    data, _ = pack_tables(optics, wp.get_device(device))
     term = table_term(interpolation, layers)
     table = layers - 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe(tables: ForceTableData, table: int, place: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec3)):
         i = wp.tid()
-        finest = grid_level(tables, tables.level_start[table])
+        finest = tables.level[tables.level_start[table]]
         out[i] = term(tables, table, finest, place[i][0], place[i][1], place[i][2])
 
     place = probe_points(np.random.default_rng(layers), 4000, tables[table].cutoff)

@@ -169,6 +169,17 @@ def test_mesh_of_a_sphere_is_nearly_the_sphere(model, device):
     assert np.arccos(np.clip((got[:, :3] * way).sum(axis=1), -1, 1)).max() < 0.2
 
 
+def test_an_open_mesh_is_a_sheet_of_two_sides(device):
+    """One face of the box: distances are positive on both sides, normals point away from it."""
+    sheet = still("mesh", "/World/Sheet", vertices=BOX_CORNERS, triangles=BOX_TRIANGLES[:2])  # at x = −1
+    body = Body(prim="/World/B", spheres=(Sphere(prim="/World/B/S", radius=1.0),))
+    model = Model.build(Scene(bodies=(body,), obstacles=(sheet,)), device=device)
+    points = np.array([[-1.5, 0.3, 0.2], [-0.5, 0.3, 0.2], [-1.0, 0.3, 1.75]], dtype=np.float32)
+    got = measure(model, "/World/Sheet", points, device)
+    np.testing.assert_allclose(got[:, 3], [0.5, 0.5, 0.75], atol=ROUNDING)
+    np.testing.assert_allclose(got[:, :3], [[-1, 0, 0], [1, 0, 0], [0, 0, 1]], atol=ROUNDING)
+
+
 def test_mesh_search_ends_at_its_reach(model, device):
     points = np.array([[0.0, 0.0, 3.0]], dtype=np.float32)
     assert measure(model, "/World/BallMesh", points, device, reach=2.1)[0, 3] == pytest.approx(2.0, abs=0.02)

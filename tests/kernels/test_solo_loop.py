@@ -38,7 +38,8 @@ def step_loop(features: Features, folder: Path) -> list[str]:
     labels = {line[:-1]: n for n, line in enumerate(lines) if re.fullmatch(r"\$L\w+:", line)}
     jumps = [(labels[m[1]], n) for n, line in enumerate(lines) if (m := re.search(r"\bbra(?:\.uni)?\s+(\$L\w+)", line))]
     loops = [[x for x in lines[first:last] if re.match(r"@|[a-z]", x)] for first, last in jumps if first < last]
-    # ten rounds of two products each, of which the compiler may take those that never change out of the loop
+    # ten rounds of two products each, of which the compiler may take those that never change out of the loop;
+    # the branch that looks for crossings makes as many more
     return min((loop for loop in loops if sum("mul.wide.u32" in x for x in loop) >= 18), key=len)
 
 

@@ -7,7 +7,8 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.body import wrench_term
+from otwarp.kernels.rigid import rigid_constants_term
+from otwarp.kernels.trap_wrench import wrench_term
 from otwarp.kernels.traps import TRAP_TERMS, commanded_animated, limited_focus, trap_force_term
 from otwarp.kernels.types import ControlData, ModelData, Pose, StateData
 from otwarp.scene.description import Body, Scene, Sphere, Track, Trap, TrapLaw
@@ -64,7 +65,7 @@ def model(device) -> Model:
     return Model.build(SCENE, device=device)
 
 
-prepare, force_of = trap_force_term(MODELS)
+_, prepare, force_of, _ = trap_force_term(MODELS)
 
 
 @wp.kernel(enable_backward=False)
@@ -176,7 +177,7 @@ def test_wrench_is_the_sum_over_spheres_and_traps(model, device):
     f = model.features
     assert f.trap_models == tuple(sorted(MODELS))
     assert f.rigid
-    term = wrench_term(f)
+    term, constants_of = wrench_term(f), rigid_constants_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe_wrench(
@@ -189,7 +190,8 @@ def test_wrench_is_the_sum_over_spheres_and_traps(model, device):
         torque: wp.array(dtype=wp.vec3),
     ):
         i = wp.tid()
-        load = term(model, control, state, 0, 0, Pose(position[i], rotation[i]), wp.float64(0.25))
+        body = constants_of(model, control, 0, 0)
+        load = term(model, control, state, body, 0, 0, Pose(position[i], rotation[i]), wp.float64(0.25))
         force[i] = load.force
         torque[i] = load.torque
 
@@ -200,8 +202,13 @@ def test_wrench_is_the_sum_over_spheres_and_traps(model, device):
     inputs = [model.data, Control.start(model).data(), state.data()]
     inputs += on_device(device, (position, wp.vec3), (turn, wp.quat))
     force, torque = evaluate(probe_wrench, n, inputs, [wp.vec3, wp.vec3], device)
-    # traps of which one has a speed limit are where the state says, not where they are commanded
-    now = [(t, t.position.values[0], t.power.at(0.25)[0]) for t in TRAPS]
+    # a trap with a speed limit is where the state says, not where it is commanded
+    limited = [np.isfinite(t.speed_limit) for t in TRAPS]
+    assert any(limited)
+    now = [
+        (t, t.position.values[0] if held_back else t.position.at(0.25), t.power.at(0.25)[0])
+        for t, held_back in zip(TRAPS, limited, strict=True)
+    ]
     spheres = [(np.array(s.offset), s.radius) for s in SPHERES]
     expected = [traps.body_wrench(now, p, q, model.reference[0], spheres) for p, q in zip(position, turn, strict=True)]
     expected_force, expected_torque = (np.array([e[i] for e in expected]) for i in range(2))

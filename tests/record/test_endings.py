@@ -145,6 +145,7 @@ def test_a_run_is_resumed_from_its_own_folder_and_not_beyond_its_end(device: str
         (1e300, {"time_step": 1e-30}, "time step of 1e-30 s, inf steps; allowed: up to 1e+12 steps"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*falsified by the rounding")
 def test_runs_without_a_frame_or_an_end_are_refused(
     duration: float, options: dict, words: str, device: str, tmp_path: Path
 ) -> None:

@@ -143,4 +143,5 @@ def neutral(name: str, position: Vec3, **more) -> Body:
 
 def five_sphere_mobility():
     """Mobility of `FIVE`, from the hydrodynamics room."""
-    return body_mobility(np.array([o for o, _ in FIVE]), np.array([r for _, r in FIVE]))
+    centres, radii = np.array([o for o, _ in FIVE]), np.array([r for _, r in FIVE])
+    return body_mobility(centres, radii, accuracy=Body.mobility_accuracy)

@@ -21,10 +21,10 @@ from tests.simulation.test_determinism import touching_scene
 CONTINUE = """
 import sys
 import numpy as np
-import otwarp.simulation.model as model
+import otwarp.simulation.composition as composition
 from otwarp.simulation.simulation import Simulation
 checkpoint, out, limit, device = sys.argv[1:]
-model.MAX_WORLD_BODIES = int(limit)
+composition.MAX_WORLD_BODIES = int(limit)
 sim = Simulation.restore(checkpoint, device=device)
 assert sim.state.step == 400, sim.state.step
 sim.step(600)
@@ -46,7 +46,7 @@ def authored(scene: Scene, path: Path) -> Scene:
 @pytest.mark.parametrize("driver", ["world", "grid"])
 def test_continues_bit_for_bit_in_a_new_process(driver, tmp_path, monkeypatch, device):
     limit = 0 if driver == "grid" else 24
-    monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", limit)
+    monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", limit)
     scene = authored(touching_scene(), tmp_path / "pair.usda")
     options = {"worlds": 3, "seed": 17, "device": device, "parameters": {"medium_viscosity": [8e-4, 9e-4, 1e-3]}}
     whole, first = Simulation(scene, **options), Simulation(scene, **options)

@@ -22,7 +22,7 @@ DRIVERS = ("world", "grid")
 def driver(request, monkeypatch) -> str:
     """Each test runs through both drivers; few bodies go to the grid driver when a world may hold none."""
     if request.param == "grid":
-        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
+        monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     return request.param
 
 
@@ -181,9 +181,9 @@ def test_adhesion_holds_up_to_the_pull_off_force(share, driver, device):
 
 def test_drivers_agree_until_contact_and_nearly_after(device, monkeypatch):
     """World and grid driver: the same displacement to rounding before contact, the same rest after it."""
-    fused = pressed(0.3, device, "world", apart=0.3, seed=4)
-    monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
-    grid = pressed(0.3, device, "grid", apart=0.3, seed=4)
+    fused = pressed(0.3, device, "world", apart=0.3, seed=4, integrator="eulerMaruyama")
+    monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
+    grid = pressed(0.3, device, "grid", apart=0.3, seed=4, integrator="eulerMaruyama")
     for sim in (fused, grid):
         sim.step(1)
     np.testing.assert_allclose(places(fused), places(grid), atol=2e-6)

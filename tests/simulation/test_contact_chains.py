@@ -25,7 +25,7 @@ LOAD = {"world": 1e-2, "grid": 0.3}
 def driver(request, monkeypatch) -> str:
     """Each test runs through both drivers; few bodies go to the grid driver when a world may hold none."""
     if request.param == "grid":
-        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
+        monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     return request.param
 
 
@@ -132,8 +132,8 @@ def test_spheres_on_one_centre_stop_the_run(driver, device):
 
 def test_unfinished_sweeps_stop_the_run(monkeypatch, device):
     """With two sweeps in place of 32 a row that a trap drives at 200 µm/s would be squeezed flat."""
-    monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
-    monkeypatch.setattr("otwarp.simulation.stepping.RELAXATIONS", 2)
+    monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
+    monkeypatch.setattr("otwarp.simulation.grid_scratch.RELAXATIONS", 2)
     beads = tuple(neutral(f"B{i}", (-2.0 * i, 0, 50)) for i in range(8))
     trap = harmonic("T", line((0.0, (-14.0, 0, 50)), (10.0, (1986.0, 0, 50))), cutoff=1.0)
     sim = Simulation(still(beads, 1e-3, (trap,)), device=device)

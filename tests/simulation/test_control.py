@@ -25,7 +25,7 @@ def pair_scene() -> Scene:
 def test_every_driver_sees_new_commands(driver, monkeypatch, device):
     """One row, then one row per world, then in place again: beads follow each within some relaxation times."""
     if driver == "grid":
-        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
+        monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     scene = dataclasses.replace(bead_scene(time_step=2e-4), medium=pair_scene().medium)
     scene = scene if driver == "solo" else pair_scene()
     sim = Simulation(scene, worlds=3, device=device)
@@ -76,7 +76,7 @@ def test_bad_commands_write_nothing(arguments, message, device):
 def test_powers_beyond_the_time_step(device):
     """A trap authored dark leaves the step at a frame: 20 mW would be unstable, and the largest stable power is named.
 
-    The explicit step is stable up to k·dt/γ = 2; well below that its variance error is announced.
+    The step is stable up to k·dt/γ = 2; well below that its variance error is announced.
     """
     dark = dataclasses.replace(bead_scene(), traps=(harmonic("Trap", power=0.0),))
     sim = Simulation(dark, device=device)
@@ -86,7 +86,7 @@ def test_powers_beyond_the_time_step(device):
     with pytest.raises(InputError, match="is unstable"):
         sim.control.set(trap_power=1.001 * largest)
     np.testing.assert_array_equal(sim.control.trap_power.numpy(), 0.0)
-    with pytest.warns(UserWarning, match="stationary variances of body /World/Bead 900 % too large"):
+    with pytest.warns(UserWarning, match="stationary variances of body /World/Bead 89 % too small"):
         sim.control.set(trap_power=0.9 * largest)
     sim.step(200)
     sim.control.set(trap_power=0.05 * largest)  # no warning: the tests turn warnings into errors
@@ -149,7 +149,7 @@ def test_bodies_put_elsewhere_are_found_by_the_grid(monkeypatch, device):
     """Two beads set down overlapping by 0.1 µm push each other in the very next step, and from both drivers alike."""
     loads = []
     for limit in (24, 0):
-        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", limit)
+        monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", limit)
         off = tuple(harmonic(f"T{i}", (0, 0, 0), power=0.0) for i in "AB")
         sim = Simulation(dataclasses.replace(pair_scene(), traps=off), worlds=2, device=device)
         sim.step(3)
@@ -160,7 +160,8 @@ def test_bodies_put_elsewhere_are_found_by_the_grid(monkeypatch, device):
         loads.append(sim.readout.contact_load.numpy().copy())
     assert np.all(loads[0][0] == 0.0)
     assert np.all(loads[0][1] > 0.0)
-    np.testing.assert_allclose(loads[0], loads[1], rtol=1e-3)
+    # sweeps settle a gap to 1e-6 µm, and the contact is a spring of 1.6e4 pN/µm
+    np.testing.assert_allclose(loads[0], loads[1], atol=0.016)
 
 
 def test_bad_states_are_refused(device):

@@ -42,7 +42,7 @@ def crowd_scene() -> Scene:
 def make(request, monkeypatch, device):
     """Builds a simulation of the driver under test."""
     if request.param == "grid":
-        monkeypatch.setattr("otwarp.simulation.model.MAX_WORLD_BODIES", 0)
+        monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     scene = {"solo": bead_scene, "crowd": crowd_scene}.get(request.param, touching_scene)()
     driver = "grid" if request.param == "crowd" else request.param
 

@@ -19,11 +19,14 @@ def places(device: str, *, fast_math: bool) -> np.ndarray:
 def test_fast_math_changes_trajectories_by_rounding_only(device):
     """Deviates agree to some 1e-6; steps of 9 nm, remembered over 50 steps, differ by much less than a picometre × 1e3.
 
+    On a CPU both have the same blocks of noise, where bodies do not touch.
     The bound of 1e-5 µm is ten times the spacing of float32 numbers at the bead's height of 10 µm.
     """
     accurate, fast = places(device, fast_math=False), places(device, fast_math=True)
     assert accurate.std(axis=0).min() > 1e-3
-    assert 0.0 < np.abs(accurate - fast).max() < 1e-5
+    difference = np.abs(accurate - fast).max()
+    assert difference < 1e-5
+    assert (difference == 0.0) == (device == "cpu")
 
 
 def test_features_tell_the_two_apart(device):

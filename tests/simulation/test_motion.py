@@ -53,9 +53,10 @@ def test_terminal_velocity_and_uniform_flow(device):
     # the robot is heavier and larger: it moves by its own mobility, and does not turn (its centroid lies on
     # the vertical through its centre of diffusion)
     load = float(sim.model.data.body.weight.numpy()[1])
-    expected = [FLOW["speed"], 0.0, 0.0] - load * (five_sphere_mobility().mobility / VISCOSITY)[:3, 2]
+    mobility = mobilities(sim.scene)[1].mobility / VISCOSITY
+    expected = [FLOW["speed"], 0.0, 0.0] - load * mobility[:3, 2]
     assert sink < -expected[2]
-    coupling = load * np.abs(five_sphere_mobility().mobility[3:, 2]).max() / VISCOSITY * sim.time
+    coupling = load * np.abs(mobility[3:, 2]).max() * sim.time
     np.testing.assert_allclose(velocity[1], expected, rtol=1e-3, atol=1e-3 + 50 * coupling)
     turned = 2 * np.arccos(min(1.0, abs(float(sim.state.orientation.numpy()[0][1] @ q[1]))))
     assert turned == pytest.approx(coupling, abs=1e-3)
@@ -106,14 +107,17 @@ def test_traps_are_followed_limited_and_lost(operated):
     """One run, sampled at every step of the flight: foci, lag, readout, and the step of the escape."""
     sim = operated
     assert sim.model.features.driver == "world"
-    # the same in float64: a bead, and a focus that moves no faster than its limit
+    # the same in float64 by Heun's scheme: a bead, and a focus that moves no faster than its limit
     x, focus, escaped = np.zeros(2), np.zeros(2), np.full(2, -1)
     h = STIFFNESS * STEP / drag(1.0)
     foci = []
     for i in range(1100):
-        wanted = HEIGHT if i * STEP >= JUMP + 0.5 * STEP else 0.0
-        focus = np.minimum(wanted, focus + LIMIT * STEP)
-        x += np.where(np.abs(focus - x) < REACH, h * (focus - x), 0.0)
+        wanted = HEIGHT if (i + 1) * STEP >= JUMP + 0.5 * STEP else 0.0
+        later = np.minimum(wanted, focus + LIMIT * STEP)
+        drift = np.where(np.abs(focus - x) < REACH, h * (focus - x), 0.0)
+        ahead = later - (x + drift)
+        x += 0.5 * (drift + np.where(np.abs(ahead) < REACH, h * ahead, 0.0))
+        focus = later
         escaped = np.where((escaped < 0) & (np.abs(x - focus) > REACH), i + 1, escaped)
         foci.append(focus.copy())
     sim.step(500)

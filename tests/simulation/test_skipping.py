@@ -59,9 +59,9 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "rotation": (
         dataclasses.replace(BASE, rigid=True, spheres=False),
         BASE,
-        ("rigid_move", "rotate_by", ").cholesky)"),
+        ("rigid_constants", "rotate_by", ").cholesky)"),
     ),
-    "lone spheres": (EVERYTHING, dataclasses.replace(EVERYTHING, spheres=False), ("bead_move", "sphere_response")),
+    "lone spheres": (EVERYTHING, dataclasses.replace(EVERYTHING, spheres=False), ("bead_constants", "sphere_response")),
     "uniform flow": (dataclasses.replace(BASE, flow="uniform"), BASE, ("uniform_flow",)),
     "shear flow": (dataclasses.replace(BASE, flow="shear"), dataclasses.replace(BASE, flow="uniform"), ("shear_flow",)),
     "poiseuille": (
@@ -90,7 +90,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "grid pairs": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, pairs=False),
-        ("hash_grid_query", "neighbours"),
+        ("cell_key", "sphere_contacts"),
     ),
     "grid moving obstacles": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, moving_traps=False),
@@ -100,7 +100,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "grid rotation": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, rigid=False),
-        ("rigid_response", "rigid_move", "rotate_by"),
+        ("rigid_response", "rigid_constants", "rotate_by"),
     ),
 }
 
@@ -127,7 +127,7 @@ def test_source_holds_what_is_needed_and_no_more(term, device):
 def test_the_least_step_holds_nothing_optional(device):
     """A free sphere without noise: of all functions of the cases above only its own move is left."""
     least = source(dataclasses.replace(BASE, brownian=False))
-    assert [n for _, _, names in CASES.values() for n in names if n in least] == ["bead_move"]
+    assert [n for _, _, names in CASES.values() for n in names if n in least] == ["bead_constants"]
 
 
 def test_equal_features_share_their_kernels(device):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.scene.description import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
@@ -25,6 +26,7 @@ from tests.simulation.setups import (
 )
 
 SIGMAS = 5.0
+HEUN = INTEGRATORS["heun"]
 
 
 def sample(sim: Simulation, samples: int, every: int = 1) -> np.ndarray:
@@ -46,13 +48,19 @@ def variance_error(worlds: int, samples: int, correlation: float) -> float:
     return float(np.sqrt(2.0 / (worlds * samples) * (1.0 + square) / (1.0 - square)))
 
 
-def check_bead(worlds: int, samples: int, h: float, device: str, seed: int) -> None:
-    """Variance kT/k/(1 − h/2) and lag-1 correlation 1 − h of the Euler–Maruyama chain, h = k·dt/γ."""
+def check_bead(integrator: str, worlds: int, samples: int, h: float, device: str, seed: int) -> None:
+    """The variance and the lag-1 correlation that the scheme is known to have at h = k·dt/γ.
+
+    That of Leimkuhler and Matthews is not Markovian: x_{n+1} = (1 − h) x_n + (ξ_n + ξ_{n+1})/2 has the lag-1
+    correlation 1 − h/2, which decays from there by 1 − h a step.
+    """
     rate = STIFFNESS / drag(1.0)
-    sim = Simulation(bead_scene(time_step=h / rate), worlds=worlds, seed=seed, device=device)
+    scheme = INTEGRATORS[integrator]
+    sim = Simulation(bead_scene(time_step=h / rate), worlds=worlds, seed=seed, device=device, integrator=integrator)
     sim.step(int(20 / h))  # forget the start: e⁻²⁰
     x = sample(sim, samples)[:, :, 0, :]
-    exact, correlation = ENERGY / STIFFNESS / (1.0 - 0.5 * h), 1.0 - h
+    exact = ENERGY / STIFFNESS * scheme.variance(h)
+    correlation = 1.0 - 0.5 * h if integrator == "leimkuhlerMatthews" else scheme.decay(h)
     error = SIGMAS * variance_error(worlds, samples, correlation)
     np.testing.assert_allclose((x**2).mean(axis=(0, 1)), exact, rtol=error)
     # a lagged covariance of such a chain scatters no more than its variance (Bartlett 1946, doi:10.2307/2983611)
@@ -62,17 +70,18 @@ def check_bead(worlds: int, samples: int, h: float, device: str, seed: int) -> N
     np.testing.assert_allclose(cross, 0.0, atol=error)
 
 
-@pytest.mark.parametrize("h", [0.4, 0.04])
-def test_bead_in_a_harmonic_trap(h, device):
-    """h = 0.4: the variance must be 25 % above kT/k, with a standard error of 0.4 %: the scheme, not its limit."""
-    check_bead(2000, 120, h, device, seed=11)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_bead_in_a_harmonic_trap(integrator, device):
+    """At h = 0.4 with a standard error of 0.4 %: the scheme and not its limit, by Euler–Maruyama 25 % above kT/k."""
+    check_bead(integrator, 2000, 120, 0.4, device, seed=11)
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("h", [0.8, 0.4, 0.1, 0.02])
-def test_bead_in_a_harmonic_trap_precisely(h, device):
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("h", [0.8, 0.1, 0.02])
+def test_bead_in_a_harmonic_trap_precisely(integrator, h, device):
     """Standard error of the variance below 0.1 %, at h = 0.02 0.2 %."""
-    check_bead(10_000, 1000, h, device, seed=12)
+    check_bead(integrator, 10_000, 1000, h, device, seed=12)
 
 
 def test_every_world_follows_its_own_parameters(device):
@@ -102,9 +111,9 @@ def test_every_world_follows_its_own_parameters(device):
     x = sample(sim, 25, every=16)[:, :, 0, :]
     k = power * stiffness
     h = k * dt / (6 * np.pi * viscosity)
-    exact = BOLTZMANN * temperature / k / (1 - 0.5 * h)
+    exact = BOLTZMANN * temperature / k * np.array([HEUN.variance(z) for z in h])
     assert len(set(np.round(exact, 9))) == 4
-    phi = (1 - h.min()) ** 16
+    phi = HEUN.decay(h.min()) ** 16
     assert phi < 0.1
     for g in range(4):
         got = (x[:, group == g] ** 2).mean()
@@ -191,7 +200,7 @@ def check_dimer(worlds: int, samples: int, device: str, seed: int) -> None:
     """Equipartition of a dimer whose two spheres sit in two traps at their places.
 
     About small angles θ_y, θ_z the traps are a spring k L²/2 (two arms of L/2), so ⟨θ²⟩ = kT/(k L²/2), and for the
-    translation ⟨x²⟩ = kT/2k; both times 1/(1 − h/2) with the mode's own h. θ_x has no spring.
+    translation ⟨x²⟩ = kT/2k; both times what Heun's scheme makes of it with the mode's own h. θ_x has no spring.
     """
     half = DIMER[1][0][0]
     # cut off between the spheres, so that each trap holds its own
@@ -212,13 +221,13 @@ def check_dimer(worlds: int, samples: int, device: str, seed: int) -> None:
     x, sine = np.array(x), np.array(sine)
     stiff = np.array([2 * STIFFNESS] * 3)
     h = stiff * np.diag(mobility)[:3] * dt
-    exact = ENERGY / stiff / (1 - 0.5 * h)
-    error = SIGMAS * variance_error(worlds, samples, float((1 - h.min()) ** every))
+    exact = ENERGY / stiff * np.array([HEUN.variance(z) for z in h])
+    error = SIGMAS * variance_error(worlds, samples, HEUN.decay(h.min()) ** every)
     np.testing.assert_allclose((x**2).mean(axis=(0, 1)), exact, rtol=error)
     torsion = 2 * STIFFNESS * half**2
     h_turn = torsion * mobility[4, 4] * dt
-    exact_turn = ENERGY / torsion / (1 - 0.5 * h_turn)
-    error = SIGMAS * variance_error(worlds, samples, float((1 - h_turn) ** every))
+    exact_turn = ENERGY / torsion * HEUN.variance(h_turn)
+    error = SIGMAS * variance_error(worlds, samples, HEUN.decay(h_turn) ** every)
     # sin²θ instead of θ², and anharmonic terms of the same order: relative 3⟨θ²⟩ at most
     assert 3 * exact_turn < 0.2 * error
     np.testing.assert_allclose((sine**2).mean(axis=(0, 1)), exact_turn, rtol=error)

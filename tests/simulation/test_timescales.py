@@ -166,4 +166,4 @@ def test_the_neighbour_grid_is_not_announced_without_neighbours(device):
     beads = tuple(sphere_body(f"B{i}", (3.0 * i, 0, 0)) for i in range(30))
     scene = Scene(bodies=beads, traps=(harmonic("T", speed_limit=5.0),))
     terms = {term: on for term, on, _ in Model.build(scene, device=device).features.terms()}
-    assert not terms["neighbour grid"]
+    assert not terms["neighbour lists"]

@@ -9,7 +9,7 @@ _MATERIAL = {"low": 1.0, "high": 1e13}
 BODY = Schema(
     name="OtBodyAPI",
     applies_to="Xform holding spheres (with PhysicsRigidBodyAPI)",
-    doc="A rigid body made of the OtSphereAPI spheres below it.",
+    doc="A rigid body made of the OtSphereAPI spheres and OtRodAPI rods below it.",
     attributes=(
         Attribute(
             name="ot:body:density",
@@ -45,6 +45,15 @@ BODY = Schema(
             " [1/m, 1/m², 1/m³].",
         ),
         Attribute(
+            name="ot:body:mobilityAccuracy",
+            field="mobility_accuracy",
+            default=0.01,
+            low=0.0,
+            high=0.5,
+            doc="Wanted relative error of the computed mobility; 0 for the pair mobilities of its spheres, without"
+            " rods and a few percent off.",
+        ),
+        Attribute(
             name="ot:body:warningForce",
             field="warning_force",
             dimension="force",
@@ -77,6 +86,23 @@ SPHERE = Schema(
         ),
         Attribute(
             name="ot:sphere:drag",
+            field="drag",
+            usd_type="bool",
+            default=True,
+            doc="Whether it counts in the mobility of its body.",
+        ),
+    ),
+)
+
+ROD = Schema(
+    name="OtRodAPI",
+    applies_to="Capsule or Cylinder below an OtBodyAPI prim",
+    doc="A rod of a body: a Capsule with its own radius, height and axis, or the Capsule that fills a Cylinder from end"
+    " to end. Traps do not act on rods.",
+    attributes=(
+        Attribute(name="ot:rod:collides", field="collides", usd_type="bool", default=True, doc="Whether it collides."),
+        Attribute(
+            name="ot:rod:drag",
             field="drag",
             usd_type="bool",
             default=True,

@@ -51,7 +51,7 @@ SCENE = Schema(
             default=0.01,
             low=1e-5,
             high=0.5,
-            doc="Wanted relative error of stationary variances; the time step follows from it.",
+            doc="Wanted relative error of variances, correlations and escape times; the time step follows from it.",
         ),
         Attribute(
             name="ot:scene:timeStep",
@@ -66,9 +66,18 @@ SCENE = Schema(
             name="ot:scene:integrator",
             field="integrator",
             usd_type="token",
-            default="eulerMaruyama",
-            allowed=("eulerMaruyama",),
+            default="heun",
+            allowed=("eulerMaruyama", "leimkuhlerMatthews", "heun", "exponential"),
             doc="Time integrator.",
+        ),
+        Attribute(
+            name="ot:scene:noise",
+            field="noise",
+            usd_type="token",
+            default="gaussian",
+            allowed=("gaussian", "threePoint", "uniform"),
+            doc="Distribution of the thermal displacement of one time step. `threePoint` and `uniform` are cheaper and"
+            " right only in averages over many steps; `uniform` makes every integrator one of first order.",
         ),
         Attribute(
             name="ot:scene:brownian",

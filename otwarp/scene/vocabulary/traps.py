@@ -116,6 +116,17 @@ TRAP = Schema(
             doc="Interpolation in the force table; for `table`.",
         ),
         Attribute(
+            name="ot:trap:reach",
+            field="reach",
+            dimension="length",
+            default=INF,
+            low=0.0,
+            low_open=True,
+            infinite=True,
+            doc="Distance from the focus up to which the optical force is computed at least, for `table` and `exact`;"
+            " inf for as far as the tolerance asks.",
+        ),
+        Attribute(
             name="ot:trap:equilibrium",
             field="equilibrium",
             dimension="length",

@@ -1,0 +1,389 @@
+"""The `solo` driver's form for CPUs: noise of many steps in one go, and a few bodies at a time in every thread.
+
+Warp's threads on a CPU run one after another. The steps of one body depend on each other, so that a processor which
+could do several things at once would wait; the steps of different bodies do not. A thread therefore owns `GROUP` bodies
+and takes all of them through a step before the next, with the noise of the next steps from `noise_block`. Every body
+goes through the same operations as in a thread of its own: results do not depend on what shares a thread with it.
+"""
+
+import warp as wp
+
+from otwarp.kernels.bead import FEW_TRAPS, bead_constants_term, bead_dynamics
+from otwarp.kernels.body import body_dynamics
+from otwarp.kernels.escapes import escape_term
+from otwarp.kernels.faults import Fault, finite, raise_fault
+from otwarp.kernels.features import Features
+from otwarp.kernels.integrators import INTEGRATORS, Dynamics, whole_step
+from otwarp.kernels.noise_block import BLOCK, address_of, noise_block_term
+from otwarp.kernels.rigid import angular_part, linear_part
+from otwarp.kernels.solo import Watch, note_escape, start_watch, watch_term
+from otwarp.kernels.types import (
+    BeadConstants,
+    BodyConstants,
+    ControlData,
+    ModelData,
+    Pose,
+    ReadoutData,
+    RigidConstants,
+    StateData,
+)
+
+GROUP = 8
+"""Bodies of one thread: enough to fill a processor's pipelines, few enough for what they need to stay near it."""
+
+
+def make_lanes_step(f: Features) -> wp.Kernel:
+    """Step of the `solo` driver on a CPU.
+
+    Launched with `threads_for` all bodies of the launch; its last argument is the number of worlds of the launch.
+    """
+    return make_body_lanes(f) if f.rigid else make_bead_lanes(f)
+
+
+def threads_for(bodies: int) -> int:
+    """Threads to launch for so many bodies in all worlds."""
+    return -(-bodies // GROUP)
+
+
+def fresh_steps(f: Features) -> int:
+    """Steps that a block of noise lasts."""
+    return BLOCK - INTEGRATORS[f.integrator].noise_ahead
+
+
+def draws_blocks(f: Features) -> bool:
+    """Whether noise comes in blocks: near walls it needs more deviates, and draws them by itself."""
+    return f.brownian and not f.walls
+
+
+def view_term(kind: type) -> wp.Function:
+    """`(room) -> address` of a local array of structs.
+
+    An array made anew from the address is one whose shape the compiler knows for good, while it must believe that
+    whatever fills a block of noise could overwrite the shape of the local array itself.
+    """
+
+    @wp.func_native("""
+        return (wp::uint64)room.data;
+    """)
+    def address(room: wp.array(dtype=kind)) -> wp.uint64: ...
+
+    return address
+
+
+@wp.func_native("""
+    __builtin_assume(i >= 0);
+    return i;
+""")
+def from_start(i: int) -> int:
+    """An index that does not count from the end of an array, which the compiler need not check then."""
+    ...
+
+
+@wp.struct
+class BeadLane:
+    """A lone sphere on its way; `until` is the step of the launch at which it stops."""
+
+    position: wp.vec3
+    until: wp.int32
+    bead: BeadConstants
+    first: Watch
+    second: Watch
+
+
+bead_lanes_at = view_term(BeadLane)
+
+
+def make_bead_lanes(f: Features) -> wp.Kernel:
+    """Step for lone spheres, as `make_bead_step`."""
+    start, advance, finish = bead_parts(f)
+    draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
+    fresh = fresh_steps(f)
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    def bead_lanes(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        first_world: int,
+        first_step: wp.int64,
+        steps: int,
+        worlds: int,
+    ):
+        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on."""
+        before = wp.tid() * GROUP
+        bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
+        deviates = wp.zeros(shape=(wp.static(GROUP * 3 * BLOCK),), dtype=wp.float32)
+        room = wp.zeros(shape=(GROUP,), dtype=BeadLane)
+        lanes = wp.array(ptr=bead_lanes_at(room), shape=(GROUP,), dtype=BeadLane)
+        # names differ from loop to loop: one that came back would be carried from turn to turn
+        for g0 in range(bodies):
+            w0 = first_world + (before + g0) // wp.static(f.bodies)
+            b0 = (before + g0) % wp.static(f.bodies)
+            lanes[g0] = start(model, control, state, readout, w0, b0)
+            lanes[g0].until = steps
+            lanes[g0].bead.deviates = address_of(deviates, wp.static(3 * BLOCK) * g0)
+        done = int(0)
+        while done < steps:
+            if wp.static(draw is not None):
+                for g1 in range(bodies):
+                    w1 = first_world + (before + g1) // wp.static(f.bodies)
+                    b1 = (before + g1) % wp.static(f.bodies)
+                    now = first_step + wp.int64(done)
+                    draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, w1, b1)
+                    lanes[g1].bead.deviates_from = now
+            for k in range(done, wp.min(done + wp.static(fresh), steps)):
+                for g2 in range(bodies):
+                    w2 = first_world + (before + g2) // wp.static(f.bodies)
+                    b2 = (before + g2) % wp.static(f.bodies)
+                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first_step, k)
+            done += wp.static(fresh)
+        for g3 in range(bodies):
+            w3 = first_world + (before + g3) // wp.static(f.bodies)
+            b3 = (before + g3) % wp.static(f.bodies)
+            finish(model, state, readout, lanes[g3], w3, b3, first_step)
+
+    return bead_lanes
+
+
+def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """What happens to a sphere at the start of a launch, in step k, and at the end."""
+    bead_constants = bead_constants_term(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
+    watchers = f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
+    watched = watch_term(f)
+    note_escapes = escape_term(f) if f.escapes and not watchers else None
+
+    @wp.func
+    def look(model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int) -> tuple[Watch, Watch]:
+        """What the first two traps see after so many steps."""
+        bead = lane.bead
+        one = lane.first
+        two = lane.second
+        if wp.static(watchers > 0):
+            one = watched(model, bead, one, bead.first, bead.first_command, world, 0, lane.position, first, taken)
+        if wp.static(watchers > 1):
+            two = watched(model, bead, two, bead.second, bead.second_command, world, 1, lane.position, first, taken)
+        return one, two
+
+    @wp.func
+    def start(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int
+    ) -> BeadLane:
+        """Constants, position, and who watches."""
+        lane = BeadLane()
+        lane.position = state.position[world, b]
+        lane.bead = bead_constants(model, control, world, b)
+        if wp.static(watchers > 0):
+            lane.first = start_watch(model.traps, readout, lane.bead, world, b, 0)
+        if wp.static(watchers > 1):
+            lane.second = start_watch(model.traps, readout, lane.bead, world, b, 1)
+        return lane
+
+    @wp.func
+    def advance(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        lanes: wp.array(dtype=BeadLane),
+        g: int,
+        world: int,
+        b: int,
+        first: wp.int64,
+        k: int,
+    ):
+        """Look, move, and note escapes that nobody watches for."""
+        if k < lanes[g].until:
+            lane = lanes[g]
+            if wp.static(watchers > 0):
+                one, two = look(model, lane, world, first, k)
+                lanes[g].first = one
+                if wp.static(watchers > 1):
+                    lanes[g].second = two
+            step = first + wp.int64(k)
+            time = wp.float64(step) * model.time_step
+            here = lane.position
+            moved = here + move_freely(model, control, state, lane.bead, world, b, here, step, time)
+            if finite(moved):
+                lanes[g].position = moved
+                if wp.static(note_escapes is not None):
+                    left = Pose(here, wp.quat_identity())
+                    reached = Pose(moved, wp.quat_identity())
+                    arrival = step + wp.int64(1)
+                    later = time + model.time_step
+                    note_escapes(model, control, state, readout, world, b, left, reached, arrival, later)
+            else:
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                lanes[g].until = k
+
+    @wp.func
+    def finish(
+        model: ModelData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int, b: int, first: wp.int64
+    ):
+        """Position, and escapes with the last step."""
+        state.position[world, b] = lane.position
+        one, two = look(model, lane, world, first, lane.until)
+        if wp.static(watchers > 0):
+            note_escape(readout, one, world, 0, first)
+        if wp.static(watchers > 1):
+            note_escape(readout, two, world, 1, first)
+
+    return start, advance, finish
+
+
+def body_lane(constants: type) -> type:
+    """Struct of a body on its way; `until` is the step of the launch at which it stops."""
+
+    @wp.struct
+    class BodyLane:
+        pose: Pose
+        until: wp.int32
+        body: constants
+
+    return BodyLane
+
+
+LANE_OF = {RigidConstants: body_lane(RigidConstants), BodyConstants: body_lane(BodyConstants)}
+
+
+def deviates_term(f: Features) -> wp.Function:
+    """`(model, constants, buffer, at, first, world, b) -> constants` that read the block of noise just drawn."""
+    kind = BodyConstants if f.spheres else RigidConstants
+    draw_three = noise_block_term(f.noise, 3)
+    draw_six = noise_block_term(f.noise, 6)
+
+    @wp.func
+    def of_rigid(
+        model: ModelData,
+        body: RigidConstants,
+        buffer: wp.array(dtype=wp.float32),
+        at: int,
+        first: wp.int64,
+        world: int,
+        b: int,
+    ) -> RigidConstants:
+        """Six deviates per step."""
+        draw_six(buffer, at, model.seed, first, world, b)
+        body.deviates = address_of(buffer, at)
+        body.deviates_from = first
+        return body
+
+    @wp.func
+    def of_either(
+        model: ModelData,
+        body: BodyConstants,
+        buffer: wp.array(dtype=wp.float32),
+        at: int,
+        first: wp.int64,
+        world: int,
+        b: int,
+    ) -> BodyConstants:
+        """As many as the body needs."""
+        if body.turns != 0:
+            draw_six(buffer, at, model.seed, first, world, b)
+            body.rigid.deviates = address_of(buffer, at)
+            body.rigid.deviates_from = first
+        else:
+            draw_three(buffer, at, model.seed, first, world, b)
+            body.bead.deviates = address_of(buffer, at)
+            body.bead.deviates_from = first
+        return body
+
+    return of_either if kind is BodyConstants else of_rigid
+
+
+def make_body_lanes(f: Features) -> wp.Kernel:
+    """Step for bodies of which some rotate, as `make_body_step`."""
+    constants_of, dynamics = body_dynamics(f)
+    lane_type = LANE_OF[dynamics.constants]
+    lanes_at = view_term(lane_type)
+    advance = body_advance_term(f, dynamics, lane_type)
+    with_deviates = deviates_term(f) if draws_blocks(f) else None
+    fresh = fresh_steps(f)
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    def body_lanes(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        first_world: int,
+        first_step: wp.int64,
+        steps: int,
+        worlds: int,
+    ):
+        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on."""
+        before = wp.tid() * GROUP
+        bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
+        deviates = wp.zeros(shape=(wp.static(GROUP * 6 * BLOCK),), dtype=wp.float32)
+        room = wp.zeros(shape=(GROUP,), dtype=lane_type)
+        lanes = wp.array(ptr=lanes_at(room), shape=(GROUP,), dtype=lane_type)
+        # names differ from loop to loop: one that came back would be carried from turn to turn
+        for g0 in range(bodies):
+            w0 = first_world + (before + g0) // wp.static(f.bodies)
+            b0 = (before + g0) % wp.static(f.bodies)
+            lanes[g0].pose = Pose(state.position[w0, b0], state.orientation[w0, b0])
+            lanes[g0].body = constants_of(model, control, w0, b0)
+            lanes[g0].until = steps
+        done = int(0)
+        while done < steps:
+            if wp.static(with_deviates is not None):
+                for g1 in range(bodies):
+                    w1 = first_world + (before + g1) // wp.static(f.bodies)
+                    b1 = (before + g1) % wp.static(f.bodies)
+                    now = first_step + wp.int64(done)
+                    at = wp.static(6 * BLOCK) * g1
+                    lanes[g1].body = with_deviates(model, lanes[g1].body, deviates, at, now, w1, b1)
+            for k in range(done, wp.min(done + wp.static(fresh), steps)):
+                for g2 in range(bodies):
+                    w2 = first_world + (before + g2) // wp.static(f.bodies)
+                    b2 = (before + g2) % wp.static(f.bodies)
+                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first_step, k)
+            done += wp.static(fresh)
+        for g3 in range(bodies):
+            w3 = first_world + (before + g3) // wp.static(f.bodies)
+            b3 = (before + g3) % wp.static(f.bodies)
+            state.position[w3, b3] = lanes[g3].pose.position
+            state.orientation[w3, b3] = lanes[g3].pose.rotation
+
+    return body_lanes
+
+
+def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Function:
+    """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of lane g."""
+    move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
+    moved_by = dynamics.shifted
+    note_escapes = escape_term(f) if f.escapes else None
+
+    @wp.func
+    def advance(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        lanes: wp.array(dtype=lane_type),
+        g: int,
+        world: int,
+        b: int,
+        first: wp.int64,
+        k: int,
+    ):
+        """Move, and note escapes."""
+        if k < lanes[g].until:
+            step = first + wp.int64(k)
+            time = wp.float64(step) * model.time_step
+            here = lanes[g].pose
+            move = move_freely(model, control, state, lanes[g].body, world, b, here, step, time)
+            if finite(here.position + linear_part(move) + angular_part(move)):
+                there = moved_by(here, move)
+                lanes[g].pose = there
+                if wp.static(f.escapes):
+                    arrival = step + wp.int64(1)
+                    later = time + model.time_step
+                    note_escapes(model, control, state, readout, world, b, here, there, arrival, later)
+            else:
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                lanes[g].until = k
+
+    return advance

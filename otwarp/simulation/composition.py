@@ -1,0 +1,140 @@
+"""What a step is composed of: the features of a scene, its driver and its integrator."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+import warp as wp
+
+from otwarp.errors import InputError
+from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
+from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.noise import NOISES
+from otwarp.kernels.walls import NEAR_WALLS
+from otwarp.scene.description import Body, Scene
+from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.pack_bodies import is_rigid
+from otwarp.simulation.pack_traps import trap_reach
+from otwarp.simulation.pack_walls import hydrodynamic_walls
+
+
+def compose(
+    scene: Scene,
+    values: Mapping[str, np.ndarray],
+    optics: TrapOptics,
+    device: wp.Device,
+    *,
+    fast_math: bool,
+    crossings: bool,
+) -> Features:
+    """The features of a scene on a device.
+
+    Args:
+        values: Parameters in force, as `Model.values`.
+        fast_math, crossings: As `Simulation`.
+
+    Raises:
+        InputError: Rods that collide in a crowd.
+    """
+    f = _terms(scene, values, optics)
+    f = dataclasses.replace(f, integrator=serving_integrator(f), fast_math=fast_math, crossings=crossings)
+    return dataclasses.replace(f, lanes=device.is_cpu and _takes_lanes(f))
+
+
+def check_settings(scene: Scene) -> None:
+    """Refuse an unknown integrator or noise.
+
+    Raises:
+        InputError: One line.
+    """
+    for name, value, known in (
+        ("integrator", scene.settings.integrator, INTEGRATORS),
+        ("noise", scene.settings.noise, NOISES),
+    ):
+        if value not in known:
+            raise InputError(f"{name} is {value!r}; allowed: {', '.join(known)}")
+
+
+def serving_integrator(f: Features) -> str:
+    """The integrator that does what the wanted one would: a simpler one where that makes no difference.
+
+    Where no force depends on place, one stage is exact. Near walls, where mobility depends on place, only some schemes
+    have the right drift.
+    """
+    if f.walls:
+        return f.integrator if f.integrator in NEAR_WALLS else NEAR_WALLS[0]
+    turned = f.rigid and (f.gravity or f.flow is not None)
+    if not f.trap_models and f.flow in (None, "uniform") and not turned:
+        return "eulerMaruyama"
+    return f.integrator
+
+
+def _room_for_contacts(scene: Scene, pairs: bool) -> int:
+    """Contacts a world can have at most, as a power of two (so that similar scenes share a step), up to the limit."""
+    elements = [len(body.colliding) for body in scene.bodies]
+    possible = sum(elements) * len(scene.obstacles)
+    if pairs:
+        possible += (sum(elements) ** 2 - sum(n * n for n in elements)) // 2
+    if any(_has_rods(body) for body in scene.bodies):
+        possible *= 3  # a rod that lies flat touches at both ends of where it does, and in the middle
+    return min(MAX_CONTACTS, 1 << max(2, (possible - 1).bit_length()))
+
+
+def _takes_lanes(f: Features) -> bool:
+    """Whether a CPU draws noise in blocks: bodies on their own, and crowds of lone spheres."""
+    crowd = f.driver == "grid" and f.contacts and f.brownian and not f.rigid
+    return not f.walls and (f.driver == "solo" or crowd)
+
+
+def _has_rods(body: Body) -> bool:
+    """Whether a rod of the body collides."""
+    return any(rod.collides for rod in body.rods)
+
+
+def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -> Features:
+    """The terms this scene needs; the integrator is still the wanted one."""
+    bodies, traps = scene.bodies, scene.traps
+    colliding = sum(bool(b.colliding) for b in bodies)
+    pushed = any(s.trapped for b in bodies for s in b.spheres)
+    # sorted, so that scenes with the same models share one compiled step
+    models = tuple(sorted({optics.term_name(scene, t) for t in range(len(traps))})) if pushed else ()
+    obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
+    pairs = colliding > 1
+    limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))
+    flow = scene.flow
+    moving = flow is not None and bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
+    driver = "solo"
+    if pairs or obstacles or limits:
+        driver = "world" if len(bodies) <= MAX_WORLD_BODIES else "grid"
+    rods = bool(pairs or obstacles) and any(_has_rods(b) for b in bodies)
+    if driver == "grid" and rods:
+        first = next(rod for b in bodies for rod in b.rods if rod.collides)
+        raise InputError(
+            f"{scene.file or scene.root}: {first.prim}: ot:rod:collides = true: must be false in a scene of "
+            f"{len(bodies)} bodies, rods collide in scenes of up to {MAX_WORLD_BODIES}"
+        )
+    return Features(
+        driver=driver,
+        bodies=len(bodies),
+        traps=len(traps) if models else 0,
+        trap_models=models,
+        moving_traps=bool(models) and any(t.position.animated or t.power.animated for t in traps),
+        speed_limits=limits,
+        spheres=not all(is_rigid(b) for b in bodies),
+        rigid=any(is_rigid(b) for b in bodies),
+        brownian=scene.settings.brownian and bool(np.any(values["medium_temperature"] > 0.0)),
+        gravity=scene.settings.gravity,
+        flow=flow.kind if flow and moving else None,
+        obstacles=obstacles,
+        moving_obstacles=bool(obstacles)
+        and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
+        pairs=pairs,
+        rods=rods,
+        walls=min(2, len(hydrodynamic_walls(scene))),
+        max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
+        escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
+        integrator=scene.settings.integrator,
+        noise=scene.settings.noise,
+    )

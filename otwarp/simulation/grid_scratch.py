@@ -1,0 +1,131 @@
+"""Memory of the body driver, and the sizes of its cells and skin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from otwarp.errors import InputError
+from otwarp.kernels.contact import Contact
+from otwarp.kernels.features import MAX_BODY_CONTACTS
+from otwarp.kernels.grid_contacts import CHUNKS, RELAXATIONS
+from otwarp.kernels.grid_data import GridData, Link, NeighbourData, PushData
+from otwarp.kernels.grid_move import two_stages
+from otwarp.kernels.neighbours import NEIGHBOURS
+from otwarp.simulation.model import Model
+from otwarp.simulation.state import State
+
+SPREADS = 32.0
+"""Skin in standard deviations of the thermal displacement of one step: lists then serve about ten steps, as the
+farthest of a million spheres goes five standard deviations a step, and these add up as the root of the steps."""
+
+SKIN_RANGE = (0.3, 1.2)
+"""Least and largest skin, relative to the mean contact radius: neither new lists in every step nor long lists."""
+
+MOST_CELLS = 1 << 30
+"""Cells of all worlds, which int32 keys number."""
+
+
+def choose_skin(model: Model) -> float:
+    """Skin of the neighbour lists [µm]."""
+    mean = float(model.data.contact.sphere.numpy()[:, 3].mean())
+    energy = float(model.data.medium.thermal_energy.numpy().max()) if model.features.brownian else 0.0
+    mobility = float(model.data.body.translation.numpy().max() / model.data.medium.viscosity.numpy().min())
+    spread = math.sqrt(2.0 * energy * mobility * model.time_step)
+    return float(np.clip(SPREADS * spread, SKIN_RANGE[0] * mean, SKIN_RANGE[1] * mean))
+
+
+def choose_cells(extent: np.ndarray, edge: float, elements: int, worlds: int) -> tuple[int, int, int]:
+    """Cells along each axis, powers of two of at least 4: no more than four per element, where there is room for them.
+
+    Args:
+        extent: (3,) of the region where the elements start [µm]; elsewhere the cells repeat.
+        edge: Of a cell [µm].
+    """
+    needed = [max(4, 1 << math.ceil(math.log2(max(float(x) / edge, 1.0)) - 1e-9)) for x in extent]
+    most = min(max(64, 4 * elements), max(64, MOST_CELLS // worlds))
+    while math.prod(needed) > most:
+        needed[needed.index(max(needed))] //= 2
+    return needed[0], needed[1], needed[2]
+
+
+def allocate_neighbours(model: Model, state: State) -> NeighbourData:
+    """Cells and lists; of no length where nothing can touch anything."""
+    f, w, device = model.features, model.worlds, model.device
+    data = NeighbourData()
+    contact = model.data.contact
+    sizes = contact.sphere.numpy()[:, 3] if f.contacts else np.zeros(0)
+    elements = (f.bodies if f.soft_contacts else len(sizes)) if f.contacts else 0
+    data.elements = elements
+    cells = (4, 4, 4)
+    if f.contacts:
+        data.skin = choose_skin(model)
+        # gaps that the free moves of a step may close
+        sticky = contact.adhesion.numpy() > 0.0
+        data.adhesion = float(contact.adhesion_range.numpy()[sticky].max(initial=0.0))
+        data.reach = data.adhesion + (0.0 if f.soft_contacts else 0.5 * data.skin)
+        data.edge = 2.0 * float(sizes.max()) + data.reach + data.skin
+        extent = np.ptp(state.position.numpy()[0].astype(float), axis=0)
+        cells = choose_cells(extent, data.edge, elements, w)
+    data.cells = wp.vec3i(*cells)
+    total, listed = w * elements, w * elements if f.pairs else 0
+    if listed * NEIGHBOURS >= 2**31:
+        raise InputError(
+            f"worlds is {w} with {elements} spheres that collide in each; allowed: {(2**31 - 1) // NEIGHBOURS} such "
+            "spheres in all worlds together"
+        )
+    searched = w * math.prod(cells) if f.pairs else 0
+    counts = {"key": 2 * listed, "item": 2 * listed, "start": searched, "finish": searched, "count": total}
+    counts |= {"walled": total if f.obstacles else 0, "stale": 1, "builds": 1}
+    for name, size in counts.items():
+        setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
+    data.reference = wp.zeros(total, dtype=wp.vec3, device=device)
+    # filled up to `count` alone: pages that no list reaches are never touched
+    data.neighbour = wp.empty(listed * NEIGHBOURS, dtype=wp.int32, device=device)
+    # neighbouring threads of a GPU read neighbouring words; one thread of a CPU reads its own list through
+    data.stride, data.pitch = (NEIGHBOURS, 1) if device.is_cpu else (1, listed)
+    return data
+
+
+def allocate_grid(model: Model, state: State) -> GridData:
+    """Everything the kernels of the body driver keep between launches."""
+    f, w, device = model.features, model.worlds, model.device
+    b = f.bodies
+    own = 0 if f.soft_contacts else b
+    data = GridData()
+    data.near = allocate_neighbours(model, state)
+    data.clock = wp.zeros(1, dtype=wp.int64, device=device)
+    data.until = wp.zeros(1, dtype=wp.int64, device=device)
+    for name in ("left", "touching", "sweep", "unsettled", "row", "turn"):
+        setattr(data, name, wp.zeros(1, dtype=wp.int32, device=device))
+    data.linear = wp.zeros((w, own), dtype=wp.vec3, device=device)
+    data.angular = wp.zeros((w, own if f.rigid else 0), dtype=wp.vec3, device=device)
+    again = own if two_stages(f) else 0
+    data.drift = wp.zeros((w, again), dtype=wp.vec3, device=device)
+    data.turning = wp.zeros((w, again if f.rigid else 0), dtype=wp.vec3, device=device)
+    touching = own if f.contacts else 0
+    data.contact = wp.empty((w * touching if f.rigid else 0, MAX_BODY_CONTACTS), dtype=Contact, device=device)
+    data.link = wp.empty((0 if f.rigid else w * touching, MAX_BODY_CONTACTS), dtype=Link, device=device)
+    data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
+    data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
+    data.ahead = wp.empty((w * touching, MAX_BODY_CONTACTS), dtype=wp.float32, device=device)
+    data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
+    data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
+    data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
+    slots = w * b if f.soft_contacts else 0
+    data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)
+    ordered = w * b if f.soft_contacts or f.lanes else 0
+    data.order = wp.zeros((2, ordered), dtype=wp.int32, device=device)
+    return data
+
+
+def allocate_push(model: Model) -> PushData:
+    """What the contacts move in a step."""
+    w, f, device = model.worlds, model.features, model.device
+    touching = f.bodies if f.contacts and not f.soft_contacts else 0
+    push = PushData()
+    push.linear = wp.zeros((w, touching), dtype=wp.vec3, device=device)
+    push.angular = wp.zeros((w, touching if f.rigid else 0), dtype=wp.vec3, device=device)
+    return push

@@ -1,0 +1,138 @@
+"""Hydrodynamic walls of a scene as the arrays that kernels read, and what such walls do not go with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import warp as wp
+
+from otwarp.errors import InputError
+from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.rigid import BodyMobility
+from otwarp.kernels.types import WallData, mat66
+from otwarp.scene.description import Body, Obstacle, Scene
+from otwarp.simulation.arrays import device_array
+from otwarp.simulation.pack_bodies import drag_spheres, is_rigid, weight
+from otwarp.simulation.pack_traps import rotate
+from otwarp.units import BOLTZMANN
+
+STILL = 1e-3
+"""Flow at a wall that counts as none, relative to the fastest within a radius of the flow's own scale; and the angle
+[rad] between a wall's normal and the direction along which the flow varies that counts as none."""
+
+
+def hydrodynamic_walls(scene: Scene) -> tuple[Obstacle, ...]:
+    """The planes that hinder motion, checked.
+
+    Raises:
+        InputError: One that is no plane at rest, or that a body starts behind.
+    """
+    walls = tuple(o for o in scene.obstacles if o.hydrodynamic)
+    for wall in walls:
+        moves = wall.position.animated or wall.orientation.animated
+        if wall.shape != "plane" or moves:
+            kind = f"a {wall.shape} that moves" if moves else f"a {wall.shape}"
+            raise _bad(scene, wall, "true", f"false on {kind}; only planes at rest are hydrodynamic")
+        normal, offset = plane_of(wall)
+        for body in scene.bodies:
+            turned = rotate(np.array(body.orientation), np.array([s.offset for s in drag_spheres(body)]).reshape(-1, 3))
+            height = (turned + np.array(body.position)) @ normal - offset
+            if height.min() <= 0.0:
+                allowed = f"false, or {body.name} in front of it: it starts at a height of {height.min():.4g} µm"
+                raise _bad(scene, wall, "true", allowed)
+    return walls
+
+
+def plane_of(wall: Obstacle) -> tuple[np.ndarray, float]:
+    """Unit normal out of a plane at rest, and normal·x on it [µm]."""
+    normal = rotate(wall.orientation.values[0], np.array([0.0, 0.0, 1.0]))
+    normal = normal / np.linalg.norm(normal)
+    return normal, float(normal @ wall.position.values[0])
+
+
+def _bad(scene: Scene, wall: Obstacle, value: str, allowed: str) -> InputError:
+    return InputError(f"{scene.file or scene.root}: {wall.prim}: ot:obstacle:hydrodynamic = {value}: must be {allowed}")
+
+
+def check_flow(scene: Scene, values: Mapping[str, np.ndarray]) -> None:
+    """Refuse a flow that does not stand still at every hydrodynamic wall.
+
+    Raises:
+        InputError: The message names the wall, and where the flow stands still.
+    """
+    flow = scene.flow
+    if flow is None or not np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]):
+        return
+    up = rotate(np.array(flow.orientation), np.array([0.0, 0.0, 1.0]))
+    for wall in hydrodynamic_walls(scene):
+        normal, offset = plane_of(wall)
+        height = offset * float(normal @ up) - float(up @ np.array(flow.origin))
+        parallel = np.linalg.norm(np.cross(normal, up)) < STILL
+        size = flow.half_height if flow.kind == "poiseuille" else max(s.radius for b in scene.bodies for s in b.spheres)
+        still = {"poiseuille": (-flow.half_height, flow.half_height), "shear": (0.0,)}.get(flow.kind, ())
+        if not parallel or not any(abs(height - z) < STILL * size for z in still):
+            where = {
+                "poiseuille": f"at ±{flow.half_height:g} µm of the prim's own z",
+                "shear": "at 0 of the prim's own z",
+            }.get(flow.kind, "nowhere")
+            raise _bad(scene, wall, "true", f"false where {flow.prim} flows; its {flow.kind} flow stands still {where}")
+
+
+def walled_spheres(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Spheres of a body that walls act on, and whether contact is what stops each.
+
+    Those that feel the liquid and are not inside another; a rod stands as a row of spheres of its radius that touch.
+
+    Returns:
+        (n, 4) offsets from the prim's origin and radii [µm], (n,) whether it collides.
+    """
+    rows = [(*s.offset, s.radius, s.collides) for s in drag_spheres(body)]
+    for rod in body.rods:
+        if rod.drag:
+            a, b = np.array(rod.start), np.array(rod.end)
+            beads = max(1, round(float(np.linalg.norm(b - a)) / (2.0 * rod.radius))) + 1
+            rows += [(*(a + t * (b - a)), rod.radius, rod.collides) for t in np.linspace(0.0, 1.0, beads)]
+    table = np.array(rows, dtype=float).reshape(-1, 5)
+    kept = outermost_spheres(table[:, :3], table[:, 3])
+    return table[kept, :4], table[kept, 4] != 0.0
+
+
+def wall_time(scene: Scene, values: Mapping[str, np.ndarray]) -> float | None:
+    """Shortest time in which a sphere away from walls diffuses, or falls, by its own radius [s].
+
+    6πηa³/k_B T and 6πηa²/|W|: over that distance, and that time, mobilities near a wall change. None without walls, and
+    where nothing moves.
+    """
+    if not hydrodynamic_walls(scene):
+        return None
+    hot = float(values["medium_temperature"].max()) if scene.settings.brownian else 0.0
+    viscosity = float(values["medium_viscosity"].min())
+    rates = []
+    for body in scene.bodies:
+        radius = float(walled_spheres(body)[0][:, 3].min())
+        load = abs(weight(scene, body)) if scene.settings.gravity else 0.0
+        rates.append(max(BOLTZMANN * hot / radius, load) / (6.0 * np.pi * viscosity * radius**2))
+    return 1.0 / max(rates) if max(rates) > 0.0 else None
+
+
+def pack_walls(scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: wp.Device) -> WallData:
+    """Planes, spheres and free resistances; all empty without hydrodynamic walls."""
+    planes = [plane_of(wall) for wall in walls]
+    bodies = list(zip(scene.bodies, moves, strict=True)) if walls else []
+    start, spheres, turned_back = [0], [np.zeros((0, 4))], []
+    for body, move in bodies:
+        rows, collides = walled_spheres(body)
+        spheres.append(rows - np.append(move.reference, 0.0))
+        turned_back += list(~collides)
+        start.append(start[-1] + len(rows))
+    distinct = list({id(m): m for _, m in bodies}.values())
+    full = distinct if any(is_rigid(body) for body, _ in bodies) else []
+    data = WallData()
+    data.normal = device_array([n for n, _ in planes], wp.vec3, device)
+    data.offset = device_array([o for _, o in planes], wp.float32, device)
+    data.start = device_array(start, wp.int32, device)
+    data.sphere = device_array(np.concatenate(spheres), wp.vec4, device)
+    data.turned_back = device_array(turned_back, wp.int32, device)
+    data.resistance = device_array([m.resistance for m in full], mat66, device)
+    return data
