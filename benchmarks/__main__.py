@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks import forces, integrators, realtime, speed, stability, startup, terms
+from benchmarks import crowd, forces, integrators, realtime, speed, stability, startup, terms
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
@@ -13,6 +13,7 @@ BENCHMARKS = {
     "forces": forces.measure,
     "integrators": integrators.measure,
     "speed": speed.measure,
+    "crowd": crowd.measure,
     "stability": stability.measure,
 }
 

@@ -31,9 +31,10 @@ def crossed(
 
 
 def escape_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, world, b, before, pose, step, time)`: note the first step a sphere is lost.
+    """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: note the first step of a loss.
 
-    `step` and `time` are those of the arrival at `pose`, from `before`.
+    `step` and `time` are those of the arrival at `pose`, from `before`. As long as no point of the body has moved by
+    the leeway [µm], nothing can be lost.
     """
     trap_command = trap_command_term(f)
 
@@ -55,13 +56,15 @@ def escape_term(f: Features) -> wp.Function:
         pose: Pose,
         step: wp.int64,
         time: wp.float64,
-    ):
-        """Compare the held sphere's distance with the trap's reach."""
+    ) -> float:
+        """Compare the held sphere's distance with the trap's reach; how much farther the body may go unwatched [µm]."""
+        leeway = float(wp.inf)
         for trap in range(model.traps.axis.shape[0]):
             if model.traps.held_body[trap] == b and readout.escape_step[world, trap] < wp.int64(0):
                 command = trap_command(model, control, state, world, trap, time)
                 reach = model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
                 after2 = distance2(model, trap, command, pose)
+                near = reach
                 # a dark trap holds nothing that could escape
                 lost = command[3] > 0.0 and after2 > reach * reach
                 if wp.static(f.brownian and f.crossings):
@@ -76,6 +79,11 @@ def escape_term(f: Features) -> wp.Function:
                             )  # fmt: skip
                 if lost:
                     readout.escape_step[world, trap] = step
+                elif command[3] > 0.0:
+                    leeway = wp.min(leeway, near - wp.sqrt(after2))
+                if wp.static(not f.still_traps):
+                    leeway = 0.0
+        return leeway
 
     return note_escapes
 

@@ -233,12 +233,16 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
 
 
 def body_lane(constants: type) -> type:
-    """Struct of a body on its way; `until` is the step of the launch at which it stops."""
+    """Struct of a body on its way.
+
+    `until` is the step of the launch at which it stops, `leeway` how far it may go before an escape is possible [µm].
+    """
 
     @wp.struct
     class BodyLane:
         pose: Pose
         until: wp.int32
+        leeway: wp.float32
         body: constants
 
     return BodyLane
@@ -326,6 +330,7 @@ def make_body_lanes(f: Features) -> wp.Kernel:
             lanes[g0].pose = Pose(state.position[w0, b0], state.orientation[w0, b0])
             lanes[g0].body = constants_of(model, control, w0, b0)
             lanes[g0].until = steps
+            lanes[g0].leeway = 0.0
         done = int(0)
         while done < steps:
             if wp.static(with_deviates is not None):
@@ -379,9 +384,14 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                 there = moved_by(here, move)
                 lanes[g].pose = there
                 if wp.static(f.escapes):
-                    arrival = step + wp.int64(1)
-                    later = time + model.time_step
-                    note_escapes(model, control, state, readout, world, b, here, there, arrival, later)
+                    turned = model.body.bound[b] * wp.length(angular_part(move))
+                    leeway = lanes[g].leeway - wp.length(there.position - here.position) - turned
+                    # watched closely only where something can be lost
+                    if leeway <= 0.0:
+                        arrival = step + wp.int64(1)
+                        later = time + model.time_step
+                        leeway = note_escapes(model, control, state, readout, world, b, here, there, arrival, later)
+                    lanes[g].leeway = leeway
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

@@ -192,6 +192,8 @@ def make_body_step(f: Features) -> wp.Kernel:
             world = first_world + wp.tid() // wp.static(f.bodies)
         pose = Pose(state.position[world, b], state.orientation[world, b])
         body = constants_of(model, control, world, b)
+        bound = model.body.bound[b]
+        leeway = float(0.0)
         for i in range(steps):
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step
@@ -204,9 +206,12 @@ def make_body_step(f: Features) -> wp.Kernel:
             if wp.static(f.walls > 0):
                 pose.position = pose.position + out_of_walls(model.walls, b, pose)
             if wp.static(f.escapes):
-                note_escapes(
-                    model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
-                )
+                # watched closely only where something can be lost
+                leeway -= wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
+                if leeway <= 0.0:
+                    arrival = step + wp.int64(1)
+                    later = time + model.time_step
+                    leeway = note_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 
