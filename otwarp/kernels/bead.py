@@ -2,9 +2,9 @@
 
 import warp as wp
 
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
-from otwarp.kernels.integrators import Dynamics
 from otwarp.kernels.noise import three_deviates_term
 from otwarp.kernels.noise_block import three_at
 from otwarp.kernels.trap_wrench import anchor_of, reach_term, trap_command_term

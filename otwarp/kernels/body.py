@@ -6,8 +6,9 @@ A lone sphere is lifted to a pose whose orientation nobody looks at, and to twis
 import warp as wp
 
 from otwarp.kernels.bead import bead_constants_term
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
-from otwarp.kernels.integrators import INTEGRATORS, Dynamics, whole_step
+from otwarp.kernels.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.rigid import angular_part, linear_part, rigid_constants_term, twist
 from otwarp.kernels.types import (
     BodyConstants,

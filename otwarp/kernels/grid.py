@@ -7,7 +7,8 @@ A step of bodies whose contacts are stiff is: `advance` (free displacements), `f
 `weigh` and sweeps of `relax` (contact forces from the displacements of both partners), `correct` (the integrator's
 second stage, and the sweeps go on) and `commit`; see `grid_contacts` for the contacts. Where contacts are soft it is
 one kernel, see `soft`. New neighbour lists are made, and the sweeps taken, only when the device asks for it: these
-parts of the captured graph are conditional. All steps and worlds use the same launches; the step counter lives in device memory.
+parts of the captured graph are conditional. All steps and worlds use the same launches; the step counter lives in
+device memory.
 """
 
 from dataclasses import dataclass

@@ -10,10 +10,11 @@ import warp as wp
 
 from otwarp.kernels.bead import FEW_TRAPS, bead_constants_term, bead_dynamics
 from otwarp.kernels.body import body_dynamics
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import Features
-from otwarp.kernels.integrators import INTEGRATORS, Dynamics, whole_step
+from otwarp.kernels.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.noise_block import BLOCK, address_of, noise_block_term
 from otwarp.kernels.rigid import angular_part, linear_part
 from otwarp.kernels.solo import Watch, note_escape, start_watch, watch_term

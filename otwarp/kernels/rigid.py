@@ -5,9 +5,9 @@ Moves are twists: displacement of the centre of diffusion and rotation vector, i
 
 import warp as wp
 
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
-from otwarp.kernels.integrators import Dynamics
 from otwarp.kernels.noise import six_deviates_term
 from otwarp.kernels.noise_block import six_at
 from otwarp.kernels.rotation import rotate_by

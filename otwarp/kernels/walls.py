@@ -24,9 +24,9 @@ import dataclasses
 import warp as wp
 
 from otwarp.kernels.bead import bead_dynamics
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
-from otwarp.kernels.integrators import Dynamics
 from otwarp.kernels.noise import WEAK_TERMS, high_half, six_deviates_term, three_deviates_term
 from otwarp.kernels.random import GAUSSIAN_TERMS, Stream, noise_words
 from otwarp.kernels.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData, WallData, vec6

@@ -22,9 +22,9 @@ import dataclasses
 
 import warp as wp
 
+from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
-from otwarp.kernels.integrators import Dynamics
 from otwarp.kernels.rigid import angular_part, flow_velocity_term, linear_part, rigid_dynamics, twist
 from otwarp.kernels.trap_wrench import wrench_term
 from otwarp.kernels.types import (
