@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import device_option, json_option, scene_argument, time_step_option, worlds_option
+from otwarp.cli.options import (
+    device_option,
+    integrator_option,
+    json_option,
+    noise_option,
+    scene_argument,
+    time_step_option,
+    worlds_option,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,9 +27,19 @@ if TYPE_CHECKING:
 @scene_argument
 @worlds_option
 @time_step_option
+@integrator_option
+@noise_option
 @device_option
 @json_option
-def info(scene: Path, worlds: int, time_step: float | None, device: str | None, as_json: bool) -> None:
+def info(
+    scene: Path,
+    worlds: int,
+    time_step: float | None,
+    integrator: str | None,
+    noise: str | None,
+    device: str | None,
+    as_json: bool,
+) -> None:
     """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
     from otwarp.record.capacity import check_worlds
     from otwarp.scene.description import Scene
@@ -29,7 +47,8 @@ def info(scene: Path, worlds: int, time_step: float | None, device: str | None, 
 
     loaded = Scene.load(scene)
     check_worlds(loaded, worlds, device)
-    about = describe(loaded, worlds=worlds, time_step=time_step, device=device)
+    how = {"worlds": worlds, "time_step": time_step, "integrator": integrator, "noise": noise, "device": device}
+    about = describe(loaded, **how)
     if as_json:
         click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -121,9 +140,13 @@ def _print(about: dict[str, Any]) -> None:
         ("diffusion over 0.1 of the smallest colliding radius", _time(scales["diffusion"])),
         ("prescribed motion over the same distance", _time(scales["travel"])),
         ("diffusion or fall over a radius, near hydrodynamic walls", _time(scales["wall"])),
+        ("sinking or rising over the same distance", _time(scales["settling"])),
+        ("approach under adhesion over the same distance", _time(scales["adhesion"])),
+        ("turning of rigid bodies by 0.1 rad", _time(scales["turning"])),
         ("largest stable step", _time(scales["largest_stable"])),
         ("time step", f"{_time(scales['time_step'])}  ({scales['chosen_by']})"),
         ("integrator", scales["integrator"] + (f"  ({why})" if (why := about["integrator_reason"]) else "")),
+        ("noise", about["noise"]),
         ("predicted error of stationary variances", f"{100.0 * scales['variance_error']:+.2g} %"),
         ("predicted error of relaxation rates", f"{100.0 * scales['rate_error']:+.2g} %"),
         ("steps of the run", f"{about['steps']:,}"),

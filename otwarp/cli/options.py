@@ -23,4 +23,10 @@ time_step_option = click.option(
     help="Time step; default: the scene's, or chosen from its wanted accuracy.",
 )
 
+integrator_option = click.option(
+    "--integrator", metavar="NAME", help="eulerMaruyama, leimkuhlerMatthews, heun or exponential; default: the scene's."
+)
+
+noise_option = click.option("--noise", metavar="NAME", help="gaussian, threePoint or uniform; default: the scene's.")
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")

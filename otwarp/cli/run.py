@@ -16,7 +16,9 @@ from click.core import ParameterSource
 from otwarp.cli import stop
 from otwarp.cli.options import (
     device_option,
+    integrator_option,
     json_option,
+    noise_option,
     scene_argument,
     seed_option,
     time_step_option,
@@ -43,6 +45,8 @@ from otwarp.errors import InputError
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
 @click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
 @time_step_option
+@integrator_option
+@noise_option
 @device_option
 @json_option
 @click.pass_context
@@ -61,6 +65,8 @@ def run(
     resume: Path | None,
     fast_math: bool,
     time_step: float | None,
+    integrator: str | None,
+    noise: str | None,
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -95,6 +101,8 @@ def run(
             checkpoint=checkpoint,
             resume=resume,
             fast_math=fast_math,
+            integrator=integrator,
+            noise=noise,
             progress=progress,
         )
     if as_json:
@@ -105,7 +113,7 @@ def run(
 
 def _refuse_with_resume(context: click.Context) -> None:
     """A checkpoint brings its own worlds, seed and time step: other ones would be ignored without a word."""
-    for option in ("worlds", "seed", "time_step", "fast_math"):
+    for option in ("worlds", "seed", "time_step", "fast_math", "integrator", "noise"):
         if context.get_parameter_source(option) == ParameterSource.COMMANDLINE:
             name, value = f"--{option.replace('_', '-')}", context.params[option]
             raise InputError(f"{name} is {value}; allowed with --resume: that of the checkpoint, so leave it out")

@@ -61,6 +61,12 @@ class Contact:
     response_b: Move
     give: float
     """Opening of the gap per unit contact force [µm/pN]."""
+    wander: float
+    """−2 s² ln U of this step's thermal excursion [µm²], see `excursion`; 0 without one."""
+    layer: float
+    """Depth of it that the elastic contact resolves by itself [µm]."""
+    least: float
+    """Least load in this step [pN]: `floor`, or what keeps the excursion out."""
     load: float
     """Solution λ: mean force during the step [pN]."""
 

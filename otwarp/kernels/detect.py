@@ -9,6 +9,8 @@ radius in one step can be stopped by what lies beside its path.
 import warp as wp
 
 from otwarp.kernels.contact import NO_CONTACT, Contact, pair_law, pair_reach, rigid_response, sphere_response
+from otwarp.kernels.curvature import relative_radius_term
+from otwarp.kernels.excursion import excursion_term, obstacle_name
 from otwarp.kernels.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
@@ -24,7 +26,7 @@ from otwarp.kernels.segments import (
     valley_t,
     valley_term,
 )
-from otwarp.kernels.travel import closing_of, free_travel, obstacle_drift, obstacle_travel
+from otwarp.kernels.travel import closing_of, free_travel, obstacle_drift, obstacle_travel, opening_of
 from otwarp.kernels.types import ModelData, Move, Pose, ReadoutData, world_row
 from otwarp.kernels.walls import walled_sphere_response_term
 from otwarp.kernels.walls_rigid import walled_rigid_response_term
@@ -124,12 +126,13 @@ def touch_term(f: Features) -> wp.Function:
 
 
 def touch_wall_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
+    """`(model, readout, world, a, o, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
     new_contact = new_contact_term(f)
+    relative_radius = relative_radius_term(f.obstacles)
 
     @wp.func
     def touch_wall(
-        model: ModelData, readout: ReadoutData, world: int, a: int, pose: Pose, wall: Pose, later: Pose,
+        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, wall: Pose, later: Pose,
         arm: wp.vec3, radius: float, local: wp.vec3, hit: wp.vec4, step: wp.int64,
     ) -> Contact:  # fmt: skip
         """`local` is the sphere's centre in the obstacle's frame, `hit` the normal there and the distance."""
@@ -138,7 +141,8 @@ def touch_wall_term(f: Features) -> wp.Function:
             raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
         outward = wp.vec3(hit[0], hit[1], hit[2])
         normal = wp.quat_rotate(wall.rotation, outward)
-        c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, radius, overlap)
+        relative = relative_radius(model.obstacles, o, local, outward, radius)
+        c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
         if wp.static(f.moving_obstacles):
             c.drift = wp.dot(obstacle_drift(wall, later, local - hit[3] * outward), normal)
         return c
@@ -174,17 +178,19 @@ def put(
 
 
 def element_pair_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, rod_a, rod_b, ri, rj, reach, …) -> count`.
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj, reach, …)`.
 
-    `reach` [µm]: gap within which a contact is listed whether or not the moves close it.
+    Elements i and j of bodies a and b; the new count. `reach` [µm]: gap within which a contact is listed whether or not
+    the moves close it.
     """
     touch = touch_term(f)
+    excursion = excursion_term(f)
     valley = valley_term(segment_slope) if f.rods else None
 
     @wp.func
     def element_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
-        move_a: Move, move_b: Move, rod_a: Segment, rod_b: Segment, ri: float, rj: float, reach: float,
+        move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, ri: float, rj: float, reach: float,
         contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points."""
@@ -195,6 +201,7 @@ def element_pair_term(f: Features) -> wp.Function:
                 c = touch(
                     model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step
                 )  # fmt: skip
+                c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
                 count = put(readout, world, contacts, count, c, step)
         else:
             # all relative to the reference point of a, so that a place far from the origin costs no digits
@@ -219,6 +226,7 @@ def element_pair_term(f: Features) -> wp.Function:
                             c = touch(
                                 model, readout, world, a, b, pose_a, pose_b, point, near + between, ri, rj, step
                             )  # fmt: skip
+                            c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
                             count = put(readout, world, contacts, count, c, step)
         return count
 
@@ -266,8 +274,8 @@ def pair_contacts_term(f: Features) -> wp.Function:
                         rod_b = element(model, j, pose_b.rotation)
                         rj = model.contact.sphere[j][3]
                         count = element_pair(
-                            model, readout, world, a, b, pose_a, pose_b, move_a, move_b, rod_a, rod_b, ri, rj, reach,
-                            contacts, count, step,
+                            model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj,
+                            reach, contacts, count, step,
                         )  # fmt: skip
         return count
 
@@ -280,6 +288,7 @@ def element_wall_term(f: Features) -> wp.Function:
     Element i of body a against obstacle o; `reach` [µm]: gap up to which its own move need not close it.
     """
     touch_wall = touch_wall_term(f)
+    excursion = excursion_term(f)
     element = element_term(f)
     distance_to = distance_term(f.obstacles)
     valley = valley_term(obstacle_slope_term(distance_to)) if f.rods else None
@@ -304,7 +313,8 @@ def element_wall_term(f: Features) -> wp.Function:
             if half == 0.0:
                 way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
                 if hit[3] < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
-                    c = touch_wall(model, readout, world, a, pose, wall, later, rod.centre, radius, local, hit, step)
+                    c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
+                    c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
                     count = put(readout, world, contacts, count, c, step)
             elif wp.static(f.rods):
                 inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
@@ -322,7 +332,10 @@ def element_wall_term(f: Features) -> wp.Function:
                             way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
                             if hit[3] < radius + reach + closing_of(move, still, arm, arm, way):
                                 c = touch_wall(
-                                    model, readout, world, a, pose, wall, later, arm, radius, point, hit, step
+                                    model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
+                                )  # fmt: skip
+                                c = excursion(
+                                    model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
                                 )  # fmt: skip
                                 count = put(readout, world, contacts, count, c, step)
         return count

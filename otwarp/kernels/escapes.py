@@ -33,7 +33,8 @@ def crossed(
 def escape_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: note the first step of a loss.
 
-    `step` and `time` are those of the arrival at `pose`, from `before`. As long as no point of the body has moved by
+    `step` and `time` are those of the arrival at `pose`, from `before`. A focus with a speed limit counts as where it
+    has come to, at both ends of the step. As long as no point of the body has moved by
     the leeway [µm], nothing can be lost.
     """
     trap_command = trap_command_term(f)

@@ -2,17 +2,18 @@
 
 The forces are λ = F(δ − s): Hertz's law at the end of the step, where the gaps have opened by s under all λ. They are
 the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀
-the opening without contact forces and ψ*' the overlap that belongs to a force. The sweeps are accelerated proximal
-gradient steps on it (Beck, Teboulle 2009, doi:10.1137/080716542; for contact: Mazhar, Heyn, Negrut, Tasora 2015,
-doi:10.1145/2735627), with crowding·give, by Gershgorin's theorem at least the row sum of G, for G: no stiffness makes
-them diverge, and a lone contact is solved at once. Momentum restarts contact by contact where it points uphill
-(O'Donoghue, Candès 2015, doi:10.1007/s10208-013-9150-3). A step without contacts takes
+the opening without contact forces and ψ*' the overlap that belongs to a force; no λ is below its least (`excursion`).
+The sweeps are accelerated proximal gradient steps on it (Beck, Teboulle 2009, doi:10.1137/080716542; for contact:
+Mazhar, Heyn, Negrut, Tasora 2015, doi:10.1145/2735627), with crowding·give, by Gershgorin's theorem at least the row
+sum of G, for G: no stiffness makes them diverge, and a lone contact is solved at once. Momentum restarts contact by
+contact where it points uphill (O'Donoghue, Candès 2015, doi:10.1007/s10208-013-9150-3). A step without contacts takes
 no sweep, a settled one no more.
 """
 
 import warp as wp
 
 from otwarp.kernels.contact import SETTLED, UNSETTLED, Contact, along, overlap_alone
+from otwarp.kernels.excursion import least_load
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid_data import GridData, PushData
@@ -59,7 +60,7 @@ def make_weigh(f: Features) -> wp.Kernel:
     rest, little where an impact would throw stiff bodies far. A contact of two bodies is in both lists, half in each.
     """
     opening = opening_term(f)
-    _, read_contact, _ = contact_store_terms(f)
+    read_contact = contact_store_terms(f)[1]
 
     @wp.kernel(module="unique", enable_backward=False)
     def weigh(model: ModelData, grid: GridData, push: PushData):
@@ -106,7 +107,9 @@ def gap_error(c: Contact, load: float, overlap: float) -> float:
     """How far from the overlap that belongs to a load the contact ends with it [µm]."""
     above = wp.max(load - c.floor, 0.0) / c.hardness
     wanted = wp.pow(above, 2.0 / 3.0)
-    return wp.abs(wp.max(overlap, 0.0) - wanted)
+    error = wp.max(overlap, 0.0) - wanted
+    # its least load may be more than the overlap asks for
+    return wp.where(c.least > c.floor and load <= c.least, wp.max(error, 0.0), wp.abs(error))
 
 
 def relax_body_term(f: Features) -> wp.Function:
@@ -116,7 +119,8 @@ def relax_body_term(f: Features) -> wp.Function:
     Its momentum is that of its own condition 1 + crowding·k·give.
     """
     opening = opening_term(f)
-    _, read_contact, write_load = contact_store_terms(f)
+    _, read_contact, write_load, write_least = contact_store_terms(f)
+    free_opening = free_opening_term(f)
 
     @wp.func
     def relax_body(
@@ -139,6 +143,10 @@ def relax_body_term(f: Features) -> wp.Function:
             crowding = grid.crowding[world, a]
             if c.b >= 0:
                 crowding = wp.max(crowding, grid.crowding[world, c.b])
+            if sweep == 0 and c.wander > 0.0:
+                # of the free moves of this stage, which the integrator's second changes
+                c.least = least_load(c, free_opening(grid, world, c))
+                write_least(grid, row, i, c.least)
             start = scale * grid.ahead[row, i]
             give = crowding * c.give
             overlap = c.overlap - opening(grid, before, world, c, scale)
@@ -147,7 +155,7 @@ def relax_body_term(f: Features) -> wp.Function:
             end = float(0.0)
             if reach > 0.0:
                 end = overlap_alone(c.hardness, give, reach)
-            load = c.floor + c.hardness * end * wp.sqrt(end)
+            load = wp.max(c.floor + c.hardness * end * wp.sqrt(end), c.least)
             if wp.abs(load - start) * c.give > wp.static(SETTLED):
                 grid.moving[world, sweep] = 1
                 grid.active[sweep] = 1

@@ -33,7 +33,7 @@ class NeighbourData:
 
 @wp.struct
 class Link:
-    """What a contact of a lone sphere needs: see `Contact`; 56 bytes instead of 192."""
+    """What a contact of a lone sphere needs: see `Contact`; 68 bytes instead of 204."""
 
     b: int
     normal: wp.vec3
@@ -47,6 +47,9 @@ class Link:
     own: float
     """Opening of the gap per unit contact force by this sphere [µm/pN]; `give` by both partners."""
     give: float
+    wander: float
+    layer: float
+    least: float
     load: float
 
 

@@ -4,19 +4,21 @@ import warp as wp
 
 from otwarp.kernels.contact import Contact, along
 from otwarp.kernels.detect import touch_term, touch_wall_term
+from otwarp.kernels.excursion import excursion_term, least_load, obstacle_name
 from otwarp.kernels.faults import Fault, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid_data import GridData, Link, PushData, body_pose_term
 from otwarp.kernels.neighbours import CROWDED, next_crowded_term
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.travel import thermal_reach, wander_of
 from otwarp.kernels.types import ModelData, Move, Pose, ReadoutData, StateData
 
 
-def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Write and read entry k of a body's list, and write its load.
+def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
+    """Write and read entry k of a body's list, write its load, and write its least load.
 
-    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and `(grid, row, k, load)`. Where no body rotates an entry holds
-    no arms, and of the responses the body's own along the normal alone.
+    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Where no body rotates
+    an entry holds no arms, and of the responses the body's own along the normal alone.
     """
 
     @wp.func
@@ -40,12 +42,23 @@ def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Funct
         grid.link[row, k].load = load
 
     @wp.func
+    def write_contact_least(grid: GridData, row: int, k: int, least: float):
+        """Of a whole contact."""
+        grid.contact[row, k].least = least
+
+    @wp.func
+    def write_link_least(grid: GridData, row: int, k: int, least: float):
+        """Of a lone sphere's."""
+        grid.link[row, k].least = least
+
+    @wp.func
     def write_link(grid: GridData, row: int, k: int, c: Contact):
         """Without what a lone sphere has not."""
         own = wp.dot(c.response_a.linear, c.normal)
         grid.link[row, k] = Link(
-            c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give, c.load
-        )
+            c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give,
+            c.wander, c.layer, c.least, c.load,
+        )  # fmt: skip
 
     @wp.func
     def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
@@ -64,12 +77,15 @@ def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Funct
         c.drift = link.drift
         c.response_a = Move(link.own * link.normal, wp.vec3(0.0))
         c.give = link.give
+        c.wander = link.wander
+        c.layer = link.layer
+        c.least = link.least
         c.load = link.load
         return c
 
     if f.rigid:
-        return write_contact, read_contact, write_contact_load
-    return write_link, read_link, write_link_load
+        return write_contact, read_contact, write_contact_load, write_contact_least
+    return write_link, read_link, write_link_load, write_link_least
 
 
 def free_opening_term(f: Features) -> wp.Function:
@@ -113,23 +129,29 @@ def travel_term(f: Features) -> wp.Function:
 
 
 def list_contact_term(f: Features) -> wp.Function:
-    """`(readout, grid, world, row, count, c, step) -> count`: append a contact to a list.
+    """`(model, readout, grid, world, row, count, c, first, second, step) -> count`: append a contact to a list.
 
-    The sweeps are called for if it carries a force or if the free moves of the step close it; another one, which only
-    the motion of its neighbours may close, waits in the list.
+    `first` and `second` name the partners, see `excursion_term`. The sweeps are called for if it carries a force, or if
+    the free moves of the step close it or may touch in between; another one, which only the motion of its neighbours
+    may close, waits in the list.
     """
-    write_contact, _, _ = contact_store_terms(f)
+    write_contact = contact_store_terms(f)[0]
     free_opening = free_opening_term(f)
+    excursion = excursion_term(f)
 
     @wp.func
     def list_contact(
-        readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact, step: wp.int64
-    ) -> int:
+        model: ModelData, readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact,
+        first: int, second: int, step: wp.int64,
+    ) -> int:  # fmt: skip
         """Its first guess is the force at the start."""
         if count == grid.ahead.shape[1]:
             raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
             return count
-        if c.force != 0.0 or c.overlap > 0.0 or c.overlap > free_opening(grid, world, c):
+        opening = free_opening(grid, world, c)
+        c = excursion(model, world, c, opening, first, second, 0, step)
+        c.least = least_load(c, opening)
+        if c.force != 0.0 or c.overlap > 0.0 or c.overlap > opening or c.least > c.floor:
             grid.touching[0] = 1
         c.load = c.force
         write_contact(grid, row, count, c)
@@ -167,7 +189,10 @@ def sphere_contacts_term(f: Features) -> wp.Function:
         near = square < far * far
         if near:
             # what moves are large enough for, before anything is made of it
-            ahead = travel(model, grid, world, a) + travel(model, grid, world, b) + PUSHED * wp.min(si[3], sj[3])
+            beyond = PUSHED * wp.min(si[3], sj[3])
+            if wp.static(f.brownian):
+                beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a) + wander_of(model, world, b)))
+            ahead = travel(model, grid, world, a) + travel(model, grid, world, b) + beyond
             far = si[3] + sj[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
             near = square < far * far
         return near
@@ -184,7 +209,7 @@ def sphere_contacts_term(f: Features) -> wp.Function:
         pose_b = body_pose(state, world, b)
         arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
         c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
-        return list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+        return list_contact(model, readout, grid, world, world * model.bodies + a, count, c, e, j, step)
 
     @wp.func
     def sphere_contacts(
@@ -232,7 +257,10 @@ def wall_term(f: Features) -> wp.Function:
         arm = wp.vec3(0.0)
         if wp.static(f.rigid):
             arm = wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
-        ahead = travel(model, grid, world, a) + PUSHED * s[3]
+        beyond = PUSHED * s[3]
+        if wp.static(f.brownian):
+            beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a)))
+        ahead = travel(model, grid, world, a) + beyond
         far = s[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
         if wp.static(f.moving_obstacles):
             far = s[3] + grid.near.reach
@@ -246,8 +274,9 @@ def wall_term(f: Features) -> wp.Function:
                     later = wall
                     if wp.static(f.moving_obstacles):
                         later = pose_at(model.obstacles, o, time + model.time_step)
-                    c = touch_wall(model, readout, world, a, pose, wall, later, arm, s[3], local, hit, step)
-                    count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+                    c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, s[3], local, hit, step)
+                    row = world * model.bodies + a
+                    count = list_contact(model, readout, grid, world, row, count, c, e, obstacle_name(o), step)
         return count
 
     return walls
@@ -259,7 +288,7 @@ def crowding_term(f: Features) -> wp.Function:
     The largest Σ_j |response of contact i's gap to force j| / |its response to its own|, a bound by Gershgorin's
     theorem; of this body's share alone.
     """
-    _, read_contact, _ = contact_store_terms(f)
+    read_contact = contact_store_terms(f)[1]
 
     @wp.func
     def crowding_of(grid: GridData, row: int, count: int, a: int) -> float:
@@ -280,7 +309,7 @@ def crowding_term(f: Features) -> wp.Function:
 
 def first_push_term(f: Features) -> wp.Function:
     """`(grid, row, count, a) -> Move`: what a body's contact forces at the start would move."""
-    _, read_contact, _ = contact_store_terms(f)
+    read_contact = contact_store_terms(f)[1]
 
     @wp.func
     def first_push(grid: GridData, row: int, count: int, a: int) -> Move:

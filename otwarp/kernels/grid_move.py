@@ -134,12 +134,12 @@ def make_correct(f: Features) -> wp.Kernel:
     assert scheme.correct is not None
     correction = scheme.correct(dynamics)
     body_pose = body_pose_term(f)
-    sheared = f.flow not in (None, "uniform")
+    everywhere = f.flow not in (None, "uniform") or f.walls > 0
 
     @wp.func
     def may_differ(model: ModelData, b: int) -> bool:
-        """Whether any force on a body depends on where it is."""
-        there = bool(wp.static(sheared))
+        """Whether a force on a body, or its mobility, depends on where it is."""
+        there = bool(wp.static(everywhere))
         if wp.static(bool(f.trap_models)):
             there = there or model.body.trapped_start[b + 1] > model.body.trapped_start[b]
         if wp.static(f.rigid and f.gravity):

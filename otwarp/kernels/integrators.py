@@ -77,10 +77,15 @@ class Integrator:
             low, high = (z, high) if good else (low, z)
         return low
 
-    def rim_product(self, accuracy: float) -> float:
-        """Largest z where a force is steepest; errors grow as its power `weak_order`."""
+    def rim_product(self, accuracy: float, noise: str) -> float:
+        """Largest z where a force is steepest; errors grow as its power `weak_order`, with uniform noise as itself."""
+        if noise == "uniform":
+            return min(FIRST_ORDER_RIM * accuracy / 0.01, LONGEST)
         return min(self.rim * (accuracy / 0.01) ** (1.0 / self.weak_order), LONGEST)
 
+
+FIRST_ORDER_RIM = 0.045
+"""`rim` of schemes of first order."""
 
 VANISHING = 1e-6
 """k·dt below which a step has no error, and differences from 1 no digits left."""
@@ -112,7 +117,7 @@ INTEGRATORS: dict[str, Integrator] = {
         decay=lambda z: 1.0 - z,
         variance=lambda z: 1.0 / (1.0 - 0.5 * z),
         stable=2.0,
-        rim=0.045,
+        rim=FIRST_ORDER_RIM,
         source="Maruyama 1955, doi:10.1007/BF02846028; Ermak & McCammon 1978, doi:10.1063/1.436761",
     ),
     "leimkuhlerMatthews": Integrator(

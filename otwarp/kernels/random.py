@@ -22,6 +22,8 @@ class Stream(enum.IntEnum):
     """Last two deviates of a rigid body's thermal noise."""
     CROSSING = 2
     """Whether a path left a trap's reach between two steps; counts traps in place of bodies."""
+    CONTACT = 3
+    """Least gap within a step; counts elements in place of bodies, the other of a pair above this number's bits."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)

@@ -11,6 +11,7 @@ the places at the start of the step, and writes its own at the end.
 import warp as wp
 
 from otwarp.kernels.contact import NO_CONTACT, pair_law
+from otwarp.kernels.curvature import relative_radius_term
 from otwarp.kernels.escapes import escape_term
 from otwarp.kernels.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.features import Features
@@ -58,6 +59,7 @@ def soft_walls_term(f: Features) -> wp.Function:
     """`(model, readout, grid, world, a, here, step) -> SoftForce` of the obstacles."""
     pose_at = moving_pose if f.moving_obstacles else still_pose
     distance_to = distance_term(f.obstacles)
+    relative_radius = relative_radius_term(f.obstacles)
 
     @wp.func
     def soft_walls(
@@ -71,13 +73,16 @@ def soft_walls_term(f: Features) -> wp.Function:
             wall = pose_at(model.obstacles, o, time)
             away = wp.vec3(here[0], here[1], here[2]) - wall.position
             if wp.length(away) < far + model.obstacles.bound[o]:
-                hit = distance_to(model.obstacles, o, wp.quat_rotate_inv(wall.rotation, away), far)
+                local = wp.quat_rotate_inv(wall.rotation, away)
+                hit = distance_to(model.obstacles, o, local, far)
                 if hit[3] < far:
                     overlap = here[3] - hit[3]
                     if overlap > OVERLAP_LIMIT * here[3]:
                         raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-                    law = pair_law(model.contact, a, NO_CONTACT, here[3], overlap)
-                    out.force += law.force * wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
+                    outward = wp.vec3(hit[0], hit[1], hit[2])
+                    relative = relative_radius(model.obstacles, o, local, outward, here[3])
+                    law = pair_law(model.contact, a, NO_CONTACT, relative, overlap)
+                    out.force += law.force * wp.quat_rotate(wall.rotation, outward)
                     out.load += wp.abs(law.force)
         return out
 

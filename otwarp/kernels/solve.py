@@ -1,15 +1,16 @@
 """The contact forces of one world and step, solved directly: block principal pivoting with a dense factorisation.
 
-Each contact obeys λ = F(δ − s), with s the opening of its gap during the step, itself a result of all λ: backward
-Euler. A line stands for the law F, λ = max(floor, F − k·s), at first one that solves a lone contact and keeps a resting
-one exactly (`contact.anticipate`); where several contacts end elsewhere, the tangent there takes its place and they are
-solved again (Newton's method on a convex law, which does not overshoot). For the contacts above their floor this is
-(1/k + G) λ = F/k − s₀, with s₀ the opening without contact forces and G the opening of gap i per unit force in contact
-j; the matrix is symmetric and positive definite. Gaps that nothing closes stay out of it.
+Each contact obeys λ = max(least, F(δ − s)), with s the opening of its gap during the step, itself a result of all λ:
+backward Euler. A line stands for the law F, λ = max(least, F − k·s), at first one that solves a lone contact and keeps
+a resting one exactly (`contact.anticipate`); where several contacts end elsewhere, the tangent there takes its place
+and they are solved again (Newton's method on a convex law, which does not overshoot). For the contacts above their
+least load this is (1/k + G) λ = F/k − s₀, with s₀ the opening without contact forces and G the opening of gap i per
+unit force in contact j; the matrix is symmetric and positive definite. Gaps that nothing closes stay out of it.
 
-Which contacts rest on their floor is found by exchanging all that contradict themselves (Portugal,
-Júdice, Vicente 1994, doi:10.1090/S0025-5718-1994-1250776-4) and, should that cycle, one at a time, which cannot
-(Murty 1974, Opsearch 11, 123).
+The least load is the adhesion's, or what a thermal excursion within the step asks for (`excursion`). Which contacts
+rest on it is found by exchanging all that contradict themselves (Portugal, Júdice, Vicente 1994,
+doi:10.1090/S0025-5718-1994-1250776-4) and, should that cycle, one at a time, which cannot (Murty 1974, Opsearch 11,
+123).
 
 Iterations need sweeps that grow with the stiffness and with the square of the length of a chain; the factorisation of
 the dozen contacts of a squeezed cell costs less than a few sweeps.
@@ -18,6 +19,7 @@ the dozen contacts of a squeezed cell costs less than a few sweeps.
 import warp as wp
 
 from otwarp.kernels.contact import SETTLED, Contact, along, anticipate, law_error, tangent_at
+from otwarp.kernels.excursion import least_load
 from otwarp.kernels.types import Move
 
 BLOCK_ROUNDS = wp.constant(8)
@@ -122,13 +124,13 @@ def solve_pressed(
 def contradiction(
     contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: float, i: int, on: int
 ) -> float:
-    """How far contact i is from what it was taken for, pressed (`on`) or at its floor, as an error of its gap [µm]."""
+    """How far contact i is from what it was taken for, pressed (`on`) or at its least load, as an error of its gap."""
     c = contacts[i]
     if c.stiffness == 0.0:
         return 0.0
     if on != 0:
-        return (c.floor - c.load) * (c.give + 1.0 / c.stiffness)
-    return (c.force - c.floor) / c.stiffness - free - opening_by_loads(contacts, count, matrix, i)
+        return (c.least - c.load) * (c.give + 1.0 / c.stiffness)
+    return (c.force - c.least) / c.stiffness - free - opening_by_loads(contacts, count, matrix, i)
 
 
 @wp.func
@@ -173,9 +175,11 @@ def prepare(
         c = contacts[i]
         opening = opening_by_moves(c, linear, angular)
         c = anticipate(c, opening)
+        c.least = least_load(c, opening)
         free[i] = opening
-        on[i] = wp.where(c.stiffness > 0.0 and c.force - c.stiffness * opening > c.floor, 1, 0)
-        c.load = wp.where(c.stiffness > 0.0, c.floor, wp.max(c.force, c.floor))
+        opened = opening + c.give * (c.least - c.floor)
+        on[i] = wp.where(c.stiffness > 0.0 and c.force - c.stiffness * opened > c.least, 1, 0)
+        c.load = wp.where(c.stiffness > 0.0, c.least, wp.max(c.force, c.floor))
         contacts[i] = c
         if on[i] != 0 or c.overlap >= 0.0 or c.load != 0.0:
             swap(contacts, free, on, i, held)
@@ -230,9 +234,9 @@ def solve_lines(
         for i in range(count):
             if right[i] > TOLERANCE and (round < BLOCK_ROUNDS or i == last):
                 on[i] = 1 - on[i]
-                contacts[i].load = contacts[i].floor
+                contacts[i].load = contacts[i].least
     for i in range(count):
-        contacts[i].load = wp.max(contacts[i].load, contacts[i].floor)
+        contacts[i].load = wp.max(contacts[i].load, contacts[i].least)
     return worst
 
 
@@ -242,8 +246,8 @@ def follow_law(
 ) -> float:
     """Tangents for the contacts whose lines miss the force law where they end; the largest error of a gap [µm].
 
-    Where a contact ends follows from its line: at its load if it is pressed, else short of the floor by `error`, what
-    `contradiction` found.
+    Where a contact ends follows from its line: at its load if it is pressed, else short of its least load by `error`,
+    what `contradiction` found. A least load above what the law asks for there is no error.
     """
     worst = float(0.0)
     for i in range(count):
@@ -251,8 +255,11 @@ def follow_law(
         if c.stiffness > 0.0:
             end = c.overlap - (c.force - c.load) / c.stiffness
             if on[i] == 0:
-                end = c.overlap - (c.force - c.floor) / c.stiffness + error[i]
-            if end > 0.0 or c.load > c.floor:
+                end = c.overlap - (c.force - c.least) / c.stiffness + error[i]
+            held = c.load <= c.least and c.least > c.floor
+            if held:
+                held = c.hardness * wp.pow(wp.max(end, 0.0), 1.5) <= c.least - c.floor
+            if (end > 0.0 or c.load > c.floor) and not held:
                 missed = law_error(c, end)
                 if missed > LAW_TOLERANCE * c.radius:
                     worst = wp.max(worst, missed)

@@ -2,9 +2,10 @@
 
 import warp as wp
 
-from otwarp.kernels.contact import along
+from otwarp.kernels.contact import Contact, along
+from otwarp.kernels.excursion import FARTHEST
 from otwarp.kernels.faults import finite
-from otwarp.kernels.types import ModelData, Move, Pose
+from otwarp.kernels.types import ModelData, Move, Pose, world_row
 
 
 @wp.func
@@ -37,3 +38,35 @@ def obstacle_travel(wall: Pose, later: Pose, distance: float) -> float:
     turn = wp.quat_inverse(wall.rotation) * later.rotation
     chord = 2.0 * wp.length(wp.vec3(turn[0], turn[1], turn[2]))
     return wp.length(later.position - wall.position) + chord * distance
+
+
+@wp.func
+def opening_of(c: Contact, move_a: Move, move_b: Move) -> float:
+    """How far the free moves of the bodies, and that of an obstacle, open the gap of a contact [µm]."""
+    opening = along(move_a, c.arm_a, c.normal) - c.drift
+    if c.b >= 0:
+        opening -= along(move_b, c.arm_b, c.normal)
+    return opening
+
+
+@wp.func
+def wander_of(model: ModelData, world: int, b: int) -> float:
+    """Largest variance of the thermal displacement of any point of a body along an axis in one step [µm²], about."""
+    shape = model.body.shape[b]
+    mobility = float(0.0)
+    if model.body.rigid[b] != 0:
+        m = model.body.mobility[shape]
+        bound = model.body.bound[b]
+        mobility = wp.max(m[0, 0], wp.max(m[1, 1], m[2, 2]))
+        mobility += wp.max(m[3, 3], wp.max(m[4, 4], m[5, 5])) * bound * bound
+    else:
+        mobility = model.body.translation[shape]
+    energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+    viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+    return 2.0 * energy * mobility * wp.float32(model.time_step) / viscosity
+
+
+@wp.func
+def thermal_reach(variance: float) -> float:
+    """Gap that a path of that variance may close and open again within a step [µm]."""
+    return FARTHEST * wp.sqrt(variance)

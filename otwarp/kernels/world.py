@@ -13,7 +13,7 @@ from otwarp.kernels.rigid import angular_part, linear_part, twist
 from otwarp.kernels.rotation import rotate_by
 from otwarp.kernels.solve import solve_contacts
 from otwarp.kernels.trap_wrench import move_trap_term
-from otwarp.kernels.travel import free_travel
+from otwarp.kernels.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.walls import out_of_walls
 
@@ -33,7 +33,8 @@ def bounded(bodies: int, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtyp
 def find_contacts_term(f: Features) -> wp.Function:
     """`(model, readout, world, position, rotation, linear, angular, contacts, step, time) -> count` of a world.
 
-    A gap is a contact if the free moves of its bodies may close it, others pushing as far as the farthest of them.
+    A gap is a contact if the free moves of its bodies may close it, others pushing as far as the farthest of them, or
+    if its path may touch in between.
     """
     pair_contacts = pair_contacts_term(f) if f.pairs else None
     obstacle_contacts = obstacle_contacts_term(f) if f.obstacles else None
@@ -55,20 +56,30 @@ def find_contacts_term(f: Features) -> wp.Function:
         bodies = int(wp.static(f.bodies))
         count = int(0)
         farthest = float(0.0)
+        if wp.static(f.brownian):
+            wander = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
         for a in range(bodies):
             farthest = wp.max(farthest, free_travel(model, a, Move(linear[a], angular[a])))
+            if wp.static(f.brownian):
+                wander[a] = wander_of(model, world, a)
         for a in range(bodies):
             pose_a = Pose(position[a], rotation[a])
             move_a = Move(linear[a], angular[a])
             pushed = wp.min(farthest, PUSHED * model.body.bound[a])
             if wp.static(bool(f.obstacles)):
-                count = obstacle_contacts(model, readout, world, a, pose_a, move_a, pushed, contacts, count, step, time)
+                near = pushed
+                if wp.static(f.brownian):
+                    near = wp.max(near, thermal_reach(wander[a]))
+                count = obstacle_contacts(model, readout, world, a, pose_a, move_a, near, contacts, count, step, time)
             if wp.static(f.pairs):
                 for b in range(a):
                     pose_b = Pose(position[b], rotation[b])
                     move_b = Move(linear[b], angular[b])
+                    near = pushed
+                    if wp.static(f.brownian):
+                        near = wp.max(near, thermal_reach(wander[a] + wander[b]))
                     count = pair_contacts(
-                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, pushed, contacts, count, step
+                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, contacts, count, step
                     )  # fmt: skip
         return count
 

@@ -162,7 +162,7 @@ class ForceTable:
     def cut(self, reach: float) -> ForceTable:
         """The table without what a sphere within `reach` of the focus does not need [µm].
 
-        From there on the force fades to zero, which it reaches at `reach`/`BLEND`.
+        From there on the force fades to zero, which it reaches at `reach`/`BLEND`; no sphere is held beyond.
         """
         end = reach / BLEND
         if end >= self.cutoff:
@@ -172,7 +172,10 @@ class ForceTable:
         turns = np.linspace(0.0, np.pi, 181)
         rim = reach * np.stack([np.sin(turns), 0.0 * turns, np.cos(turns)], axis=1)
         largest = np.linalg.norm(self.force(rim), axis=1).max()
-        return replace(self, levels=levels, beyond=float(largest / self.peak))
+        about = self.properties
+        if about is not None:
+            about = replace(about, escape_distance=tuple(min(d, end) for d in about.escape_distance))
+        return replace(self, levels=levels, beyond=float(largest / self.peak), properties=about)
 
     @property
     def size(self) -> int:

@@ -84,7 +84,9 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 
 def _takes_lanes(f: Features) -> bool:
     """Whether a CPU draws noise in blocks: bodies on their own, and crowds of lone spheres."""
-    crowd = f.driver == "grid" and f.contacts and f.brownian and not f.rigid
+    # a block of a crowd holds one step of many bodies: nothing for a scheme that looks at the next step's noise
+    ahead = INTEGRATORS[f.integrator].noise_ahead > 0
+    crowd = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
     return not f.walls and (f.driver == "solo" or crowd)
 
 

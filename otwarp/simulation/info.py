@@ -127,17 +127,24 @@ def _integrator_reason(model: Model) -> str:
         return ""
     if model.features.walls:
         return "near hydrodynamic walls mobility and noise depend on place"
-    return "many bodies in contact are stepped in one stage"
+    return "no force depends on place, so one stage is exact"
 
 
 def describe(
-    scene: Scene, *, worlds: int = 1, time_step: float | None = None, device: str | None = None
+    scene: Scene,
+    *,
+    worlds: int = 1,
+    time_step: float | None = None,
+    integrator: str | None = None,
+    noise: str | None = None,
+    device: str | None = None,
 ) -> dict[str, Any]:
     """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON; nothing is compiled.
 
-    Units are the internal ones (µm, s, pN, mW); None stands for infinite or absent.
+    Arguments as for `Simulation`. Units are the internal ones (µm, s, pN, mW); None stands for infinite or absent.
     """
-    model = Model.build(scene, worlds=worlds, time_step=time_step, device=device)
+    chosen = {"time_step": time_step, "integrator": integrator, "noise": noise}
+    model = Model.build(scene, worlds=worlds, device=device, **chosen)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
     scales = {k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()}
     return {
@@ -149,6 +156,7 @@ def describe(
         "worlds": worlds,
         "device": model.device.alias,
         "driver": model.features.driver,
+        "noise": model.features.noise if model.features.brownian else "none",
         "bodies": _bodies(scene),
         "traps": _traps(model),
         "optics": _optics(model),

@@ -131,7 +131,7 @@ class Model:
         features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings)
         check_flow(scene, values)
         relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
-        steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
+        steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held)
         scales = time_scales(
             scene,
             moves,
@@ -141,6 +141,7 @@ class Model:
             integrator=features.integrator,
             contacts=features.contacts,
             wanted=scene.settings.time_step,
+            from_scene=time_step is None and scene.file is not None,
         )
         soft = soft_contacts(scene, moves, values, features, scales.time_step)
         features = dataclasses.replace(features, soft_contacts=soft)

@@ -189,10 +189,17 @@ class TrapOptics:
         return {**values, **{name: np.maximum(values[name], found) for name in names}}
 
     def steepest(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Parameters with the steepest slope of every optical trap, on any kind of sphere, as its stiffness."""
+        """Parameters with the steepest restoring slope of every trap, on any kind of sphere, as its stiffness.
+
+        The branch A/d² + C of a piecewise law may be steeper than K where it begins, by −2A/δ³.
+        """
         slopes = [max((self.tables[i].steepest for i in row if i >= 0), default=0.0) for row in self.table]
-        names = ("trap_stiffness", "trap_axial_stiffness")
-        return {**values, **{name: np.maximum(values[name], slopes) for name in names}}
+        found = dict(values)
+        for curve in ("trap_", "trap_axial_"):
+            start, inverse_square = values[curve + "threshold"], values[curve + "inverse_square"]
+            branch = np.where(np.isfinite(start), -2.0 * inverse_square / start**3, 0.0)
+            found[curve + "stiffness"] = np.maximum(np.maximum(values[curve + "stiffness"], slopes), branch)
+        return found
 
     def escape_distance(self) -> np.ndarray:
         """(T,) distance from the equilibrium at which the held sphere has escaped [µm], inf if nothing is held."""

@@ -217,7 +217,8 @@ class Readout(_Bound):
         hand_force: (W, 2) vec3, sum over the traps of the left and the right hand [pN].
         contact_force: (W, B) vec3, net contact force, mean over the last step [pN]; (W, 0) without contact.
         contact_load: (W, B) sum of the normal forces [pN].
-        escape_step: (W, T) first step at which the held sphere was out of the trap's reach, -1 if never.
+        escape_step: (W, T) arrival of the first step in which the held sphere was out of the trap's reach, -1 if never;
+            it was lost half a step earlier on average.
         fault: (W, B) code of `otwarp.kernels.faults.Fault`.
         fault_step: (W, B).
         fault_count: (1).

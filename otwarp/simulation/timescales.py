@@ -133,6 +133,7 @@ def time_scales(
     integrator: str,
     contacts: bool,
     wanted: float | None,
+    from_scene: bool = False,
 ) -> TimeScales:
     """Time scales of a scene and its step; `values` are the `(1|W, …)` parameters of `parameters.PARAMETERS`.
 
@@ -146,6 +147,7 @@ def time_scales(
             at its equilibrium. They limit stability.
         contacts: Whether anything can touch anything.
         wanted: Explicit time step [s], or None.
+        from_scene: Whether that is the scene's own.
 
     Raises:
         InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
@@ -157,9 +159,10 @@ def time_scales(
     motions = _motions(scene, moves, values, viscosity, contacts)
     wall = wall_time(scene, values)
     scheme, accuracy = INTEGRATORS[integrator], scene.settings.accuracy
+    steep = scheme.rim_product(accuracy, scene.settings.noise)
     limits = {
         "trap relaxation and wanted accuracy": scheme.largest_product(accuracy) / rate if rate > 0.0 else math.inf,
-        "steepest slope of an optical force": scheme.rim_product(accuracy) / rim if rim > rate else math.inf,
+        "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
         "frame interval": 1.0 / scene.settings.frames_per_second,
@@ -167,12 +170,13 @@ def time_scales(
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
     stable = scheme.stable / rim if rim > 0.0 else math.inf
+    asked = f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step"
     if wanted is not None:
         if not 0.0 < wanted < math.inf:
-            raise InputError(f"time step is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
+            raise InputError(f"{asked} is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
         if wanted >= stable:
             raise InputError(
-                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
+                f"{asked} {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"
             )
         step, chosen_by = wanted, "set by the user"

@@ -115,7 +115,7 @@ def test_the_steepest_place_limits_the_step(device):
     stable = 2.0 * drag / (20.0 * table.steepest)
     assert model.scales.largest_stable == pytest.approx(stable, rel=1e-6)
     assert model.time_step == pytest.approx(INTEGRATORS["heun"].rim / 2.0 * stable, rel=1e-6)
-    assert model.scales.chosen_by == "steepest slope of an optical force"
+    assert model.scales.chosen_by == "steepest slope of a trap's force"
     with pytest.raises(InputError, match="unstable"):
         Model.build(scene, device=device, time_step=1.1 * stable)
     fine = Model.build(scene, device=device, integrator="eulerMaruyama")

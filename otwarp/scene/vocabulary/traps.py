@@ -123,8 +123,8 @@ TRAP = Schema(
             low=0.0,
             low_open=True,
             infinite=True,
-            doc="Distance from the focus up to which the optical force is computed at least, for `table` and `exact`;"
-            " inf for as far as the tolerance asks.",
+            doc="Distance from the focus up to which the optical force is computed, for `table` and `exact`; it fades"
+            " to zero over a quarter more. inf for as far as the tolerance asks.",
         ),
         Attribute(
             name="ot:trap:equilibrium",

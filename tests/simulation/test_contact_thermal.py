@@ -1,0 +1,141 @@
+"""Contacts with noise: mean gaps against Boltzmann's distribution, in both drivers, for hard and soft materials."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from otwarp.bench.closed_forms import POISSON_RATIO, hardness, mean_height
+from otwarp.scene.description import Material, Medium, Scene, Settings
+from otwarp.simulation.simulation import Simulation
+from tests.simulation.setups import ENERGY, VISCOSITY, harmonic, obstacle, sphere_body
+
+DISCRETE = 0.04
+"""Error of a mean gap over its standard deviation that the step itself may have: 0.03 by emulation at k·dt/γ = 0.2, and
+1 % more for the trap. A step that looks at its end alone errs by 0.2 and more where κ > 30."""
+
+STEP = 1.6e-4
+"""Of a bead in a trap of 20 pN/µm: k·dt/γ = 0.19 [s]."""
+
+SNAPSHOTS, APART, SETTLING = 6, 12, 40
+"""How often the gaps are read, and after how many steps: e^{−12·0.19} = 0.1 of a gap's deviation is left."""
+
+
+def beads_on_floor(count: int, modulus: float, below: float = 0.0) -> Scene:
+    """`count` beads of 1 µm far apart that just touch the floor z = 0, each in a spring centred `below` its place."""
+    material = Material(youngs_modulus=modulus, poisson_ratio=POISSON_RATIO)
+    places = [(4.0 * i, 0.0, 1.0) for i in range(count)]
+    bodies = tuple(sphere_body(f"B{i}", p, collides=True, material=material) for i, p in enumerate(places))
+    traps = tuple(
+        harmonic(f"T{i}", (x, y, z - below), cutoff=1.5, holds=f"/World/B{i}/S") for i, (x, y, z) in enumerate(places)
+    )
+    return Scene(
+        medium=Medium(viscosity=VISCOSITY),
+        bodies=bodies,
+        traps=traps,
+        obstacles=(obstacle("floor", "plane", (0.0, 0.0, 0.0)),),
+        settings=Settings(time_step=STEP),
+    )
+
+
+def gaps(sim: Simulation, gap_of, settling: int = SETTLING, apart: int = APART) -> np.ndarray:
+    """(n,) time averages of independent gaps over the snapshots [µm]."""
+    sim.step(settling)
+    found = []
+    for _ in range(SNAPSHOTS):
+        sim.step(apart)
+        found.append(gap_of(sim.state.position.numpy().astype(float)))
+    return np.mean(found, axis=0).ravel()
+
+
+def check(samples: np.ndarray, mean: float, spread: float) -> None:
+    """Within what the step errs by, and five standard errors."""
+    chance = float(samples.std()) / np.sqrt(len(samples)) / spread
+    assert chance < 0.02
+    assert abs(float(samples.mean()) - mean) / spread < DISCRETE + 5.0 * chance
+
+
+@pytest.mark.parametrize(("count", "worlds"), [(1, 2000), (30, 70)], ids=["world", "grid"])
+@pytest.mark.parametrize("modulus", [1e3, 1e6, 3e9])
+def test_a_bead_on_a_floor_stands_where_boltzmann_says(count, worlds, modulus, device):
+    """Reflection at a hard floor, resolved overlap at a soft one. The standard error is 0.01 of the spread."""
+    sim = Simulation(beads_on_floor(count, modulus), worlds=worlds, seed=5, device=device)
+    assert sim.model.features.driver == ("world" if count == 1 else "grid")
+    samples = gaps(sim, lambda p: p[..., 2] - 1.0)
+    check(samples, *mean_height(20.0, 0.0, hardness(modulus, 1.0, bodies=1), ENERGY))
+
+
+def test_a_bead_pressed_onto_a_hard_floor(device):
+    """By 2 pN: k_BT/F is a tenth of the step's spread, so the gap is all excursions. Standard error 0.01."""
+    sim = Simulation(beads_on_floor(1, 3e9, below=0.1), worlds=2000, seed=6, device=device)
+    samples = gaps(sim, lambda p: p[..., 2] - 1.0)
+    check(samples, *mean_height(20.0, 0.1, hardness(3e9, 1.0, bodies=1), ENERGY))
+
+
+PULL = 0.4
+"""Power of the springs that hold a pair together [mW] and their stiffness [pN/µm]: 0.4 pN at contact."""
+
+
+def pairs(count: int, modulus: float = 3e9) -> Scene:
+    """`count` pairs of touching beads far apart, both beads of each in one weak spring centred between them."""
+    material = Material(youngs_modulus=modulus, poisson_ratio=POISSON_RATIO)
+    bodies, traps = [], []
+    for i in range(count):
+        for name, x in (("A", -1.0), ("B", 1.0)):
+            bodies.append(sphere_body(f"{name}{i}", (x, 12.0 * i, 3.0), collides=True, material=material))
+        traps.append(harmonic(f"T{i}", (0.0, 12.0 * i, 3.0), power=PULL, cutoff=3.0))
+    return Scene(
+        medium=Medium(viscosity=VISCOSITY), bodies=tuple(bodies), traps=tuple(traps), settings=Settings(time_step=2e-4)
+    )
+
+
+def pair_gap() -> tuple[float, float]:
+    """Mean and standard deviation of r − 2 for hard spheres: p(r) ∝ r²·exp(−¼·k·r²/k_BT) for r > 2."""
+    r = 2.0 + (np.arange(200_000) + 0.5) * 2e-6
+    weight = r**2 * np.exp(-0.25 * PULL * (r**2 - 4.0) / ENERGY)
+    mean = float(np.sum(weight * (r - 2.0)) / np.sum(weight))
+    return mean, float(np.sqrt(np.sum(weight * (r - 2.0 - mean) ** 2) / np.sum(weight)))
+
+
+@pytest.mark.parametrize(("count", "worlds"), [(1, 1500), (13, 120)], ids=["world", "grid"])
+def test_two_hard_beads_keep_their_distance(count, worlds, device):
+    """In three dimensions, both partners moving. The standard error is 0.01 of the spread."""
+    sim = Simulation(pairs(count), worlds=worlds, seed=7, device=device)
+    assert sim.model.features.driver == ("world" if count == 1 else "grid")
+    samples = gaps(sim, lambda p: np.linalg.norm(p[:, 1::2] - p[:, ::2], axis=-1) - 2.0)
+    check(samples, *pair_gap())
+
+
+@pytest.mark.parametrize("count", [1, 13], ids=["world", "grid"])
+def test_both_partners_are_pushed_alike_by_one_draw(count, device):
+    """Third law of what keeps excursions out, to rounding; and the same bits from run to run."""
+    runs = []
+    for _ in range(2):
+        sim = Simulation(pairs(count), worlds=50, seed=8, device=device)
+        sim.step(30)
+        runs.append((sim.state.position.numpy(), sim.readout.contact_force.numpy()))
+    force = runs[0][1].astype(float)
+    loaded = np.linalg.norm(force, axis=-1).max()
+    assert loaded > 0.1
+    np.testing.assert_allclose(force[:, ::2], -force[:, 1::2], atol=2e-4 * loaded)
+    for first, second in zip(*runs, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_without_noise_nothing_is_pushed_that_does_not_touch(device):
+    """A bead held 2 nm above a floor at 0 K carries no load; at room temperature its path touches in between."""
+    warm = beads_on_floor(1, 3e9, below=-0.002)
+    cold = dataclasses.replace(warm, settings=dataclasses.replace(warm.settings, brownian=False))
+    loads = []
+    for what in (cold, warm):
+        sim = Simulation(what, worlds=200, seed=9, device=device)
+        sim.set_state(position=np.tile([[[0.0, 0.0, 1.002]]], (200, 1, 1)))
+        sim.step(1)
+        height = sim.state.position.numpy()[:, 0, 2].astype(float)
+        loads.append((sim.readout.contact_load.numpy()[:, 0].astype(float), height))
+    assert np.all(loads[0][0] == 0.0)
+    load, height = loads[1]
+    # where the floor pushed, and yet the step ends above it
+    assert np.count_nonzero((load > 0.0) & (height > 1.001)) > 50
