@@ -32,31 +32,28 @@ for index in range(100_000):
     time.sleep(pause)
 """
 
-LAG = 0.06
-"""Wall time [s] by which the USD may be behind when frames come as fast as they can: about four flushes of 10 ms, on
-a machine where one usually takes 3 ms."""
+LAG = 0.25
+"""Share of the frames by which the USD may be behind when frames come as fast as they can; a flush takes some."""
 
 
-def killed_run(folder: Path, frames: int, pause: float, delay: float) -> tuple[int, float]:
-    """Start a writer, kill it `delay` seconds after it has reported `frames` frames; last frame reported, and how
-    many it wrote per second of wall time."""
+def killed_run(folder: Path, frames: int, pause: float, delay: float) -> int:
+    """Start a writer, kill it `delay` seconds after it has reported `frames` frames; last frame reported."""
     command = [sys.executable, "-c", _WRITER, str(folder), str(pause)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]) as writer:
         assert writer.stdout is not None
-        last, began = int(writer.stdout.readline()), time.perf_counter()
+        last = int(writer.stdout.readline())
         while last + 1 < frames:
             last = int(writer.stdout.readline())
         time.sleep(delay)
         writer.kill()
         rest = writer.stdout.read().split("\n")[:-1]
-    last = int(rest[-1]) if rest else last
-    return last, last / (time.perf_counter() - began)
+    return int(rest[-1]) if rest else last
 
 
 # the moments spread over the cycle of a clip: its middle, its change, and within a write
 @pytest.mark.parametrize(("frames", "delay"), [(20, 0.0), (65, 0.0007), (96, 0.0023)])
 def test_files_of_a_killed_run_open_up_to_its_last_frames(tmp_path: Path, frames: int, delay: float) -> None:
-    last, rate = killed_run(tmp_path, frames, 0.0, delay)
+    last = killed_run(tmp_path, frames, 0.0, delay)
     with xr.open_dataset(tmp_path / "run" / "run.nc") as data:
         assert data.sizes["frame"] >= last + 1
         np.testing.assert_allclose(data["time"], np.arange(data.sizes["frame"]) / 60.0)
@@ -66,7 +63,7 @@ def test_files_of_a_killed_run_open_up_to_its_last_frames(tmp_path: Path, frames
         np.testing.assert_allclose(fall, -10.0 * data["time"], atol=1e-5)
     stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
     end = stage.GetEndTimeCode()
-    assert last - end <= max(2.0, LAG * rate)
+    assert last - end <= 2.0 + LAG * last
     scene = load(tmp_path / "scene")
     for code in (0.0, 0.5 * end, end):
         check(stage, scene, code)
@@ -74,7 +71,7 @@ def test_files_of_a_killed_run_open_up_to_its_last_frames(tmp_path: Path, frames
 
 
 def test_when_frames_come_at_an_ordinary_pace_each_is_in_the_usd_at_once(tmp_path: Path) -> None:
-    last, _ = killed_run(tmp_path, 36, 0.04, 0.02)
+    last = killed_run(tmp_path, 36, 0.04, 0.02)
     stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
     assert stage.GetEndTimeCode() >= last
     assert len(read_run(tmp_path / "run" / "run.nc").time) == stage.GetEndTimeCode() + 1
