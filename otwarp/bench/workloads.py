@@ -134,6 +134,7 @@ def _peer(module: str, **how: Any) -> Callable[[Setting], Runner]:
     """A peer of case a."""
 
     def make(setting: Setting) -> Runner:
+        """The peer, or the reason why it is not here."""
         code = beside(f"peers.{module}")
         reason = code.missing(setting.kind)
         if reason:
@@ -224,6 +225,7 @@ def _delivery(setting: Setting, *, worlds: int) -> Runner:
     whole = round(what.settings.duration / sim.time_step)
 
     def step(steps: int) -> None:
+        """Start again whenever the scene is over."""
         while steps > 0:
             count = min(steps, whole - sim.state.step)
             sim.step(count)

@@ -75,6 +75,7 @@ def assembly_mobility(
     frame, group = body_frame(elements), symmetries(elements)
 
     def covering(fineness: int) -> Covering:
+        """At one level of refinement; refused where even the hidden blobs are too many."""
         count = int(node_counts(elements, fineness).sum())
         if count > MOST_HIDDEN:
             raise too_many(count)

@@ -183,6 +183,7 @@ def _fit(solid: Solid, centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarr
     place = solid.place - middle
 
     def misfit(flat: np.ndarray, width: float) -> tuple[float, np.ndarray]:
+        """Sum over cells of the squared misplaced filling, surfaces blurred to `width`, and its gradient."""
         c, r = flat[: 3 * count].reshape(-1, 3), flat[3 * count :]
         depth, sphere = _union_depth(place, c, r)
         fill = 0.5 + 0.5 * np.tanh(0.5 * depth / width)

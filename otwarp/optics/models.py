@@ -138,6 +138,7 @@ class Ladder:
         reach = max(radial.cutoff, axial.cutoff)
 
         def q(points: np.ndarray) -> np.ndarray:
+            """Across and along the beam, each by its own curve."""
             d = self._centred(points)
             across = np.hypot(d[:, 0], d[:, 1])
             ratio = np.divide(radial.pull(across), across, out=np.zeros_like(across), where=across > 0.0)
@@ -151,6 +152,7 @@ class Ladder:
         scale, law = self.beam.force_scale, self.piecewise["isotropic"].law
 
         def q(points: np.ndarray) -> np.ndarray:
+            """Towards the equilibrium, by distance alone."""
             d = self._centred(points)
             distance = np.linalg.norm(d, axis=1)
             ratio = np.divide(law.pull(distance), distance, out=np.zeros_like(distance), where=distance > 0.0)
