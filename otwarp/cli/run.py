@@ -42,6 +42,13 @@ from otwarp.errors import InputError
 @click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
 @click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
+@click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    default="float32",
+    show_default=True,
+    help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
+)
 @time_step_option
 @device_option
 @json_option
@@ -60,6 +67,7 @@ def run(
     checkpoint: Path | None,
     resume: Path | None,
     fast_math: bool,
+    precision: str,
     time_step: float | None,
     device: str | None,
     as_json: bool,
@@ -95,6 +103,7 @@ def run(
             checkpoint=checkpoint,
             resume=resume,
             fast_math=fast_math,
+            precision=precision,
             progress=progress,
         )
     if as_json:
@@ -105,7 +114,7 @@ def run(
 
 def _refuse_with_resume(context: click.Context) -> None:
     """A checkpoint brings its own worlds, seed and time step: other ones would be ignored without a word."""
-    for option in ("worlds", "seed", "time_step", "fast_math"):
+    for option in ("worlds", "seed", "time_step", "fast_math", "precision"):
         if context.get_parameter_source(option) == ParameterSource.COMMANDLINE:
             name, value = f"--{option.replace('_', '-')}", context.params[option]
             raise InputError(f"{name} is {value}; allowed with --resume: that of the checkpoint, so leave it out")

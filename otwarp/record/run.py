@@ -76,6 +76,7 @@ def record_run(
     checkpoint: str | Path | None = None,
     resume: str | Path | None = None,
     fast_math: bool = False,
+    precision: str = "float32",
     progress: Callable[[float, float], None] | None = None,
 ) -> dict:
     """Simulate `scene` for its duration and record every frame in `folder`, and the end if it falls between frames.
@@ -88,8 +89,9 @@ def record_run(
         forces: Write force arrows into the USD recording.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; `worlds`, `seed`, `time_step`, `parameters` and
-            `fast_math` are then its own.
+            `fast_math` and `precision` are then its own.
         fast_math: Approximate instructions on CUDA; see `Simulation`.
+        precision: `float32` or `float64`; see `Simulation`.
         progress: Called with simulated time and wall time [s] after every frame, the first one included.
 
     Returns:
@@ -110,7 +112,7 @@ def record_run(
     else:
         check_worlds(scene, worlds, device)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
-        about["fast_math"] = fast_math
+        about |= {"fast_math": fast_math, "precision": precision}
         sim = Simulation(scene, device=device, threads=threads, **about)
     _check_step(sim, rate)
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
