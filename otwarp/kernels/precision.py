@@ -1,7 +1,7 @@
 """Two precisions from one source: float64 kernels as a second instance of the modules of this package.
 
 Warp kernels are typed, and a literal is float32, so that float64 would need every module twice. Instead the package
-`otwarp.kernels_float64` is made on import from the source of this one: `wp.vec3` becomes `wp.vec3d`, `float` and
+`otwarp.kernels.float64` is made on import from the source of this one: `wp.vec3` becomes `wp.vec3d`, `float` and
 `wp.float32` become `wp.float64`, and literals and constants inside kernels, functions and structs are cast. Its own
 files are what cannot be had this way: random numbers, which stay float32 so that both precisions see the same noise,
 and code that is native to one precision. Modules named in `SHARED` serve both precisions as they are.
@@ -26,7 +26,7 @@ PRECISIONS = ("float32", "float64")
 """Precisions of a model's real numbers by name, the default first."""
 
 SINGLE = "otwarp.kernels"
-DOUBLE = "otwarp.kernels_float64"
+DOUBLE = "otwarp.kernels.float64"
 
 SHARED = {
     # no real numbers in it, or in float64 as it is
@@ -182,7 +182,7 @@ def double_source(name: str) -> str:
 
 
 class DoubleModules(importlib.abc.MetaPathFinder, importlib.abc.ExecutionLoader):
-    """Finds and loads the modules of `otwarp.kernels_float64` that have no file of their own.
+    """Finds and loads the modules of `otwarp.kernels.float64` that have no file of their own.
 
     Warp reads the source of a kernel, so the loader must give it.
     """
@@ -204,4 +204,4 @@ class DoubleModules(importlib.abc.MetaPathFinder, importlib.abc.ExecutionLoader)
 
     def get_filename(self, fullname: str) -> str:
         """Where the file would be if there were one."""
-        return str(Path(__file__).parent.parent / "kernels_float64" / f"{fullname.rpartition('.')[2]}.py")
+        return str(Path(__file__).parent / "float64" / f"{fullname.rpartition('.')[2]}.py")
