@@ -131,9 +131,7 @@ class Model:
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(
-            scene, values, optics, place, fast_math=fast_math, crossings=crossings, precision=precision
-        )
+        features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings, precision=precision)
         check_flow(scene, values)
         relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held) if optics.tables else relaxation
@@ -149,9 +147,7 @@ class Model:
         )
         soft = soft_contacts(scene, moves, values, features, scales.time_step)
         features = dataclasses.replace(features, soft_contacts=soft)
-        warn_of_lost_motion(
-            scene, moves, values, scales.time_step, brownian=features.brownian, precision=precision
-        )
+        warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian, precision=precision)
         held_range = np.minimum(_held_range(scene, values, held), optics.escape_distance())
         target = Place(place, precision)
         data, meshes = _pack(scene, moves, values, features, optics, target)

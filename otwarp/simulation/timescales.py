@@ -232,7 +232,7 @@ def warn_of_lost_motion(
 ) -> None:
     """Warn when noise, flow, weight or the speed limit of a trap moves less per step than coordinates resolve.
 
-    Where positions are float32, far from the origin a small step rounds to nothing, every time. Noise dithers the steps of
+    Far from the origin a small step of float32 coordinates rounds to nothing, every time. Noise dithers the steps of
     bodies, so with it flow and weight act in the mean; a focus has no noise. A trap that moves slowly along its time
     samples loses nothing, because its place is computed anew in every step.
     """
