@@ -143,6 +143,9 @@ class _Doubler(ast.NodeTransformer):
         self.generic_visit(node)
         if _wp_name(node.func) == "float64" and _wp_name(node.args[0]) == "float64":
             return node.args[0]  # of a literal, which was cast already
+        if _wp_name(node.func) == "float64" and _wp_name(node.args[0]) == "static":
+            # a variable that starts at a constant: the cast alone would give the constant itself, for Warp to change
+            return ast.BinOp(_wp("float64", ast.Constant(1.0)), ast.Mult(), node.args[0])
         if self.on_device and name == "quat_identity":
             node.keywords = [ast.keyword("dtype", _wp("float64"))]
         return node
