@@ -235,8 +235,8 @@ def _far_table(rows: list[dict[str, float]]) -> Table:
             for r in rows
         ],
         note=f"A bead of 1 µm; the trap has {scenes.USUAL:g} pN/µm (σ = {1e3 * rows[0]['spread']:.3g} nm, thermal "
-        f"steps of {1e3 * rows[0]['step']:.2g} nm). Without a trap the time step is 100 µs: thermal steps of 7 nm, drift of "
-        f"10 and of 0.1 nm per step. {STATISTICS}",
+        f"steps of {1e3 * rows[0]['step']:.2g} nm). Without a trap the time step is 100 µs: thermal steps of 7 nm, "
+        f"drift of 10 and of 0.1 nm per step. {STATISTICS}",
     )  # fmt: skip
 
 

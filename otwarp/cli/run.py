@@ -41,7 +41,6 @@ from otwarp.errors import InputError
 @click.option("--record-worlds", type=int, metavar="N", help="Worlds kept in run.nc; default: all.")
 @click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
-@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
 @click.option(
     "--precision",
     type=click.Choice(["float32", "float64"]),
@@ -49,6 +48,7 @@ from otwarp.errors import InputError
     show_default=True,
     help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
 )
+@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
 @time_step_option
 @device_option
 @json_option
@@ -66,8 +66,8 @@ def run(
     record_worlds: int | None,
     checkpoint: Path | None,
     resume: Path | None,
-    fast_math: bool,
     precision: str,
+    fast_math: bool,
     time_step: float | None,
     device: str | None,
     as_json: bool,
@@ -102,8 +102,8 @@ def run(
             forces=forces,
             checkpoint=checkpoint,
             resume=resume,
-            fast_math=fast_math,
             precision=precision,
+            fast_math=fast_math,
             progress=progress,
         )
     if as_json:

@@ -73,10 +73,10 @@ def record_run(
     frames_per_second: float | None = None,
     recorded_worlds: int | None = None,
     forces: bool = False,
+    precision: str = "float32",
     checkpoint: str | Path | None = None,
     resume: str | Path | None = None,
     fast_math: bool = False,
-    precision: str = "float32",
     progress: Callable[[float, float], None] | None = None,
 ) -> dict:
     """Simulate `scene` for its duration and record every frame in `folder`, and the end if it falls between frames.
@@ -87,11 +87,11 @@ def record_run(
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
+        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; `worlds`, `seed`, `time_step`, `parameters` and
-            `fast_math` and `precision` are then its own.
+            `fast_math` are then its own.
         fast_math: Approximate instructions on CUDA; see `Simulation`.
-        precision: `float32` or `float64`; see `Simulation`.
         progress: Called with simulated time and wall time [s] after every frame, the first one included.
 
     Returns:

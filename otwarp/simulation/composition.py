@@ -45,7 +45,7 @@ def compose(
     f = dataclasses.replace(
         f, integrator=serving_integrator(f), fast_math=fast_math, crossings=crossings, precision=precision
     )
-    return dataclasses.replace(f, lanes=device.is_cpu and _takes_lanes(f))
+    return dataclasses.replace(f, lanes=device.is_cpu and precision == "float32" and _takes_lanes(f))
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
@@ -114,9 +114,9 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 
 
 def _takes_lanes(f: Features) -> bool:
-    """Whether a CPU draws noise in blocks: bodies on their own, and crowds of lone spheres, in float32."""
+    """Whether a CPU draws noise in blocks: bodies on their own, and crowds of lone spheres."""
     crowd = f.driver == "grid" and f.contacts and f.brownian and not f.rigid
-    return not f.walls and f.precision == "float32" and (f.driver == "solo" or crowd)
+    return not f.walls and (f.driver == "solo" or crowd)
 
 
 def _has_rods(body: Body) -> bool:
