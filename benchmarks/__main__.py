@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks import crowd, forces, integrators, realtime, speed, stability, startup, terms
+from benchmarks import crowd, forces, integrators, precision, realtime, speed, stability, startup, terms
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
@@ -12,6 +12,7 @@ BENCHMARKS = {
     "terms": terms.measure,
     "forces": forces.measure,
     "integrators": integrators.measure,
+    "precision": precision.measure,
     "speed": speed.measure,
     "crowd": crowd.measure,
     "stability": stability.measure,

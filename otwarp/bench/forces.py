@@ -23,6 +23,7 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, ForceTable, Sphere, evaluate
 from otwarp.optics.table_cache import cache_folder, load
+from otwarp.simulation.arrays import device_array
 from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.simulation import Simulation
 
@@ -128,7 +129,7 @@ class Runner:
         self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, **how)
         # a bead at rest at the equilibrium would make all worlds read the same cell of a table
         start = thermal_points(bead, worlds, np.random.default_rng(SEED))[:, None, :]
-        self.start = wp.array(start.astype(np.float32), dtype=wp.vec3, device=device)
+        self.start = device_array(start, wp.vec3, self.sim.model.place, ndim=2)
         self.rewind()
         self.steps = calls_for(self.sim.step, device, seconds)
 

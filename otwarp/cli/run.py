@@ -43,6 +43,13 @@ from otwarp.errors import InputError
 @click.option("--record-worlds", type=int, metavar="N", help="Worlds kept in run.nc; default: all.")
 @click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
+@click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    default="float32",
+    show_default=True,
+    help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
+)
 @click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
 @time_step_option
 @integrator_option
@@ -63,6 +70,7 @@ def run(
     record_worlds: int | None,
     checkpoint: Path | None,
     resume: Path | None,
+    precision: str,
     fast_math: bool,
     time_step: float | None,
     integrator: str | None,
@@ -100,6 +108,7 @@ def run(
             forces=forces,
             checkpoint=checkpoint,
             resume=resume,
+            precision=precision,
             fast_math=fast_math,
             integrator=integrator,
             noise=noise,
@@ -113,7 +122,7 @@ def run(
 
 def _refuse_with_resume(context: click.Context) -> None:
     """A checkpoint brings its own worlds, seed and time step: other ones would be ignored without a word."""
-    for option in ("worlds", "seed", "time_step", "fast_math", "integrator", "noise"):
+    for option in ("worlds", "seed", "time_step", "fast_math", "integrator", "noise", "precision"):
         if context.get_parameter_source(option) == ParameterSource.COMMANDLINE:
             name, value = f"--{option.replace('_', '-')}", context.params[option]
             raise InputError(f"{name} is {value}; allowed with --resume: that of the checkpoint, so leave it out")

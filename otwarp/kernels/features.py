@@ -42,6 +42,7 @@ class Features:
         max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
             thread keeps that room to itself.
         fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
+        precision: Of all real numbers but the noise: `float32` or `float64`.
         integrator: Key of `INTEGRATORS`.
         noise: Distribution of the thermal noise, one of `NOISES`.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
@@ -69,6 +70,7 @@ class Features:
     walls: int = 0
     max_contacts: int = MAX_CONTACTS
     fast_math: bool = False
+    precision: Literal["float32", "float64"] = "float32"
     integrator: str = "heun"
     noise: str = "gaussian"
     lanes: bool = False

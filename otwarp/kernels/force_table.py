@@ -6,6 +6,7 @@ What the grids and layers are, and why two dimensions hold the whole field, is t
 
 import warp as wp
 
+from otwarp.kernels.cells import cell_of, cell_start
 from otwarp.kernels.roots import reciprocal_root, square_root
 
 mat32 = wp.types.matrix(shape=(3, 2), dtype=wp.float32)
@@ -45,30 +46,6 @@ def blend_weight(d2: float, radius: float) -> float:
     """Share of what lies beyond `radius`: a smooth step in distance² from `BLEND`·radius to radius."""
     x = wp.clamp((d2 / (radius * radius) - BLEND * BLEND) * BLEND_SCALE, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
-
-
-ROUNDER = 12582912.0
-"""1.5·2²³: adding it to a number below 2²² leaves the nearest integer in the low bits."""
-
-_FLOOR = """
-#if defined(__CUDA_ARCH__)
-    return {cuda};
-#else
-    return {cpu};
-#endif
-"""
-
-
-@wp.func_native(_FLOOR.format(cuda=f"__float_as_int(u - 0.5f + {ROUNDER}f) - 0x4B400000", cpu="(int)u"))
-def cell_of(u: wp.float32) -> wp.int32:
-    """Cell of a grid coordinate 0 ≤ u < 2²²; at a node either neighbour. Conversions are slow on CUDA, sums are not."""
-    ...
-
-
-@wp.func_native(_FLOOR.format(cuda=f"(u - 0.5f + {ROUNDER}f) - {ROUNDER}f", cpu="(float)(int)u"))
-def cell_start(u: wp.float32) -> wp.float32:
-    """The same cell as a number."""
-    ...
 
 
 @wp.func_native("""

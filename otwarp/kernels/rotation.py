@@ -2,19 +2,20 @@
 
 import warp as wp
 
+from otwarp.kernels.rounding import SMALL_ANGLE2
+
 
 @wp.func
 def rotate_by(q: wp.quat, angle: wp.vec3) -> wp.quat:
     """Orientation `q` turned by the rotation vector `angle` [rad, world axes]: normalise(exp(angle/2) ⊗ q).
 
-    Up to 0.3 rad sin(θ/2)/θ and cos(θ/2) come from their series, whose errors are below 2e-8 there. Normalising at
-    every step keeps the norm at 1 to rounding for runs of any length; so near to 1 one step of Newton's method for
-    1/√ is exact.
+    Up to a small angle (0.3 rad in float32) sin(θ/2)/θ and cos(θ/2) come from their series. Normalising at every step
+    keeps the norm at 1 to rounding for runs of any length; so near to 1 one step of Newton's method for 1/√ is exact.
     """
     theta2 = wp.dot(angle, angle)
     scale = 0.5 + theta2 * (-1.0 / 48.0 + theta2 * (1.0 / 3840.0))
     w = 1.0 + theta2 * (-0.125 + theta2 * (1.0 / 384.0))
-    if theta2 > 0.09:
+    if theta2 > SMALL_ANGLE2:
         theta = wp.sqrt(theta2)
         scale = wp.sin(0.5 * theta) / theta
         w = wp.cos(0.5 * theta)

@@ -42,6 +42,8 @@ class Step:
 def make_step(features: Features) -> Step:
     """Compose the step of a scene. Equal feature sets share their kernels."""
     readout = make_trap_readout(features) if features.trap_models else ()
+    # these have no float64 instance, and Warp would let them read its structs as their own
+    assert features.precision == "float32" or not (features.lanes or features.driver == "grid")
     if features.driver == "solo":
         fused = make_lanes_step(features) if features.lanes else make_solo_step(features)
         return Step(features=features, fused=fused, readout=readout)

@@ -74,6 +74,7 @@ def record_run(
     frames_per_second: float | None = None,
     recorded_worlds: int | None = None,
     forces: bool = False,
+    precision: str = "float32",
     checkpoint: str | Path | None = None,
     resume: str | Path | None = None,
     fast_math: bool = False,
@@ -89,6 +90,7 @@ def record_run(
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
+        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; all that says how to step is then its own.
         fast_math, integrator, noise: As for `Simulation`.
@@ -112,7 +114,7 @@ def record_run(
     else:
         check_worlds(scene, worlds, device)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
-        about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise}
+        about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
         sim = Simulation(scene, device=device, threads=threads, **about)
     _check_step(sim, rate)
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}

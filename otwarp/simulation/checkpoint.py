@@ -58,6 +58,7 @@ def save(sim: Simulation, path: Path) -> Path:
         "integrator": sim.scene.settings.integrator,
         "noise": sim.scene.settings.noise,
         "crossings": sim.model.features.crossings,
+        "precision": sim.model.features.precision,
     }
     arrays = {k: v.numpy() for k, v in _arrays(sim).items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
@@ -127,6 +128,7 @@ def restore(
         integrator=about.get("integrator", "eulerMaruyama"),
         noise=about.get("noise", "gaussian"),
         crossings=bool(about.get("crossings", True)),
+        precision=about.get("precision", "float32"),
     )
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back

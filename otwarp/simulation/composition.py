@@ -12,6 +12,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.noise import NOISES
+from otwarp.kernels.precision import PRECISIONS
 from otwarp.kernels.walls import NEAR_WALLS
 from otwarp.scene.description import Body, Scene
 from otwarp.simulation.optics import TrapOptics
@@ -28,19 +29,49 @@ def compose(
     *,
     fast_math: bool,
     crossings: bool,
+    precision: str = "float32",
 ) -> Features:
     """The features of a scene on a device.
 
     Args:
         values: Parameters in force, as `Model.values`.
-        fast_math, crossings: As `Simulation`.
+        fast_math, crossings, precision: As `Simulation`.
 
     Raises:
-        InputError: Rods that collide in a crowd.
+        InputError: Rods that collide in a crowd; an unknown precision, or one that the scene does not go with.
     """
     f = _terms(scene, values, optics)
-    f = dataclasses.replace(f, integrator=serving_integrator(f), fast_math=fast_math, crossings=crossings)
-    return dataclasses.replace(f, lanes=device.is_cpu and _takes_lanes(f))
+    _check_precision(scene, f, precision, fast_math=fast_math)
+    f = dataclasses.replace(
+        f, integrator=serving_integrator(f), fast_math=fast_math, crossings=crossings, precision=precision
+    )
+    return dataclasses.replace(f, lanes=device.is_cpu and precision == "float32" and _takes_lanes(f))
+
+
+def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
+    """Refuse an unknown precision, and float64 where there is none: in a crowd, before a mesh, with fast math.
+
+    Raises:
+        InputError: One line.
+    """
+    if precision not in PRECISIONS:
+        raise InputError(f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}")
+    if precision == "float32":
+        return
+    where = f"{scene.file or scene.root}: "
+    if f.driver == "grid":
+        raise InputError(
+            f"{where}precision is 'float64'; allowed: float32 in a scene of {f.bodies} bodies that touch, "
+            f"float64 in scenes of up to {MAX_WORLD_BODIES}"
+        )
+    if "mesh" in f.obstacles:
+        mesh = next(o for o in scene.obstacles if o.shape == "mesh")
+        raise InputError(
+            f"{where}{mesh.prim}: precision is 'float64'; allowed: float32 with an obstacle that is a mesh, "
+            "whose distances are float32"
+        )
+    if fast_math:
+        raise InputError("precision is 'float64' with fast_math; allowed: one of the two")
 
 
 def check_settings(scene: Scene) -> None:

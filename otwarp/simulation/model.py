@@ -16,6 +16,7 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.features import Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
+from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings, compose
 from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
@@ -98,6 +99,7 @@ class Model:
         integrator: str | None = None,
         noise: str | None = None,
         crossings: bool = True,
+        precision: str = "float32",
     ) -> Model:
         """Pack a scene for a device.
 
@@ -110,6 +112,7 @@ class Model:
             fast_math: Approximate instructions on CUDA; see `Simulation`.
             integrator, noise: Names as in the scene, or None for the scene's; see `Simulation`.
             crossings: Whether escapes between steps count; see `Simulation`.
+            precision: `float32` or `float64`; see `Simulation`.
 
         Raises:
             InputError: Anything out of range.
@@ -128,7 +131,7 @@ class Model:
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings)
+        features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings, precision=precision)
         check_flow(scene, values)
         relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
         steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held)
@@ -145,10 +148,11 @@ class Model:
         )
         soft = soft_contacts(scene, moves, values, features, scales.time_step)
         features = dataclasses.replace(features, soft_contacts=soft)
-        warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian)
+        warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian, precision=precision)
         held_range = np.minimum(_held_range(scene, values, held), optics.escape_distance())
-        data, meshes = _pack(scene, moves, values, features, optics, place)
-        data.traps = pack_traps(scene, values, _held_spheres(scene, held, moves), held_range, optics, place)
+        target = Place(place, precision)
+        data, meshes = _pack(scene, moves, values, features, optics, target)
+        data.traps = pack_traps(scene, values, _held_spheres(scene, held, moves), held_range, optics, target)
         data.time_step = wp.float64(scales.time_step)
         data.seed = wp.uint32(seed)
         return cls(
@@ -170,6 +174,11 @@ class Model:
             data=data,
             meshes=meshes,
         )
+
+    @property
+    def place(self) -> Place:
+        """Device and precision of the arrays."""
+        return Place(self.device, self.features.precision)
 
     def start_position(self) -> np.ndarray:
         """(B, 3) reference points of the bodies at the start [µm]."""
@@ -213,10 +222,10 @@ def _pack(
     values: Mapping[str, np.ndarray],
     features: Features,
     optics: TrapOptics,
-    device: wp.Device,
+    device: Place,
 ) -> tuple[ModelData, list[wp.Mesh]]:
     """The kernels' view of all but the traps, and the meshes it refers to."""
-    data = ModelData()
+    data = device.typed(ModelData)()
     data.bodies = len(scene.bodies)
     data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
     data.body = pack_bodies(scene, moves, optics, device)

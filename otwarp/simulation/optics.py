@@ -20,7 +20,7 @@ from otwarp.kernels.force_table import ForceTableData, GridLevel
 from otwarp.kernels.traps import exact_name, table_name
 from otwarp.scene.description import IDENTITY, Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.arrays import Place, device_array
 
 if TYPE_CHECKING:
     from otwarp.optics import Beam, ForceTable
@@ -229,29 +229,31 @@ def trap_sides(scene: Scene) -> np.ndarray:
     return np.array(sides).reshape(-1, 3)
 
 
-def pack_tables(optics: TrapOptics, device: wp.Device) -> tuple[ForceTableData, wp.array]:
+def pack_tables(optics: TrapOptics, device: Place) -> tuple[ForceTableData, wp.array]:
     """All tables one after another, in forces per mW; and the (T, K) finest level of each pair."""
-    starts, nodes, total = [], [np.zeros((0, 3), dtype=np.float32)], 0
+    grid_level = device.typed(GridLevel)
+    real = np.dtype(device.precision).type
+    starts, nodes, total = [], [np.zeros((0, 3), dtype=real)], 0
     for table in optics.tables:
         for level in table.levels:
             starts.append(total // table.layers)
             # padded to multiples of 6, so that a level starts at a whole node whether nodes have 1, 2 or 3 layers
-            flat = np.zeros((level.node.size // 3 + -(level.node.size // 3) % 6, 3), dtype=np.float32)
-            flat[: level.node.size // 3] = np.float32(table.beam.force_scale) * level.node.reshape(-1, 3)
+            flat = np.zeros((level.node.size // 3 + -(level.node.size // 3) % 6, 3), dtype=real)
+            flat[: level.node.size // 3] = real(table.beam.force_scale) * level.node.reshape(-1, 3)
             nodes.append(flat)
             total += len(flat)
     levels = [level for table in optics.tables for level in table.levels]
-    packed = np.zeros(len(levels), dtype=GridLevel.numpy_dtype())
+    packed = np.zeros(len(levels), dtype=grid_level.numpy_dtype())
     for row, (start, level) in enumerate(zip(starts, levels, strict=True)):
-        per_spacing = np.float32(1.0 / level.spacing)
-        middle = np.float32(level.radius) * per_spacing
+        per_spacing = real(1.0 / level.spacing)
+        middle = real(level.radius) * per_spacing
         packed[row] = (start, level.node.shape[1], level.end, per_spacing, middle)
-    data = ForceTableData()
+    data = device.typed(ForceTableData)()
     data.node = device_array(np.concatenate(nodes), wp.vec3, device)
     first = np.cumsum([0] + [len(table.levels) for table in optics.tables])
     data.level_start = device_array(first, wp.int32, device)
-    data.level = wp.array(packed, dtype=GridLevel, device=device)
+    data.level = wp.array(packed, dtype=grid_level, device=device.device)
     # the finest level of every pair again by trap and kind: one read instead of three in a row
     chosen = packed[first[np.maximum(optics.table, 0)]] if len(packed) else np.zeros((0, 0), dtype=packed.dtype)
-    finest = wp.array(chosen, dtype=GridLevel, device=device, ndim=2)
+    finest = wp.array(chosen, dtype=grid_level, device=device.device, ndim=2)
     return data, finest

@@ -14,7 +14,7 @@ from otwarp.kernels.obstacles import FAR, SHAPES
 from otwarp.kernels.types import BodyData, ContactData, ObstacleData, mat66
 from otwarp.scene.description import Body, Scene, Sphere, Vec3
 from otwarp.scene.mesh_overlap import is_closed
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.optics import TrapOptics
 from otwarp.units import STANDARD_GRAVITY
 
@@ -110,12 +110,12 @@ def _spheres(body: Body, reference: np.ndarray, chosen: str) -> np.ndarray:
     return np.array(rows).reshape(-1, 4)
 
 
-def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, device: wp.Device) -> BodyData:
+def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, device: Place) -> BodyData:
     """Mobility, sphere tables and bounds of the bodies."""
     shapes: dict[int, int] = {}
     shape_of = [shapes.setdefault(id(m), len(shapes)) for m in moves]
     distinct = list({id(m): m for m in moves}.values())
-    data = BodyData()
+    data = device.typed(BodyData)()
     data.shape = device_array(shape_of, wp.int32, device)
     rigid = [is_rigid(b) for b in scene.bodies]
     data.rigid = device_array(rigid, wp.int32, device)
@@ -144,7 +144,7 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, dev
     return data
 
 
-def _pack_flow_coupling(data: BodyData, scene: Scene, moves: list[BodyMobility], device: wp.Device) -> None:
+def _pack_flow_coupling(data: BodyData, scene: Scene, moves: list[BodyMobility], device: Place) -> None:
     """How the spheres of rigid bodies couple to the flow; empty without a flow or without rigid bodies."""
     offsets, couplings = [], []
     for body, move in zip(scene.bodies, moves, strict=True):
@@ -168,13 +168,13 @@ def _colliding(body: Body, reference: np.ndarray) -> np.ndarray:
 
 
 def pack_contact(
-    scene: Scene, moves: list[BodyMobility], wanted: bool, device: wp.Device, *, rods: bool = False
+    scene: Scene, moves: list[BodyMobility], wanted: bool, device: Place, *, rods: bool = False
 ) -> ContactData:
     """Colliding spheres, with `rods` the axes of rods, and surfaces; empty tables when nothing can touch anything."""
     bodies = list(zip(scene.bodies, moves, strict=True)) if wanted else []
     rows = [_colliding(b, m.reference) for b, m in bodies]
     start, table = _ragged(rows, 7)
-    data = ContactData()
+    data = device.typed(ContactData)()
     data.start = device_array(start, wp.int32, device)
     data.sphere = device_array(table[:, :4], wp.vec4, device)
     data.half = device_array(table[:, 4:] if rods else np.zeros((0, 3)), wp.vec3, device)
@@ -188,7 +188,7 @@ def pack_contact(
     return data
 
 
-def pack_obstacles(scene: Scene, wanted: bool, device: wp.Device) -> tuple[ObstacleData, list[wp.Mesh]]:
+def pack_obstacles(scene: Scene, wanted: bool, device: Place) -> tuple[ObstacleData, list[wp.Mesh]]:
     """Obstacles and the meshes that must outlive the model; empty tables when nothing can hit them."""
     obstacles = scene.obstacles if wanted else ()
     meshes, ids, bounds = [], [], []
@@ -196,14 +196,14 @@ def pack_obstacles(scene: Scene, wanted: bool, device: wp.Device) -> tuple[Obsta
         ids.append(0)
         if o.shape == "mesh":
             mesh = wp.Mesh(
-                points=device_array(o.vertices, wp.vec3, device),
+                points=device_array(o.vertices, wp.vec3, device.device),
                 indices=device_array(o.triangles.ravel(), wp.int32, device),
             )
             meshes.append(mesh)
             ids[-1] = mesh.id
         bounds.append(obstacle_bound(o.shape, o.size, o.vertices))
     keys = [0, *np.cumsum([len(o.position.times) for o in obstacles], dtype=int)]
-    data = ObstacleData()
+    data = device.typed(ObstacleData)()
     data.shape = device_array([SHAPES[o.shape][0] for o in obstacles], wp.int32, device)
     data.size = device_array([o.size for o in obstacles], wp.vec3, device)
     data.mesh = device_array(ids, wp.uint64, device)

@@ -15,7 +15,7 @@ from otwarp.kernels.traps import trap_term
 from otwarp.kernels.types import FlowData, MediumData, TrapData
 from otwarp.scene.description import Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate as rotate
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.optics import LAW_FIELDS, TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
@@ -101,7 +101,7 @@ def pack_traps(
     held: list[HeldSphere],
     held_range: np.ndarray,
     optics: TrapOptics,
-    device: wp.Device,
+    device: Place,
 ) -> TrapData:
     """Trap constants.
 
@@ -121,7 +121,7 @@ def pack_traps(
                 f"{scene.file or scene.root}: prim {trap.prim}: ot:trapLaw:axial:radius = {trap.axial.radius:g} µm; "
                 f"allowed: that of the radial curve, {law(trap).radius:g} µm"
             )
-    data = TrapData()
+    data = device.typed(TrapData)()
     # curves along the beam and speed limits take memory only where some trap has one
     split = any(t.axial for t in traps)
     limits = bool(np.any(np.isfinite(values["trap_speed_limit"])))
@@ -137,7 +137,7 @@ def pack_traps(
     data.table = device_array(optics.table, wp.int32, device, ndim=2)
     data.tables, data.finest = pack_tables(optics, device)
     packed = [optics.exact[i].data if i in optics.exact else ExactData() for i in range(len(optics.tables))]
-    data.exact = wp.array(packed if optics.exact else [], dtype=ExactData, device=device)
+    data.exact = wp.array(packed if optics.exact else [], dtype=ExactData, device=device.device)
     data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
     data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)
@@ -151,7 +151,7 @@ def pack_traps(
     return data
 
 
-def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: wp.Device) -> None:
+def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: Place) -> None:
     """Key frames of position and power on the union of their times, animated traps only."""
     start, times, keys = [0], [], []
     for trap in traps:
@@ -167,22 +167,22 @@ def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: wp.Device) -> No
     data.key_value = device_array(np.concatenate([np.zeros((0, 4)), *keys]), wp.vec4, device)
 
 
-def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: wp.Device) -> MediumData:
+def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -> MediumData:
     """Thermal energy and viscosity from (1|W,) arrays."""
-    data = MediumData()
+    data = device.typed(MediumData)()
     data.thermal_energy = device_array(BOLTZMANN * temperature, wp.float32, device)
     data.viscosity = device_array(viscosity, wp.float32, device)
     return data
 
 
-def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: wp.Device) -> FlowData:
+def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: Place) -> FlowData:
     """Flow constants; arrays of length 0 without a flow."""
-    data = FlowData()
+    data = device.typed(FlowData)()
     empty = np.zeros(0)
     data.speed = device_array(speed if scene.flow else empty, wp.float32, device)
     data.shear_rate = device_array(shear_rate if scene.flow else empty, wp.float32, device)
     if scene.flow:
-        data.origin = wp.vec3(*scene.flow.origin)
-        data.rotation = wp.quat(*scene.flow.orientation)
+        data.origin = device.typed(wp.vec3)(*scene.flow.origin)
+        data.rotation = device.typed(wp.quat)(*scene.flow.orientation)
         data.half_height = scene.flow.half_height
     return data

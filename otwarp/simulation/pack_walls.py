@@ -12,7 +12,7 @@ from otwarp.hydrodynamics.immersion import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.types import WallData, mat66
 from otwarp.scene.description import Body, Obstacle, Scene
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.pack_bodies import drag_spheres, is_rigid, weight
 from otwarp.simulation.pack_traps import rotate
 from otwarp.units import BOLTZMANN
@@ -116,7 +116,7 @@ def wall_time(scene: Scene, values: Mapping[str, np.ndarray]) -> float | None:
     return 1.0 / max(rates) if max(rates) > 0.0 else None
 
 
-def pack_walls(scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: wp.Device) -> WallData:
+def pack_walls(scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: Place) -> WallData:
     """Planes, spheres and free resistances; all empty without hydrodynamic walls."""
     planes = [plane_of(wall) for wall in walls]
     bodies = list(zip(scene.bodies, moves, strict=True)) if walls else []
@@ -128,7 +128,7 @@ def pack_walls(scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, .
         start.append(start[-1] + len(rows))
     distinct = list({id(m): m for _, m in bodies}.values())
     full = distinct if any(is_rigid(body) for body, _ in bodies) else []
-    data = WallData()
+    data = device.typed(WallData)()
     data.normal = device_array([n for n, _ in planes], wp.vec3, device)
     data.offset = device_array([o for _, o in planes], wp.float32, device)
     data.start = device_array(start, wp.int32, device)

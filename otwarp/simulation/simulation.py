@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.faults import FAULT_TEXT, Fault
-from otwarp.kernels.step import make_step
+from otwarp.kernels.precision import kernel_module
 from otwarp.scene.description import Scene
+from otwarp.simulation.arrays import host_type
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
@@ -38,6 +39,8 @@ class Simulation:
         integrator: `eulerMaruyama`, `leimkuhlerMatthews`, `heun`, `exponential`, or None for the scene's.
         noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
         crossings: Whether escapes between the ends of two steps count; off only to measure what that is worth.
+        precision: `float32`, or `float64` for all real numbers but the noise, whose deviates are the same in both: for
+            scenes far from the origin, and to see what rounding does. Not for crowds and meshes, nor with `fast_math`.
 
     Raises:
         InputError: An argument out of range.
@@ -65,6 +68,7 @@ class Simulation:
         integrator: str | None = None,
         noise: str | None = None,
         crossings: bool = True,
+        precision: str = "float32",
     ):
         self.model = Model.build(
             scene,
@@ -77,6 +81,7 @@ class Simulation:
             integrator=integrator,
             noise=noise,
             crossings=crossings,
+            precision=precision,
         )
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}; allowed: 1 or more")
@@ -84,7 +89,7 @@ class Simulation:
         self.control = Control.start(self.model)
         self._readout = Readout.empty(self.model)
         self._measured_at: tuple[int, int] | None = None
-        self._step = make_step(self.model.features)
+        self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
         self._stepper = GridStepper(*parts) if self.model.features.driver == "grid" else FusedStepper(*parts, threads)
 
@@ -151,7 +156,8 @@ class Simulation:
             if values is not None:
                 rows[name] = self._state_rows(name, np.asarray(values, dtype=float), width)
         for name, values in rows.items():
-            getattr(self.state, name).assign(values.astype(np.float32))
+            array = getattr(self.state, name)
+            array.assign(values.astype(host_type(array.dtype)))
         if isinstance(self._stepper, GridStepper):
             self._stepper.place()
         self._measured_at = None

@@ -15,9 +15,10 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+from otwarp.kernels.precision import precision_of, typed
 from otwarp.kernels.readout import TrapReadoutData
 from otwarp.kernels.types import ControlData, ReadoutData, StateData
-from otwarp.simulation.arrays import device_array, filled
+from otwarp.simulation.arrays import device_array, filled, host_type
 from otwarp.simulation.model import Model
 from otwarp.simulation.parameters import expand
 from otwarp.simulation.timescales import check_powers
@@ -62,19 +63,19 @@ class State(_Bound):
         w, f = model.worlds, model.features
 
         def repeat(rows: np.ndarray, dtype: type) -> wp.array:
-            return device_array(np.broadcast_to(rows, (w, *rows.shape)), dtype, model.device, ndim=2)
+            return device_array(np.broadcast_to(rows, (w, *rows.shape)), dtype, model.place, ndim=2)
 
         first = model.values["trap_position"]
         limited = np.broadcast_to(first, (w, *first.shape[1:])) if f.speed_limits else np.zeros((w, 0, 3))
         return cls(
             position=repeat(model.start_position(), wp.vec3),
             orientation=repeat(model.start_orientation() if f.rigid else np.zeros((0, 4)), wp.quat),
-            trap_position=device_array(limited, wp.vec3, model.device, ndim=2),
+            trap_position=device_array(limited, wp.vec3, model.place, ndim=2),
         )
 
     def data(self) -> StateData:
         """The kernels' view."""
-        data = StateData()
+        data = typed(StateData, precision_of(self.position))()
         data.position, data.orientation, data.trap_position = self.position, self.orientation, self.trap_position
         return data
 
@@ -115,8 +116,8 @@ class Control(_Bound):
             for t in model.scene.traps
         ]
         return cls(
-            trap_position=device_array(model.values["trap_position"], wp.vec3, model.device, ndim=2),
-            trap_power=device_array(model.values["trap_power"], wp.float32, model.device, ndim=2),
+            trap_position=device_array(model.values["trap_position"], wp.vec3, model.place, ndim=2),
+            trap_power=device_array(model.values["trap_power"], wp.float32, model.place, ndim=2),
             follow=device_array(follow, wp.int32, model.device),
             model=model,
         )
@@ -167,7 +168,7 @@ class Control(_Bound):
             if len(values) > getattr(self, name).shape[0]:
                 self.widen(name)
             array = getattr(self, name)
-            array.assign(np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(np.float32))
+            array.assign(np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(host_type(array.dtype)))
         if traps:
             self.follow.assign(bits)
         self.writes += 1
@@ -199,7 +200,7 @@ class Control(_Bound):
 
     def data(self) -> ControlData:
         """The kernels' view."""
-        data = ControlData()
+        data = self.model.place.typed(ControlData)()
         data.trap_position, data.trap_power, data.follow = self.trap_position, self.trap_power, self.follow
         return data
 
@@ -241,18 +242,19 @@ class Readout(_Bound):
     def empty(cls, model: Model) -> Readout:
         """Nothing measured yet."""
         w, f, d = model.worlds, model.features, model.device
+        real, vec3 = model.place.typed(wp.float32), model.place.typed(wp.vec3)
         bodies = len(model.scene.bodies)
         touching = bodies if f.contacts else 0
         spheres = model.data.body.trapped.shape[0] if f.traps else 0
         return cls(
-            trap_position=wp.zeros((w, f.traps), dtype=wp.vec3, device=d),
-            trap_power=wp.zeros((w, f.traps), dtype=wp.float32, device=d),
-            trap_force=wp.zeros((w, f.traps), dtype=wp.vec3, device=d),
-            trap_distance=wp.zeros((w, f.traps), dtype=wp.float32, device=d),
-            sphere_force=wp.zeros((w, spheres), dtype=wp.vec3, device=d),
-            hand_force=wp.zeros((w, 2 if f.traps else 0), dtype=wp.vec3, device=d),
-            contact_force=wp.zeros((w, touching), dtype=wp.vec3, device=d),
-            contact_load=wp.zeros((w, touching), dtype=wp.float32, device=d),
+            trap_position=wp.zeros((w, f.traps), dtype=vec3, device=d),
+            trap_power=wp.zeros((w, f.traps), dtype=real, device=d),
+            trap_force=wp.zeros((w, f.traps), dtype=vec3, device=d),
+            trap_distance=wp.zeros((w, f.traps), dtype=real, device=d),
+            sphere_force=wp.zeros((w, spheres), dtype=vec3, device=d),
+            hand_force=wp.zeros((w, 2 if f.traps else 0), dtype=vec3, device=d),
+            contact_force=wp.zeros((w, touching), dtype=vec3, device=d),
+            contact_load=wp.zeros((w, touching), dtype=real, device=d),
             escape_step=filled((w, f.traps if f.escapes else 0), -1, wp.int64, d),
             fault=wp.zeros((w, bodies), dtype=wp.int32, device=d),
             fault_step=wp.zeros((w, bodies), dtype=wp.int64, device=d),
@@ -261,14 +263,14 @@ class Readout(_Bound):
 
     def data(self) -> ReadoutData:
         """What the step writes."""
-        data = ReadoutData()
+        data = typed(ReadoutData, precision_of(self.trap_force))()
         for name in ("contact_force", "contact_load", "escape_step", "fault", "fault_step", "fault_count"):
             setattr(data, name, getattr(self, name))
         return data
 
     def trap_data(self) -> TrapReadoutData:
         """What the trap readout writes."""
-        data = TrapReadoutData()
+        data = typed(TrapReadoutData, precision_of(self.trap_force))()
         data.position, data.power, data.force = self.trap_position, self.trap_power, self.trap_force
         data.distance, data.sphere_force, data.hand_force = self.trap_distance, self.sphere_force, self.hand_force
         return data

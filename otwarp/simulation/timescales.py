@@ -226,11 +226,17 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
 
 
 def warn_of_lost_motion(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], time_step: float, *, brownian: bool
+    scene: Scene,
+    moves: list[BodyMobility],
+    values: Mapping[str, np.ndarray],
+    time_step: float,
+    *,
+    brownian: bool,
+    precision: str = "float32",
 ) -> None:
     """Warn when noise, flow, weight or the speed limit of a trap moves less per step than coordinates resolve.
 
-    Positions are float32: far from the origin a small step rounds to nothing, every time. Noise dithers the steps of
+    Far from the origin a small step of float32 coordinates rounds to nothing, every time. Noise dithers the steps of
     bodies, so with it flow and weight act in the mean; a focus has no noise. A trap that moves slowly along its time
     samples loses nothing, because its place is computed anew in every step.
     """
@@ -239,12 +245,12 @@ def warn_of_lost_motion(
     steady = 0.0 if brownian else max(flow_speed(scene, values), settling_speed(scene, moves, viscosity))
     slowest = float(limits[np.isfinite(limits)].min(initial=np.inf))
     extent = float(np.abs(places(scene, values)).max())
-    spacing = float(np.spacing(np.float32(extent)))
+    spacing = float(np.spacing(np.dtype(precision).type(extent)))
     for what, speed in (("flow or weight, without noise,", steady), ("the speed limit of a trap,", slowest)):
         if 0.0 < speed * time_step < spacing:
             warnings.warn(
                 f"scene {scene.file or scene.root}: {what} of {speed:.3g} µm/s in time steps of {time_step:.3g} s is "
-                f"lost in the rounding of float32 coordinates at {extent:.3g} µm; "
+                f"lost in the rounding of {precision} coordinates at {extent:.3g} µm; "
                 f"allowed: time steps above {spacing / speed:.3g} s, or a scene nearer to the origin",
                 stacklevel=2,
             )
@@ -256,7 +262,7 @@ def warn_of_lost_motion(
     if 0.0 < spread < spacing and seen:
         warnings.warn(
             f"scene {scene.file or scene.root}: thermal displacements of {spread:.3g} µm in time steps of "
-            f"{time_step:.3g} s are falsified by the rounding of float32 coordinates, {spacing:.3g} µm at "
+            f"{time_step:.3g} s are falsified by the rounding of {precision} coordinates, {spacing:.3g} µm at "
             f"{extent:.3g} µm; allowed: time steps above {time_step * (spacing / spread) ** 2:.3g} s, or a scene "
             "nearer to the origin",
             stacklevel=2,

@@ -8,6 +8,7 @@ from otwarp.kernels.flow import FLOW_TERMS, poiseuille_flow, shear_flow, uniform
 from otwarp.kernels.rotation import rotate_by
 from otwarp.kernels.types import FlowData
 from otwarp.scene.description import Flow, Scene
+from otwarp.simulation.arrays import Place
 from otwarp.simulation.pack_traps import pack_flow
 from tests.kernels.samples import evaluate, on_device, quaternions
 from tests.reference.flow import flow_at
@@ -51,7 +52,7 @@ def test_flows_are_those_of_the_twins(world, device):
     """Each world reads its own speed and shear rate."""
     speed, rate = np.array([5.0, -7.0]), np.array([0.9, 2.0])
     base = {"prim": "/World/F", "origin": (1.0, -2.0, 0.5), "orientation": TURN, "half_height": 4.0}
-    data = pack_flow(Scene(flow=Flow(kind="uniform", **base)), speed, rate, device)
+    data = pack_flow(Scene(flow=Flow(kind="uniform", **base)), speed, rate, Place(device))
     points = (np.random.default_rng(0).normal(size=(1000, 3)) * 4.0).astype(np.float32)
     got = evaluate(probe_flow, len(points), [data, world, *on_device(device, (points, wp.vec3))],
                    [wp.spatial_vector] * 3, device)  # fmt: skip

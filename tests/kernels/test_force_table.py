@@ -13,6 +13,7 @@ from otwarp.optics import Beam, ForceTable, Sphere
 from otwarp.optics import table as twin
 from otwarp.optics.table import TableLevel
 from otwarp.scene import description as scene
+from otwarp.simulation.arrays import Place
 from otwarp.simulation.model import Model
 from otwarp.simulation.optics import TrapOptics, pack_tables
 
@@ -71,7 +72,7 @@ def probe_points(rng: np.random.Generator, n: int, cutoff: float) -> np.ndarray:
 def test_term_is_that_of_the_twin(interpolation, layers, device):
     tables = tuple(made_up_table(beam, interpolation, seed) for seed, beam in enumerate(BEAMS))
     optics = TrapOptics((), tables, np.zeros((0, 0), dtype=np.int32), np.zeros(0, dtype=int))
-    data, _ = pack_tables(optics, wp.get_device(device))
+    data, _ = pack_tables(optics, Place(wp.get_device(device)))
     term = table_term(interpolation, layers)
     table = layers - 1
 
