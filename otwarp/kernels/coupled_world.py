@@ -1,4 +1,4 @@
-"""The `world` driver for bodies that carry each other along: one thread per world, drift and noise of all bodies at once.
+"""The `world` driver for bodies that carry each other along: drift and noise of all bodies of a world at once.
 
 The same step as in `world`, for what no body can do by itself.
 """

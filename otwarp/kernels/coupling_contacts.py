@@ -8,12 +8,12 @@ import warp as wp
 
 from otwarp.kernels.contact import Contact
 from otwarp.kernels.coupling import block_at
-from otwarp.kernels.solve import apply_loads, couple, press_closed, prepare, solve_law
+from otwarp.kernels.solve import apply_loads, couple, prepare, press_closed, solve_law
 
 
 @wp.func
 def carried_by(pair: wp.array(dtype=wp.mat33), i: int, j: int, force: wp.vec3) -> wp.vec3:
-    """Displacement of body i in one step by a force on another body j; none by one on itself, or on an obstacle (−1)."""
+    """Displacement of body i in one step by a force on body j; none if that is i itself, or an obstacle (−1)."""
     v = wp.vec3(0.0)
     if i != j and j >= 0:
         v = pair[block_at(wp.max(i, j), wp.min(i, j))] * force

@@ -43,6 +43,9 @@ TURN = 0.1
 """Largest turn of a rigid body per step by flow and weight [rad]."""
 
 
+MARGIN = 0.5
+"""Chosen step over the largest stable one, with coupled bodies as near to each other as they can come."""
+
 COARSE = 0.1
 """Predicted relative error of stationary variances above which a commanded power draws a warning."""
 
@@ -154,6 +157,7 @@ def time_scales(
     powers = authored_powers(scene, values)
     rate, stiffest = relaxation.fastest(powers)
     rim, steepest_body = steepest.fastest(powers)
+    utmost, _ = steepest.fastest(powers, anywhere=True)
     motions = _motions(scene, moves, values, viscosity, contacts)
     wall = wall_time(scene, values)
     scheme, accuracy = INTEGRATORS[integrator], scene.settings.accuracy
@@ -162,17 +166,18 @@ def time_scales(
         "steepest slope of an optical force": scheme.rim_product(accuracy) / rim if rim > rate else math.inf,
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
+        "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,
         "frame interval": 1.0 / scene.settings.frames_per_second,
     }
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
-    stable = scheme.stable / rim if rim > 0.0 else math.inf
+    stable = scheme.stable / utmost if utmost > 0.0 else math.inf
     if wanted is not None:
         if not 0.0 < wanted < math.inf:
             raise InputError(f"time step is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
         if wanted >= stable:
             raise InputError(
-                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
+                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {utmost:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"
             )
         step, chosen_by = wanted, "set by the user"
@@ -200,7 +205,7 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
     # float32 powers read back may differ from the authored ones in the last bit
     if np.all(powers <= authored * (1.0 + 1e-6)):
         return
-    rate, body = model.steepest.fastest(powers)
+    rate, body = model.steepest.fastest(powers, anywhere=True)
     scheme = INTEGRATORS[model.features.integrator]
     dt, stable = model.time_step, scheme.stable / rate if rate > 0.0 else math.inf
     worst = int(np.argmax(np.where(powers > authored, powers * model.steepest.stiffness, -1.0)))
