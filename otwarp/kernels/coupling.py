@@ -5,14 +5,16 @@ Every body moves as before by its own 6×6 mobility; a force on one also carries
     U_i = (M_i load_i)_t + Σ_j P_ij F_j / η + u_i,      Ω_i = (M_i load_i)_r + ω_i,
 
 where P_ij is the Rotne–Prager–Yamakawa tensor of two spheres of radii a_i and a_j about the centres of diffusion. The
-leading, Oseen term of P does not depend on the radii. They are those of the spheres whose drag is the largest that the
-body has in any direction, 6πη a_i = λ_max(R_tt) with R = M_i⁻¹: the largest radius that matters for the order a²/r³,
-and the only one with which the whole matrix stays positive definite wherever the bodies are, because then
+radii touch the order a²/r³ alone, not the leading, Oseen term. They are those of spheres that have in all directions
+the largest drag that the body has in any, 6πη a_i = λ_max(R_tt) with R = M_i⁻¹. With smaller radii, as those of the
+mean mobility, the whole matrix could lose its positive definiteness where long bodies lie side by side; with these it
+cannot, because
 
     (M_tt − M_tr M_rr⁻¹ M_rt)_i = (R_tt)_i⁻¹ ≥ 1/6πη a_i,
 
 and the tensors of spheres with these self-mobilities are positive definite at any distance, overlapping too. For a lone
-sphere it is its own radius. What torques do to others, 1/r² away, and how a flow is disturbed are left out.
+sphere it is its own radius. Left out are how a force turns others and a torque carries them along, which falls as 1/r²,
+and how bodies disturb a background flow and each other's shape of it.
 
 Noise: √(2 k_B T dt) times the Cholesky factor of the whole matrix. Rotations come first, for each body alone, and
 translations given them: what is left is the 3n × 3n matrix with (R_tt)_i⁻¹ on its diagonal and P_ij beside it, so that

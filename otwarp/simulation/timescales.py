@@ -64,7 +64,7 @@ class TimeScales:
         turning: Time in which flow and weight turn a rigid body by `TURN`.
         wall: Time in which a sphere diffuses or falls by its radius, where a hydrodynamic wall is.
         time_step: Step in use.
-        largest_stable: Largest stable step, inf without traps.
+        largest_stable: Largest stable step, inf without traps; of coupled bodies where they start.
         integrator: Name of the integrator.
         variance_error: Predicted relative error of stationary variances, in the stiffest mode.
         rate_error: Predicted relative error of the rate at which correlations of that mode decay.
@@ -171,14 +171,20 @@ def time_scales(
     }
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
-    stable = scheme.stable / utmost if utmost > 0.0 else math.inf
+    stable = scheme.stable / rim if rim > 0.0 else math.inf
     if wanted is not None:
         if not 0.0 < wanted < math.inf:
             raise InputError(f"time step is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
         if wanted >= stable:
             raise InputError(
-                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {utmost:.4g} 1/s; "
+                f"time step {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"
+            )
+        if wanted * utmost >= scheme.stable:
+            warnings.warn(
+                f"time step {wanted:g} s becomes unstable where all trapped bodies are as near to each other as they "
+                f"can come, because they are coupled; always stable: below {scheme.stable / utmost:.4g} s",
+                stacklevel=2,
             )
         step, chosen_by = wanted, "set by the user"
     return TimeScales(
@@ -205,7 +211,7 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
     # float32 powers read back may differ from the authored ones in the last bit
     if np.all(powers <= authored * (1.0 + 1e-6)):
         return
-    rate, body = model.steepest.fastest(powers, anywhere=True)
+    rate, body = model.steepest.fastest(powers)
     scheme = INTEGRATORS[model.features.integrator]
     dt, stable = model.time_step, scheme.stable / rate if rate > 0.0 else math.inf
     worst = int(np.argmax(np.where(powers > authored, powers * model.steepest.stiffness, -1.0)))

@@ -21,14 +21,14 @@ BODIES = 6
 @wp.kernel(module="unique")
 def pair_kernel(way: wp.array(dtype=wp.vec3), radii: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.mat33)):
     i = wp.tid()
-    out[i] = pair_mobility(way[i], radii[i][0], radii[i][1])  # type: ignore[index]
+    out[i] = pair_mobility(way[i], radii[i][0], radii[i][1])  # pyright: ignore[reportIndexIssue]
 
 
 @wp.kernel(module="unique")
 def factor_kernel(out: wp.array(dtype=wp.mat33)):
     root = wp.zeros(shape=(wp.static(block_count(BODIES)),), dtype=wp.mat33)
     for i in range(wp.static(block_count(BODIES))):
-        root[i] = out[i]
+        root[i] = out[i]  # pyright: ignore[reportIndexIssue]
     factorise_blocks(BODIES, root)
     for i in range(wp.static(block_count(BODIES))):
         out[i] = root[i]
