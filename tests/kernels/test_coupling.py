@@ -21,7 +21,7 @@ BODIES = 6
 @wp.kernel(module="unique")
 def pair_kernel(way: wp.array(dtype=wp.vec3), radii: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.mat33)):
     i = wp.tid()
-    out[i] = pair_mobility(way[i], radii[i][0], radii[i][1])  # pyright: ignore[reportIndexIssue]
+    out[i] = pair_mobility(way[i], radii[i][0], radii[i][1])
 
 
 @wp.kernel(module="unique")
