@@ -39,6 +39,7 @@ class Features:
         escapes: Traps hold spheres that can escape.
         crossings: Escapes between steps count; off only where a benchmark asks what that is worth.
         walls: Planes that hinder motion hydrodynamically: 0, 1, or 2 for several.
+        coupling: Bodies carry each other along through the liquid.
         max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
             thread keeps that room to itself.
         fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
@@ -68,6 +69,7 @@ class Features:
     escapes: bool = False
     crossings: bool = True
     walls: int = 0
+    coupling: bool = False
     max_contacts: int = MAX_CONTACTS
     fast_math: bool = False
     precision: Literal["float32", "float64"] = "float32"
@@ -110,6 +112,12 @@ class Features:
                 self.walls > 0,
                 "planes with ot:obstacle:hydrodynamic",
                 "no plane with ot:obstacle:hydrodynamic",
+            ),
+            (
+                "hydrodynamic coupling",
+                self.coupling,
+                "ot:scene:hydrodynamicCoupling, and two or more bodies",
+                "ot:scene:hydrodynamicCoupling is false, or there is one body",
             ),
             ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
             ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),

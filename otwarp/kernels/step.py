@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from otwarp.kernels.coupled_world import make_coupled_step
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid import GridKernels, make_grid_step
 from otwarp.kernels.lanes import make_lanes_step
@@ -48,5 +49,6 @@ def make_step(features: Features) -> Step:
         fused = make_lanes_step(features) if features.lanes else make_solo_step(features)
         return Step(features=features, fused=fused, readout=readout)
     if features.driver == "world":
-        return Step(features=features, fused=make_world_step(features), readout=readout)
+        make = make_coupled_step if features.coupling else make_world_step
+        return Step(features=features, fused=make(features), readout=readout)
     return Step(features=features, grid=make_grid_step(features), readout=readout)

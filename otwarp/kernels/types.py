@@ -207,6 +207,19 @@ class WallData:
 
 
 @wp.struct
+class CouplingData:
+    """What coupled bodies need to know of each other, by shape, body frame, unit viscosity; length 0 without coupling.
+
+    M is the mobility about the centre of diffusion, R = M⁻¹; t and r are translation and rotation.
+    """
+
+    radius: wp.array(dtype=wp.float32)  # of the sphere with the largest drag of the body in any direction [µm]
+    given_turning: wp.array(dtype=wp.mat33)  # (R_tt)⁻¹ [1/µm]; this and the rest (0) without rotation
+    with_turning: wp.array(dtype=wp.mat33)  # M_tr M_rr⁻¹ [µm]
+    turning_root: wp.array(dtype=wp.mat33)  # lower factor of M_rr [1/µm^{3/2}]
+
+
+@wp.struct
 class ModelData:
     """All that never changes during a run."""
 
@@ -220,6 +233,7 @@ class ModelData:
     obstacles: ObstacleData
     flow: FlowData
     walls: WallData
+    coupling: CouplingData
 
 
 @wp.struct

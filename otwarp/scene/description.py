@@ -90,6 +90,7 @@ class Settings:
         noise: Distribution of the thermal displacement of a step.
         brownian: Whether thermal noise acts.
         gravity: Whether weight minus buoyancy acts (along −Z).
+        coupling: Whether bodies carry each other along through the liquid.
         duration: Length of the authored run [s].
         frames_per_second: Rate at which frames are recorded [1/s].
     """
@@ -100,6 +101,7 @@ class Settings:
     noise: str = "gaussian"
     brownian: bool = True
     gravity: bool = False
+    coupling: bool = False
     duration: float = 1.0
     frames_per_second: float = 60.0
 

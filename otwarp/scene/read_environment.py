@@ -45,6 +45,7 @@ def read_settings(source: Source, root: Usd.Prim, duration: float | None) -> Set
         noise=values["noise"],
         brownian=bool(values["brownian"]),
         gravity=bool(values["gravity"]),
+        coupling=bool(values["coupling"]),
         duration=duration,
         frames_per_second=frames,
     )

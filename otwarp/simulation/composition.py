@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
+from otwarp.kernels.coupling import COUPLED
 from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.noise import NOISES
@@ -17,6 +18,7 @@ from otwarp.kernels.walls import NEAR_WALLS
 from otwarp.scene.description import Body, Scene
 from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid
+from otwarp.simulation.pack_coupling import takes_coupling
 from otwarp.simulation.pack_traps import trap_reach
 from otwarp.simulation.pack_walls import hydrodynamic_walls
 
@@ -38,7 +40,8 @@ def compose(
         fast_math, crossings, precision: As `Simulation`.
 
     Raises:
-        InputError: Rods that collide in a crowd; an unknown precision, or one that the scene does not go with.
+        InputError: Rods that collide in a crowd; coupling of too many bodies, or beside hydrodynamic walls; an unknown
+            precision, or one that the scene does not go with.
     """
     f = _terms(scene, values, optics)
     _check_precision(scene, f, precision, fast_math=fast_math)
@@ -92,10 +95,12 @@ def serving_integrator(f: Features) -> str:
     """The integrator that does what the wanted one would: a simpler one where that makes no difference.
 
     Where no force depends on place, one stage is exact. Near walls, where mobility depends on place, only some schemes
-    have the right drift.
+    have the right drift; of bodies that carry each other along it depends on place, too.
     """
     if f.walls:
         return f.integrator if f.integrator in NEAR_WALLS else NEAR_WALLS[0]
+    if f.coupling:
+        return f.integrator if f.integrator in COUPLED else COUPLED[0]
     turned = f.rigid and (f.gravity or f.flow is not None)
     if not f.trap_models and f.flow in (None, "uniform") and not turned:
         return "eulerMaruyama"
@@ -139,7 +144,8 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
     flow = scene.flow
     moving = flow is not None and bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
     driver = "solo"
-    if pairs or obstacles or limits:
+    coupling = takes_coupling(scene)
+    if pairs or obstacles or limits or coupling:
         driver = "world" if len(bodies) <= MAX_WORLD_BODIES else "grid"
     rods = bool(pairs or obstacles) and any(_has_rods(b) for b in bodies)
     if driver == "grid" and rods:
@@ -165,6 +171,7 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
         and any(o.position.animated or o.orientation.animated for o in scene.obstacles),
         pairs=pairs,
         rods=rods,
+        coupling=coupling,
         walls=min(2, len(hydrodynamic_walls(scene))),
         max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),

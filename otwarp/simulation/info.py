@@ -21,7 +21,16 @@ def device_bytes(model: Model, *groups: Any) -> int:
     """Bytes of device memory held by the model's tables and the arrays of `groups` (State, Control, Readout)."""
     arrays = [v for group in groups for v in vars(group).values() if isinstance(v, wp.array)]
     data = model.data
-    for part in (data.medium, data.traps, data.body, data.contact, data.obstacles, data.flow, data.walls):
+    for part in (
+        data.medium,
+        data.traps,
+        data.body,
+        data.contact,
+        data.obstacles,
+        data.flow,
+        data.walls,
+        data.coupling,
+    ):
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
     arrays.append(data.traps.tables.node)
     return sum(a.capacity for a in arrays)
@@ -127,6 +136,8 @@ def _integrator_reason(model: Model) -> str:
         return ""
     if model.features.walls:
         return "near hydrodynamic walls mobility and noise depend on place"
+    if model.features.coupling:
+        return "mobility and noise of coupled bodies depend on place"
     return "no force depends on place, so one stage is exact"
 
 

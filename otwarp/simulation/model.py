@@ -20,6 +20,7 @@ from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings, compose
 from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.pack_coupling import pack_coupling
 from otwarp.simulation.pack_traps import (
     HeldSphere,
     pack_flow,
@@ -233,6 +234,7 @@ def _pack(
     data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
     data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], device)
     data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), device)
+    data.coupling = pack_coupling(scene, moves, features.coupling, device)
     return data, meshes
 
 

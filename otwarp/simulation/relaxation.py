@@ -10,6 +10,7 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
 from otwarp.scene.description import Body, Scene
+from otwarp.simulation.coupled_rates import CoupledRates
 from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
 
 
@@ -123,6 +124,7 @@ class TrapRelaxation:
         law_radius: (T,) sphere radius the law holds for [µm], 0 for any.
         wandering: (T,) traps that hold nothing.
         modes: One entry per body that a trap acts on, and one per kind of the others.
+        coupled: How much faster the bodies that traps act on relax together, or None without coupling.
     """
 
     names: tuple[str, ...]
@@ -131,6 +133,7 @@ class TrapRelaxation:
     law_radius: np.ndarray
     wandering: np.ndarray
     modes: tuple[_BodyModes, ...]
+    coupled: CoupledRates | None = None
 
     @classmethod
     def of(
@@ -163,16 +166,29 @@ class TrapRelaxation:
             law_radius=np.array([law(t).radius for t in scene.traps]),
             wandering=np.array([b < 0 for b, _ in held], dtype=bool),
             modes=tuple(modes),
+            coupled=CoupledRates.of(scene, moves, [m.body for m in modes if len(m.acting)]),
         )
 
-    def fastest(self, powers: np.ndarray) -> tuple[float, str | None]:
-        """Fastest relaxation rate [1/s] with traps of `powers` (T,) [mW], and the body it belongs to."""
+    def fastest(self, powers: np.ndarray, *, anywhere: bool = False) -> tuple[float, str | None]:
+        """Fastest relaxation rate [1/s] with traps of `powers` (T,) [mW], and the body it belongs to.
+
+        Coupled bodies count where they start, or with `anywhere` as near to each other as they can come.
+        """
         best, name = 0.0, None
         for mode in self.modes:
             rate = self._rate(mode, powers) / self.viscosity
             if rate > best:
                 best, name = rate, self.names[mode.body]
-        return best, name
+        return best * self._gain(powers, anywhere), name
+
+    def _gain(self, powers: np.ndarray, anywhere: bool) -> float:
+        """How much faster coupled bodies relax together than the fastest of them alone."""
+        if self.coupled is None:
+            return 1.0
+        if anywhere:
+            return self.coupled.largest_gain
+        acting = [m for m in self.modes if len(m.acting)]
+        return self.coupled.gain([np.einsum("t,tij->ij", powers[m.acting], m.matrix) for m in acting])
 
     def _rate(self, mode: _BodyModes, powers: np.ndarray) -> float:
         """Fastest rate of one body at unit viscosity."""

@@ -43,6 +43,9 @@ TURN = 0.1
 """Largest turn of a rigid body per step by flow and weight [rad]."""
 
 
+MARGIN = 0.5
+"""Chosen step over the largest stable one, with coupled bodies as near to each other as they can come."""
+
 COARSE = 0.1
 """Predicted relative error of stationary variances above which a commanded power draws a warning."""
 
@@ -61,7 +64,7 @@ class TimeScales:
         turning: Time in which flow and weight turn a rigid body by `TURN`.
         wall: Time in which a sphere diffuses or falls by its radius, where a hydrodynamic wall is.
         time_step: Step in use.
-        largest_stable: Largest stable step, inf without traps.
+        largest_stable: Largest stable step, inf without traps; of coupled bodies where they start.
         integrator: Name of the integrator.
         variance_error: Predicted relative error of stationary variances, in the stiffest mode.
         rate_error: Predicted relative error of the rate at which correlations of that mode decay.
@@ -156,6 +159,7 @@ def time_scales(
     powers = authored_powers(scene, values)
     rate, stiffest = relaxation.fastest(powers)
     rim, steepest_body = steepest.fastest(powers)
+    utmost, _ = steepest.fastest(powers, anywhere=True)
     motions = _motions(scene, moves, values, viscosity, contacts)
     wall = wall_time(scene, values)
     scheme, accuracy = INTEGRATORS[integrator], scene.settings.accuracy
@@ -165,6 +169,7 @@ def time_scales(
         "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
+        "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,
         "frame interval": 1.0 / scene.settings.frames_per_second,
     }
     chosen_by = min(limits, key=lambda name: limits[name])
@@ -178,6 +183,12 @@ def time_scales(
             raise InputError(
                 f"{asked} {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
                 f"allowed: above 0 and below {stable:.4g} s"
+            )
+        if wanted * utmost >= scheme.stable:
+            warnings.warn(
+                f"time step {wanted:g} s becomes unstable where all trapped bodies are as near to each other as they "
+                f"can come, because they are coupled; always stable: below {scheme.stable / utmost:.4g} s",
+                stacklevel=2,
             )
         step, chosen_by = wanted, "set by the user"
     return TimeScales(

@@ -135,7 +135,9 @@ GOAL = Goal(
     distance_warning=2.4,
 )
 MEDIUM = Medium(refractive_index=1.34, viscosity=0.001, temperature=310.15, density=1010e-12)
-SETTINGS = Settings(accuracy=0.02, time_step=1e-5, brownian=False, gravity=True, duration=2.0, frames_per_second=60.0)
+SETTINGS = Settings(
+    accuracy=0.02, time_step=1e-5, brownian=False, gravity=True, coupling=True, duration=2.0, frames_per_second=60.0
+)
 
 
 def full_builder() -> SceneBuilder:

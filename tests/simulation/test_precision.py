@@ -94,7 +94,21 @@ def wall_scene() -> Scene:
     )
 
 
-SCENES = {"bead": bead_scene, "table": table_scene, "robot": robot_scene, "pair": pair_scene, "walls": wall_scene}
+def coupled_scene() -> Scene:
+    """The pair of cells and a robot above them, which carry each other along."""
+    scene = pair_scene()
+    bodies = (*scene.bodies, robot("Robot", (0.0, 0.0, 14.0)))
+    return dataclasses.replace(scene, bodies=bodies, settings=dataclasses.replace(scene.settings, coupling=True))
+
+
+SCENES = {
+    "bead": bead_scene,
+    "table": table_scene,
+    "robot": robot_scene,
+    "pair": pair_scene,
+    "walls": wall_scene,
+    "coupled": coupled_scene,
+}
 
 
 def start(scene: Scene, precision: str, device: str, **more) -> Simulation:

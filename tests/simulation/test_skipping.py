@@ -70,6 +70,26 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         ("poiseuille_flow", "flow_velocity", ").flow_coupling)"),
     ),
     "gravity": (dataclasses.replace(BASE, gravity=True), BASE, (").weight)",)),
+    "coupling": (
+        dataclasses.replace(EVERYTHING, coupling=True),
+        EVERYTHING,
+        ("pair_mobility", "factorise_blocks", "carry_others", "carried_by", "fill_root"),
+    ),
+    "coupling without contact": (
+        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True, brownian=False),
+        dataclasses.replace(BASE, driver="world", bodies=2, brownian=False),
+        ("pair_mobility", "carry_others"),
+    ),
+    "noise of coupled bodies": (
+        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True),
+        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True, brownian=False),
+        ("factorise_blocks", "fill_root", "philox"),
+    ),
+    "rotation of coupled bodies": (
+        dataclasses.replace(BASE, driver="world", bodies=2, rigid=True, coupling=True),
+        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True),
+        (").given_turning)", ").turning_root)", ").with_turning)", "mobility_product"),
+    ),
     "escapes": (EVERYTHING, dataclasses.replace(EVERYTHING, escapes=False), ("note_escapes", ").held_range)")),
     "obstacles": (
         dataclasses.replace(EVERYTHING, pairs=False),
@@ -141,7 +161,7 @@ def lengths(sim: Simulation) -> dict[str, int]:
     data = sim.model.data
     groups = {
         "state": sim.state, "readout": sim.readout, "traps": data.traps, "body": data.body, "contact": data.contact,
-        "obstacles": data.obstacles, "flow": data.flow,
+        "obstacles": data.obstacles, "flow": data.flow, "coupling": data.coupling,
     }  # fmt: skip
     out = {}
     for group, item in groups.items():
@@ -173,9 +193,13 @@ def test_a_free_bead_allocates_nothing_optional(device):
         ({"traps": (harmonic("T", cutoff=1.0),)}, ("readout.escape_step",)),
         ({"flow": Flow(prim="/World/F", kind="uniform", speed=1.0)}, ("flow.speed",)),
         ({"settings": Settings(gravity=True)}, ("body.weight",)),
+        (
+            {"bodies": (robot("B"), sphere_body("C", (9.0, 0, 0))), "settings": Settings(coupling=True)},
+            ("coupling.radius", "coupling.given_turning", "coupling.with_turning", "coupling.turning_root"),
+        ),
         ({"bodies": (robot("B"),)}, ("state.orientation", "body.mobility", "body.cholesky")),
     ],
-    ids=["speed limit", "axial curve", "reach", "flow", "gravity", "rotation"],
+    ids=["speed limit", "axial curve", "reach", "flow", "gravity", "coupling", "rotation"],
 )
 def test_arrays_come_with_their_term(change, arrays, device):
     from otwarp.simulation.model import Model
@@ -185,7 +209,7 @@ def test_arrays_come_with_their_term(change, arrays, device):
         model = Model.build(scene, device=device)
         groups = {"state": State.start(model), "readout": Readout.empty(model)}
         out = {f"{g}.{n}": v.size for g, i in groups.items() for n, v in vars(i).items() if isinstance(v, wp.array)}
-        for g in ("traps", "body", "flow"):
+        for g in ("traps", "body", "flow", "coupling"):
             part = getattr(model.data, g)
             out |= {f"{g}.{n}": v.size for n in part._cls.vars if isinstance(v := getattr(part, n), wp.array)}
         return out

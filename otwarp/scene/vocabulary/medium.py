@@ -93,6 +93,15 @@ SCENE = Schema(
             default=False,
             doc="Whether weight minus buoyancy acts along −Z.",
         ),
+        Attribute(
+            name="ot:scene:hydrodynamicCoupling",
+            field="coupling",
+            usd_type="bool",
+            default=False,
+            doc="Whether bodies carry each other along through the liquid: far field, by the Rotne–Prager–Yamakawa"
+            " tensors of equivalent spheres, and noise that goes with it. For up to 24 bodies without hydrodynamic"
+            " walls.",
+        ),
     ),
 )
 
