@@ -7,7 +7,7 @@ from otwarp.kernels.detect import touch_term, touch_wall_term
 from otwarp.kernels.excursion import excursion_term, least_load, obstacle_name
 from otwarp.kernels.faults import Fault, raise_fault
 from otwarp.kernels.features import Features
-from otwarp.kernels.grid_data import GridData, Link, PushData, body_pose_term
+from otwarp.kernels.grid_data import GridData, Link, PushData, body_pose_term, whole_contacts
 from otwarp.kernels.neighbours import CROWDED, next_crowded_term
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.travel import thermal_reach, wander_of
@@ -17,8 +17,8 @@ from otwarp.kernels.types import ModelData, Move, Pose, ReadoutData, StateData
 def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
     """Write and read entry k of a body's list, write its load, and write its least load.
 
-    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Where no body rotates
-    an entry holds no arms, and of the responses the body's own along the normal alone.
+    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Unless
+    `whole_contacts`, an entry holds no arms, and of the responses the body's own along the normal alone.
     """
 
     @wp.func
@@ -83,7 +83,7 @@ def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Funct
         c.load = link.load
         return c
 
-    if f.rigid:
+    if whole_contacts(f):
         return write_contact, read_contact, write_contact_load, write_contact_least
     return write_link, read_link, write_link_load, write_link_least
 
