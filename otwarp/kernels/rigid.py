@@ -163,10 +163,33 @@ def rigid_noise_term(f: Features) -> wp.Function:
     return from_columns if f.brownian and f.lanes else noise
 
 
+def rigid_stiffness_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> (6, 6)` of the traps."""
+    wrench_stiffness = wrench_stiffness_term(f) if f.trap_models else None
+
+    @wp.func
+    def stiffness(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> mat66:
+        """That of the traps."""
+        k = mat66(0.0)
+        if wp.static(bool(f.trap_models)):
+            k = wrench_stiffness(model, control, state, world, b, pose, time)
+        return k
+
+    return stiffness
+
+
 def rigid_dynamics(f: Features) -> Dynamics:
     """Drift M (F, T) dt + flow and noise of a rigid body."""
     wrench = wrench_term(f)
-    wrench_stiffness = wrench_stiffness_term(f) if f.trap_models else None
     flow_velocity = flow_velocity_term(f) if f.flow else None
     mobility = mobility_term(f)
 
@@ -201,28 +224,12 @@ def rigid_dynamics(f: Features) -> Dynamics:
         return twist(linear_part(drift), w - 0.5 * wp.cross(turn, w))
 
     @wp.func
-    def stiffness(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
-        time: wp.float64,
-    ) -> mat66:
-        """That of the traps."""
-        k = mat66(0.0)
-        if wp.static(bool(f.trap_models)):
-            k = wrench_stiffness(model, control, state, world, b, pose, time)
-        return k
-
-    @wp.func
     def relax(body: RigidConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
         """M dt K v."""
         return mobility(body, pose, k * move)
 
     noise = rigid_noise_term(f)
+    stiffness = rigid_stiffness_term(f)
     # on a CPU two copies of the drift are faster than a loop
     large = bool(f.trap_models) and not f.lanes
     return Dynamics(Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, large)

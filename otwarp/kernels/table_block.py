@@ -1,10 +1,10 @@
 """The tabulated forces of all traps on a rigid body, in the vector registers of a CPU.
 
 Warp's kernels for CPUs are scalar code, in which a pair of a trap and a sphere costs two hundred instructions, and one
-out of reach still twenty. Here the spheres of a body are lanes while it is
-found out which of them a trap reaches, and a node of a table is a vector of which one lane is idle. The arithmetic is
-that of `otwarp.kernels.trap_wrench`, `traps` and `force_table` but for the order of an interpolation and of the sums;
-nothing is contracted into fused multiply–adds, so that a force has the same bits on every CPU.
+out of reach still twenty. Here the spheres of a body are lanes while it is found out which of them a trap reaches, and
+a node of a table is a vector of which one lane is idle. The arithmetic is that of `otwarp.kernels.trap_wrench`, `traps`
+and `force_table` but for the order of an interpolation and of the sums; nothing is contracted into fused
+multiply–adds, so that a force has the same bits on every CPU.
 
 As `otwarp.kernels.noise_block`, this is Clang's vector arithmetic and float32. On CUDA these functions do not exist.
 """
@@ -42,20 +42,20 @@ _LOADS = """
 # comes before it, so that nothing beyond the table is touched.
 _INTERPOLATE = """
     const float* nodes = (const float*)node.data;
-    auto first_of = [&](int n, const floats4& first, const floats4& second) {
-        floats4 f = load(nodes + 3 * (long long)LAYERS * n);
+    auto first_of = [&](const float* at, const floats4& first, const floats4& second) {
+        floats4 f = load(at);
         if (LAYERS > 1)
-            f += first * load(nodes + 3 * ((long long)LAYERS * n + 1));
+            f += first * load(at + 3);
         if (LAYERS > 2)
-            f += second * load(nodes + 3 * ((long long)LAYERS * n + 2));
+            f += second * load(at + 6);
         return f;
     };
-    auto second_of = [&](int n, const floats4& first, const floats4& second) {
-        floats4 f = load(nodes + 3 * (long long)LAYERS * n - 1);
+    auto second_of = [&](const float* at, const floats4& first, const floats4& second) {
+        floats4 f = load(at - 1);
         if (LAYERS > 1)
-            f += first.wxyz * load(nodes + 3 * ((long long)LAYERS * n + 1) - 1);
+            f += first.wxyz * load(at + 2);
         if (LAYERS > 2)
-            f += second.wxyz * load(nodes + 3 * ((long long)LAYERS * n + 2) - 1);
+            f += second.wxyz * load(at + 5);
         return f;
     };
     auto interpolate = [&](const auto& grid, floats4 place, const floats4& first, const floats4& second) {
@@ -66,10 +66,11 @@ _INTERPOLATE = """
         ints4 cell = __builtin_convertvector(uv, ints4);
         floats4 part = uv - __builtin_convertvector(cell, floats4);
         int n = grid.node + (cell.y + 1) * grid.columns + cell.x + 1;
-        floats4 inner = first_of(n, first, second), outer = second_of(n + 1, first, second);
-        n += grid.columns;
-        inner += part.y * (first_of(n, first, second) - inner);
-        outer += part.y * (second_of(n + 1, first, second) - outer);
+        const float* below = nodes + 3 * LAYERS * (long long)n;
+        const float* above = below + 3 * LAYERS * (long long)grid.columns;
+        floats4 inner = first_of(below, first, second), outer = second_of(below + 3 * LAYERS, first, second);
+        inner += part.y * (first_of(above, first, second) - inner);
+        outer += part.y * (second_of(above + 3 * LAYERS, first, second) - outer);
         return inner + part.x * (outer.yzwx - inner);
     };
 """
