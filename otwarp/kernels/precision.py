@@ -40,9 +40,13 @@ SHARED = {
     "grid_data",
     "grid_lists",
     "grid_move",
+    "lane_groups",
     "lanes",
+    "lanes_rigid",
     "neighbours",
     "noise_block",
+    "rigid_block",
+    "table_block",
     "soft",
 }
 """Modules that have no second instance."""
