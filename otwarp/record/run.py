@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.record.capacity import check_worlds
 from otwarp.record.frame import Frame
+from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
@@ -90,7 +91,8 @@ def record_run(
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
-        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint.
+        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint. `run.nc` is in
+            it, and `run.usda` in float64 but for point instances.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; all that says how to step is then its own.
         fast_math, integrator, noise: As for `Simulation`.
@@ -112,12 +114,13 @@ def record_run(
     if resume is not None:
         sim = Simulation.restore(resume, scene, device=device, threads=threads)
     else:
-        check_worlds(scene, worlds, device)
+        check_worlds(scene, worlds, device, precision)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
         about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
         sim = Simulation(scene, device=device, threads=threads, **about)
     _check_step(sim, rate)
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
+    run["method"] = Method.of(sim.model)
     with Recorder(
         sim.scene, Path(folder), frames_per_second=rate, worlds=recorded_worlds, forces=forces, **run
     ) as recorder:
