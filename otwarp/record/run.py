@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time as clock
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.record.capacity import check_worlds
 from otwarp.record.frame import Frame
+from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene.description import Scene
+from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 
 MOST_STEPS = 1e12
@@ -90,7 +93,8 @@ def record_run(
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
-        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint.
+        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint. `run.nc` is in
+            it, and `run.usda` in float64 but for point instances.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; all that says how to step is then its own.
         fast_math, integrator, noise: As for `Simulation`.
@@ -105,19 +109,24 @@ def record_run(
         OSError: The disk is full, or the folder has gone.
     """
     rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+    _check_rate(rate)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
     if resume is not None:
         sim = Simulation.restore(resume, scene, device=device, threads=threads)
     else:
-        check_worlds(scene, worlds, device)
+        check_worlds(scene, worlds, device, precision)
         about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
         about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
         sim = Simulation(scene, device=device, threads=threads, **about)
-    _check_step(sim, rate)
+    check_length(sim.scene.settings.duration, sim.time_step, rate)
+    if sim.state.step >= round(sim.scene.settings.duration / sim.time_step):
+        raise InputError(
+            f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is "
+            f"{sim.scene.settings.duration:g} s; allowed: a longer duration"
+        )
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
+    run["method"] = Method.of(sim.model)
     with Recorder(
         sim.scene, Path(folder), frames_per_second=rate, worlds=recorded_worlds, forces=forces, **run
     ) as recorder:
@@ -127,11 +136,45 @@ def record_run(
     return recorder.summary
 
 
-def _check_step(sim: Simulation, rate: float) -> None:
-    """Refuse frames that come faster than steps, and a run that is over before it starts or never ends."""
-    if 1.0 / rate < sim.time_step:
-        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
-    duration, step = sim.scene.settings.duration, sim.time_step
+def check_run(scene: Scene) -> list[str]:
+    """Refuse what `record_run` would refuse of a scene run as it was authored; nothing is compiled or written.
+
+    The model is built as for a run, on the CPU, so that no refusal can be missed; tables of optical forces that are not
+    in the cache are made for that.
+
+    Returns:
+        What building the model warns of, one line each.
+
+    Raises:
+        InputError: In one line, as `record_run` would.
+    """
+    _check_rate(scene.settings.frames_per_second)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = Model.build(scene, device="cpu")
+    check_length(scene.settings.duration, model.time_step, scene.settings.frames_per_second)
+    return [" ".join(str(warning.message).split()) for warning in caught if warning.category is UserWarning]
+
+
+def _check_rate(rate: float) -> None:
+    """Refuse frames per second that are none."""
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+
+
+def check_length(duration: float, step: float, rate: float) -> None:
+    """Refuse frames that come faster than steps, and a run that is over before it starts or never ends.
+
+    Args:
+        duration: Of the run [s].
+        step: Time step [s].
+        rate: Frames per second.
+
+    Raises:
+        InputError: One line.
+    """
+    if 1.0 / rate < step:
+        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / step:.6g}")
     if not duration / step <= MOST_STEPS:
         raise InputError(
             f"duration is {duration:g} s at a time step of {step:.6g} s, {duration / step:.3g} steps; "
@@ -143,11 +186,6 @@ def _check_step(sim: Simulation, rate: float) -> None:
     if duration * rate < 1.0 - 1e-9:
         raise InputError(
             f"duration is {duration:g} s; allowed: at least one frame, {1.0 / rate:.6g} s at {rate:g} frames per second"
-        )
-    if sim.state.step >= round(duration / step):
-        raise InputError(
-            f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is {duration:g} s; "
-            "allowed: a longer duration"
         )
 
 
