@@ -139,6 +139,18 @@ def test_paths_agree_to_rounding(name, device):
         np.testing.assert_allclose(*forces, rtol=1e-4, atol=100.0 * ROUNDINGS * spacing)
 
 
+@pytest.mark.parametrize("integrator", ["eulerMaruyama", "leimkuhlerMatthews", "exponential"])
+@pytest.mark.parametrize("name", ["bead", "robot"])
+def test_paths_of_every_integrator_agree_to_rounding(name, integrator, device):
+    """100 steps of the same noise; Heun is above."""
+    sims = [start(SCENES[name](), p, device, worlds=3, integrator=integrator) for p in kernels.PRECISIONS]
+    assert sims[0].model.features.integrator == integrator
+    for sim in sims:
+        sim.step(100)
+    single, double = (places(sim) for sim in sims)
+    assert 0.0 < np.abs(single - double).max() < ROUNDINGS * float(np.spacing(np.float32(np.abs(double).max())))
+
+
 def probe(term: wp.Function, kind: type) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def draw(seed: wp.uint32, out: wp.array(dtype=kind)):
