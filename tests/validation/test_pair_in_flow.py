@@ -1,7 +1,7 @@
 """Two spheres in shear flow: alone each follows the liquid, together each is carried by the other's force as well.
 
-Velocities are u(x_i) + Σ_j μ_ij F_j with the mobilities of Rotne, Prager and Yamakawa for unequal spheres, computed here
-by pygrpy, and integrated in float64. One sphere is held by a trap and sinks, the other comes past it, nearer than two
+Velocities are u(x_i) + Σ_j μ_ij F_j with the mobilities of Rotne, Prager and Yamakawa for unequal spheres, taken
+from pygrpy and integrated in float64. One sphere is held by a trap and sinks, the other comes past it, nearer than two
 radii: the shear changes the way between them, and so the coupling, by its own size.
 """
 
