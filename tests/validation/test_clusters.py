@@ -75,8 +75,8 @@ def test_touching_pair(law, what):
 def test_clusters_of_touching_spheres(law, name):
     """All frictions of a cluster at the default accuracy, against the exact solution.
 
-    Source: Lamb's general solution, collocated on all surfaces: Ganatos, Pfeffer & Weinbaum 1978,
-    doi:10.1017/S0022112078000063.
+    Source: Lamb's general solution, collocated on all surfaces: Ganatos, Pfeffer & Weinbaum 1978, J. Fluid Mech. 84,
+    79.
     """
     centres = CLUSTERS[name]
     n = len(centres)
