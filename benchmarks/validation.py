@@ -96,16 +96,16 @@ def markdown(found: Collector, machine: Machine, command: str) -> str:
     return "\n".join(lines)
 
 
-def put_on_page(page: str, text: str) -> str:
+def put_on_page(page: str, text: str, begin: str = BEGIN, end: str = END) -> str:
     """Replace what stands between the markers.
 
     Raises:
         InputError: The page has no such markers.
     """
-    if page.count(BEGIN) != 1 or page.count(END) != 1:
-        raise InputError(f"docs/validation.md must hold the markers {BEGIN} and {END} once each")
-    before, rest = page.split(BEGIN)
-    return f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}"
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise InputError(f"docs/validation.md must hold the markers {begin} and {end} once each")
+    before, rest = page.split(begin)
+    return f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}"
 
 
 def main() -> int:

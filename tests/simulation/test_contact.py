@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from otwarp.scene.description import Material, Medium
+from otwarp.scene.description import Material
 from otwarp.simulation.simulation import Simulation
-from otwarp.units import STANDARD_GRAVITY
-from tests.reference.contact import sphere_obstacle, sphere_pair
-from tests.simulation.setups import CELL, contact_scene, drag, harmonic, line, neutral, sphere_body
+from tests.reference.contact import sphere_obstacle
+from tests.simulation.setups import CELL, contact_scene, drag, harmonic, line, neutral
 
 EQUILIBRIUM = 2e-3
 """Relative error of a small overlap δ, the difference of coordinates of some µm in float32 (2e-7 of 0.05)."""
@@ -42,23 +41,6 @@ def forces(sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
     return sim.readout.contact_force.numpy().astype(float)[0], sim.readout.contact_load.numpy().astype(float)[0]
 
 
-def test_rest_on_the_floor(driver, device):
-    """Under its weight a bead sinks into the floor until Hertz repulsion carries it; two materials."""
-    soft = Material(youngs_modulus=50.0, poisson_ratio=0.3)
-    first = sphere_body("A", (0, 0, 1.0), collides=True, density=4000e-12, material=soft)
-    second = sphere_body("B", (9.0, 0, 1.5), radius=1.5, collides=True, density=1500e-12, material=CELL)
-    sim = start(contact_scene(first, second), driver, device)
-    sim.step(8000)
-    force, load = forces(sim)
-    for b, body in enumerate((first, second)):
-        r = body.spheres[0].radius
-        weight = (body.density - Medium().density) * 4 / 3 * np.pi * r**3 * STANDARD_GRAVITY
-        overlap = brentq(lambda d, r=r, m=body.material, w=weight: sphere_obstacle(m, r, r - d)[0] - w, 0, 0.4)
-        assert r - places(sim)[b, 2] == pytest.approx(overlap, rel=EQUILIBRIUM, abs=1e-6)
-        np.testing.assert_allclose(force[b], [0, 0, weight], rtol=1e-3, atol=1e-5)
-        assert load[b] == pytest.approx(weight, rel=1e-3)
-
-
 def pressed(gap: float, device: str, driver: str, *, apart: float = 0.0, **more) -> Simulation:
     """Two unequal cells held by two traps that stand `gap` nearer than touching; trap A reaches only A, B only B."""
     ra, rb = 1.5, 2.0
@@ -67,26 +49,6 @@ def pressed(gap: float, device: str, driver: str, *, apart: float = 0.0, **more)
     first = neutral("A", (-stand - apart, 0, 9.0), radius=ra, material=CELL, kind="cell")
     second = neutral("B", (stand + apart, 0, 9.0), radius=rb, material=CELL, kind="cell")
     return start(contact_scene(first, second, traps=traps), driver, device, **more)
-
-
-def test_pressed_cells_obey_hertz_and_the_third_law(driver, device):
-    """At rest the trap's pull K·(gap − δ)/2 is the Hertz force of δ."""
-    gap = 0.3
-    sim = pressed(gap, device, driver)
-    sim.step(4000)
-    (xa, xb), (force, load) = places(sim), forces(sim)
-    overlap = 3.5 - np.linalg.norm(xa - xb)
-    exact = brentq(lambda d: sphere_pair(CELL, 1.5, CELL, 2.0, 3.5 - d)[0] - 20.0 * 0.5 * (gap - d), 0, gap)
-    assert overlap == pytest.approx(exact, rel=EQUILIBRIUM)
-    if driver == "world":
-        np.testing.assert_array_equal(force[0], -force[1])
-        assert load[0] == load[1]
-    else:  # both partners compute the same force, up to rounding
-        np.testing.assert_allclose(force[0], -force[1], rtol=1e-4, atol=1e-6)
-    pull = 20.0 * 0.5 * (gap - exact)
-    np.testing.assert_allclose(force[0], [-pull, 0, 0], rtol=1e-2, atol=1e-4)
-    held = sim.readout.trap_force.numpy()[0]
-    np.testing.assert_allclose(held + force, 0.0, atol=1e-2 * pull)
 
 
 def test_third_law_while_moving(driver, device):

@@ -10,7 +10,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.bispherical import wall_resistance
@@ -20,7 +19,6 @@ from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
-from otwarp.wall_fits import CONTACT_GAP, NORMAL
 from tests.reference import walls as reference
 from tests.simulation.setups import ENERGY, VISCOSITY, drag, harmonic, obstacle, robot, sphere_body
 from tests.simulation.test_skipping import source
@@ -66,85 +64,6 @@ def start_at(sim: Simulation, height: np.ndarray) -> None:
     sim.set_state(position=place)
 
 
-@pytest.mark.parametrize("gap", [0.02, 0.3, 3.0])
-def test_diffusion_at_a_height(gap, device):
-    """One short step of 40 000 worlds: ⟨Δx²⟩ = 2D∥dt and ⟨Δz²⟩ = 2D⊥dt by the exact resistances, ⟨Δz⟩ = D⊥' dt.
-
-    Standard errors: of variances √(2/40000) = 0.7 %, along the wall less by √2; of the drift √(2D⊥dt/40000). The step
-    is short beside g²/D⊥, so that the square of the drift, and the variance of its factor, add less than 0.5 %.
-    """
-    worlds = 40_000
-    exact = wall_resistance(gap)
-    step = 0.005 * gap**2 * exact.normal / UNIT
-    sim = Simulation(heavy_bead(1e3, dt=step), worlds=worlds, seed=21, device=device)
-    start_at(sim, np.full(worlds, 1.0 + gap))
-    before = sim.state.position.numpy().astype(float)
-    sim.step()
-    move = (sim.state.position.numpy() - before)[:, 0]
-    variance = 2.0 * UNIT * step
-    error = SIGMAS * np.sqrt(2.0 / worlds) + FIT
-    assert (move[:, :2] ** 2).mean() == pytest.approx(variance / exact.sliding, rel=error)
-    assert move[:, 2].var() == pytest.approx(variance / exact.normal, rel=error + 5e-3)
-    slope = (1.0 / wall_resistance(gap * 1.001).normal - 1.0 / wall_resistance(gap * 0.999).normal) / (0.002 * gap)
-    drift = UNIT * step * (slope - 1e-3 / exact.normal)
-    assert move[:, 2].mean() == pytest.approx(
-        drift, abs=SIGMAS * np.sqrt(variance / exact.normal / worlds) + FIT * drift
-    )
-
-
-def mean_gap(length: float, power: float) -> float:
-    """Mean of the density e^{−g/length} μ⊥(g)^power above a wall."""
-
-    def moment(n: int) -> float:
-        def weight(g: float) -> float:
-            return g**n * np.exp(-g / length) * (1.0 + float(NORMAL(g)[0])) ** -power
-
-        inner = quad(weight, 0.0, CONTACT_GAP)[0] + quad(weight, CONTACT_GAP, 0.01 * length, limit=200)[0]
-        return inner + quad(weight, 0.01 * length, 40.0 * length, limit=200)[0]
-
-    return moment(1) / moment(0)
-
-
-def check_heights(sim: Simulation, length: float, bias: float) -> None:
-    """Mean gap, and how many spheres are within 0.1 and 1 lengths of the wall, for independent worlds."""
-    worlds = sim.model.worlds
-    gap = sim.state.position.numpy()[:, 0, 2].astype(float) - 1.0
-    assert gap.mean() == pytest.approx(length, rel=SIGMAS / np.sqrt(worlds) + bias)
-    for part in (0.1, 1.0):
-        share = 1.0 - np.exp(-part)
-        error = SIGMAS * np.sqrt((1.0 - share) / share / worlds)
-        assert (gap < part * length).mean() == pytest.approx(share, rel=error + 2.0 * bias)
-
-
-@pytest.mark.parametrize("integrator", ["heun", "eulerMaruyama"])
-def test_heights_above_a_wall(integrator, device):
-    """Boltzmann's distribution stays what it is over five relaxation times; standard error of the mean 1 %.
-
-    Without the thermal drift the density would be e^{−g/ℓ}/μ⊥, and the mean gap a sixth of what it is.
-    """
-    length, worlds = 0.2, 10_000
-    step = 0.003 / UNIT
-    sim = Simulation(heavy_bead(length, dt=step), worlds=worlds, seed=22, device=device, integrator=integrator)
-    start_at(sim, 1.0 + np.random.default_rng(1).exponential(length, worlds))
-    relaxation = length**2 * wall_resistance(length).normal / UNIT
-    sim.run(5.0 * relaxation)
-    # the step is three times the chosen one: 2 % within a tenth of a length
-    check_heights(sim, length, 0.01)
-    without_drift = mean_gap(length, -1.0)
-    assert mean_gap(length, 0.0) == pytest.approx(length, rel=1e-6)
-    assert without_drift < length * (1.0 - 10.0 * (SIGMAS / np.sqrt(worlds) + 0.01))
-
-
-@pytest.mark.validate
-def test_heights_above_a_wall_precisely(device):
-    """From one height to Boltzmann's distribution with the chosen step; standard error of the mean 0.5 %."""
-    length, worlds = 0.2, 40_000
-    sim = Simulation(heavy_bead(length, dt=None), worlds=worlds, seed=23, device=device)
-    assert sim.model.scales.chosen_by == "motion near hydrodynamic walls and wanted accuracy"
-    sim.run(8.0 * length**2 * wall_resistance(length).normal / UNIT)
-    check_heights(sim, length, sim.scene.settings.accuracy / 2.0)
-
-
 def touching_bead(dt: float | None) -> Scene:
     """A heavy bead that collides with its wall, and a trap on it."""
     scene = heavy_bead(0.2, dt=dt, collides=True)
@@ -152,16 +71,6 @@ def touching_bead(dt: float | None) -> Scene:
         scene.bodies[0], spheres=(dataclasses.replace(scene.bodies[0].spheres[0], trapped=True),)
     )
     return dataclasses.replace(scene, bodies=(bead,), traps=(harmonic("Trap", (0.0, 0.0, 0.5), power=0.0),))
-
-
-def test_heights_of_a_sphere_that_touches(device):
-    """The same with contact, by the world driver; the trap is off."""
-    worlds = 3000
-    sim = Simulation(touching_bead(0.003 / UNIT), worlds=worlds, seed=24, device=device)
-    assert sim.model.features.driver == "world"
-    start_at(sim, 1.0 + np.random.default_rng(2).exponential(0.2, worlds))
-    sim.run(5.0 * 0.2**2 * wall_resistance(0.2).normal / UNIT)
-    check_heights(sim, 0.2, 0.01)
 
 
 def test_a_sphere_pressed_on_a_wall(device):
@@ -230,54 +139,6 @@ def dimer(dt: float | None, *, length: float = 1.0) -> Scene:
         obstacles=(wall(),),
         settings=Settings(gravity=True, time_step=dt),
     )
-
-
-def check_dimer(sim: Simulation, length: float, bias: float) -> None:
-    """Tilt and gap against their densities: both by quadrature, the gap independent of the tilt."""
-    worlds = sim.model.worlds
-    q = sim.state.orientation.numpy()[:, 0].astype(float)
-    tilt = np.abs(1.0 - 2.0 * (q[:, 0] ** 2 + q[:, 1] ** 2))
-    gap = sim.state.position.numpy()[:, 0, 2].astype(float) - tilt - 1.0
-    norm = quad(lambda c: np.exp(-c / length), 0.0, 1.0)[0]
-    first, second = (quad(lambda c, n=n: c**n * np.exp(-c / length), 0.0, 1.0)[0] / norm for n in (1, 2))
-    spread = np.sqrt(second - first**2)
-    assert tilt.mean() == pytest.approx(first, abs=SIGMAS * spread / np.sqrt(worlds) + bias * first)
-    assert gap.mean() == pytest.approx(length, rel=SIGMAS / np.sqrt(worlds) + bias)
-    share = 1.0 - np.exp(-0.1)
-    assert (gap < 0.1 * length).mean() == pytest.approx(
-        share, rel=SIGMAS * np.sqrt((1 / share - 1) / worlds) + 2 * bias
-    )
-    correlation = ((tilt - first) * (gap - length)).mean() / (spread * length)
-    assert correlation == pytest.approx(0.0, abs=SIGMAS / np.sqrt(worlds) + bias)
-
-
-def place_dimers(sim: Simulation, length: float, seed: int) -> None:
-    """Put the dimers where Boltzmann has them: |cos θ| of density e^{−|cos θ|/length}, gaps of e^{−gap/length}."""
-    rng, worlds = np.random.default_rng(seed), sim.model.worlds
-    tilt = -length * np.log(1.0 - rng.uniform(size=worlds) * (1.0 - np.exp(-1.0 / length)))
-    half = 0.5 * np.arccos(tilt)
-    position, orientation = np.zeros((worlds, 1, 3)), np.zeros((worlds, 1, 4))
-    position[:, 0, 2] = 1.0 + tilt + rng.exponential(length, worlds)
-    orientation[:, 0, 0], orientation[:, 0, 3] = np.sin(half), np.cos(half)
-    sim.set_state(position=position, orientation=orientation)
-
-
-def test_dimer_above_a_wall(device):
-    """Tilts and heights stay Boltzmann's over a rotational relaxation time; standard error of the mean gap 2 %."""
-    length = 0.5
-    sim = Simulation(dimer(0.006 / UNIT, length=length), worlds=2500, seed=26, device=device)
-    place_dimers(sim, length, 4)
-    sim.run(1.5 / UNIT)
-    check_dimer(sim, length, 0.02)
-
-
-@pytest.mark.validate
-def test_dimer_finds_its_tilt_above_a_wall(device):
-    """Upright dimers fall over and settle; quadrature of Boltzmann's weight; standard error of the mean gap 1.6 %."""
-    length = 0.5
-    sim = Simulation(dimer(0.0025 / UNIT, length=length), worlds=4000, seed=27, device=device)
-    sim.run(8.0 / UNIT)
-    check_dimer(sim, length, 0.01)
 
 
 def test_a_rigid_sphere_in_shear_above_a_wall(device):

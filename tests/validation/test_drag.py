@@ -2,14 +2,15 @@
 
 In the frame of the trap the drag is a constant force, so the potential is U = kr²/2 + γv·x, and the time of escape
 from the centre solves the backward Smoluchowski equation in the ball that the trap reaches. It is solved by finite
-volumes; Kramers' theory of the same problem in one dimension is Dudko, Hummer & Szabo 2006,
-doi:10.1103/PhysRevLett.96.108101.
+volumes. What Kramers' theory says of it while the barrier that the drag leaves is high is the expression of Dudko,
+Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101, for a well that ends in a cusp.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from otwarp.scene.description import Scene, Settings
 from otwarp.simulation.simulation import Simulation
@@ -67,12 +68,12 @@ def test_lag_precisely(law, device):
     check_lag(law, device, 50_000, 30)
 
 
-def escape_time(pull: float, *, shells: int = 240, sectors: int = 80) -> float:
+def escape_time(pull: float, depth: float = DEPTH, *, shells: int = 240, sectors: int = 80) -> float:
     """Mean time from the centre to the rim under a drag of `pull`·k_B T/rim [s]."""
-    force = pull * ENERGY / rim(DEPTH)
+    force = pull * ENERGY / rim(depth)
     grid = ball(
         lambda r, mu: 0.5 * STIFFNESS * r**2 + force * r * mu,
-        rim(DEPTH),
+        rim(depth),
         shells=shells,
         sectors=sectors,
         diffusion=ENERGY / GAMMA,
@@ -114,3 +115,68 @@ def test_escape_under_drag_precisely(law, device, pull):
     Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; Kramers 1940.
     """
     check_escape(law, device, pull, {4.0: 15_000, 8.0: 50_000, 12.0: 50_000}[pull])
+
+
+def barrier(pull: ArrayLike, depth: float) -> np.ndarray:
+    """ΔG(1 − νFx‡/ΔG)^(1/ν) that the drag leaves, ν = 1/2 [k_B T]."""
+    return depth * (1.0 - 0.5 * np.asarray(pull) / depth) ** 2
+
+
+def dudko(pull: float, depth: float) -> float:
+    """Mean lifetime by eq. 2 of Dudko, Hummer & Szabo 2006 with ν = 1/2, for the rim of a ball [s].
+
+    τ(F) = τ₀ (1 − νFx‡/ΔG)^(1 − 1/ν) exp(−ΔG[1 − (1 − νFx‡/ΔG)^(1/ν)]/k_B T), x‡ the rim and ΔG the depth, with
+    Kramers' τ₀ = (γ/k) √(π k_B T/ΔG) e^{ΔG/k_B T} of a cusp. That is one direction. Across it the energy on the rim
+    of a ball rises as F s²/2x‡, where in the well it rises as k s²/2: of the two directions the rate has the factor
+    k x‡/F (Langer 1969, doi:10.1016/0003-4916(69)90153-5).
+    """
+    share = 0.5 * pull / depth
+    intrinsic = np.sqrt(np.pi / depth) * np.exp(depth) / RATE
+    one_direction = intrinsic / (1.0 - share) * np.exp(-depth * (1.0 - (1.0 - share) ** 2))
+    return float(one_direction * share)
+
+
+KRAMERS = 1.5
+"""Kramers' theory is the first term of a series in 1/barrier; the second is between 1 and 1.5 of it at these wells."""
+
+
+def test_dudko_theory_is_the_limit_of_high_barriers(law):
+    """Smoluchowski's mean escape times over the theory's: 1 but for 1.5 k_B T/barrier, at barriers of 3 to 16 k_B T.
+
+    Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101, with a Kramers rate for the cusp.
+    """
+    depth = 30.0
+    pulls = np.array([16.0, 20.0, 28.0, 36.0, 40.0])
+    left = barrier(pulls, depth)
+    # the grid leaves 1.5 % of the escape time of so deep a well
+    exact = np.array([escape_time(pull, depth) for pull in pulls])
+    theory = np.array([dudko(pull, depth) for pull in pulls])
+    law("mean escape time from 30 k_B T, over Dudko's", exact / theory, 1.0, 0.003, bias=KRAMERS / left)
+    # more than four decades of time, of which the theory misses little
+    assert exact[0] / exact[-1] > 1e4
+    law(
+        "ln of the times' ratio between drags of 16 and 40 k_B T/rim",
+        np.log(exact[0] / exact[-1]),
+        np.log(theory[0] / theory[-1]),
+        0.004,
+        bias=KRAMERS * (1.0 / left[-1] - 1.0 / left[0]),
+    )
+
+
+@pytest.mark.parametrize("pull", [8.0, 10.0, 12.0])
+def test_escapes_follow_dudko(law, device, pull):
+    """Mean time after which a moving trap of 12 k_B T loses its bead, where barriers of 3 to 5 k_B T are left.
+
+    Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; its bias is 1.5 k_B T/barrier.
+    """
+    depth = 12.0
+    speed = pull * ENERGY / rim(depth) / GAMMA
+    longest = 40.0 * dudko(pull, depth)
+    sim = Simulation(
+        dragged(speed, longest, rim(depth), Settings(accuracy=ACCURACY)), worlds=4000, seed=93, device=device
+    )
+    mean, error = across_worlds(first_escapes(sim, longest))
+    name = f"mean escape time from {depth:g} k_B T dragged with {pull:g} k_B T/rim, over"
+    theory, exact = dudko(pull, depth), escape_time(pull, depth)
+    law(f"{name} Dudko's", mean / theory, 1.0, error / theory, bias=KRAMERS / barrier(pull, depth))
+    law(f"{name} Smoluchowski's", mean / exact, 1.0, error / exact, bias=ACCURACY)
