@@ -104,18 +104,12 @@ def record_run(
         SimulationError: The run stopped; everything up to the last good frame is on disk.
         OSError: The disk is full, or the folder has gone.
     """
-    rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+    rate = _checked_rate(scene, frames_per_second)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
-    if resume is not None:
-        sim = Simulation.restore(resume, scene, device=device, threads=threads)
-    else:
-        check_worlds(scene, worlds, device)
-        about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
-        about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
-        sim = Simulation(scene, device=device, threads=threads, **about)
+    about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
+    about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
+    sim = _started(scene, resume, device, threads, about)
     _check_step(sim, rate)
     run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
     with Recorder(
@@ -125,6 +119,24 @@ def record_run(
     if checkpoint is not None:
         sim.save(checkpoint)
     return recorder.summary
+
+
+def _checked_rate(scene: Scene, frames_per_second: float | None) -> float:
+    """Frames per simulated second: as given, or the scene's."""
+    rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+    return rate
+
+
+def _started(
+    scene: Scene, resume: str | Path | None, device: str | None, threads: int | None, about: dict
+) -> Simulation:
+    """The simulation at its start, made with the settings `about`, or as a checkpoint holds it."""
+    if resume is not None:
+        return Simulation.restore(resume, scene, device=device, threads=threads)
+    check_worlds(scene, about["worlds"], device)
+    return Simulation(scene, device=device, threads=threads, **about)
 
 
 def _check_step(sim: Simulation, rate: float) -> None:
