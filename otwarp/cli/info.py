@@ -11,9 +11,11 @@ import click
 
 from otwarp.cli.options import (
     device_option,
+    fast_math_option,
     integrator_option,
     json_option,
     noise_option,
+    precision_option,
     scene_argument,
     time_step_option,
     worlds_option,
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 @time_step_option
 @integrator_option
 @noise_option
+@precision_option
+@fast_math_option
 @device_option
 @json_option
 def info(
@@ -37,6 +41,8 @@ def info(
     time_step: float | None,
     integrator: str | None,
     noise: str | None,
+    precision: str,
+    fast_math: bool,
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -46,9 +52,9 @@ def info(
     from otwarp.simulation.info import describe
 
     loaded = Scene.load(scene)
-    check_worlds(loaded, worlds, device)
+    check_worlds(loaded, worlds, device, precision)
     how = {"worlds": worlds, "time_step": time_step, "integrator": integrator, "noise": noise, "device": device}
-    about = describe(loaded, **how)
+    about = describe(loaded, precision=precision, fast_math=fast_math, **how)
     if as_json:
         click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -160,7 +166,8 @@ def _scales_table(about: dict[str, Any]) -> Table:
 def _terms_table(about: dict[str, Any]) -> Table:
     from rich.table import Table
 
-    terms = Table("term", "compiled", "why", title=f"Terms of the step (driver: {about['driver']})")
+    step = f"driver: {about['driver']}, {about['precision']}{', fast math' if about['fast_math'] else ''}"
+    terms = Table("term", "compiled", "why", title=f"Terms of the step ({step})")
     for row in about["terms"]:
         terms.add_row(row["term"], "[green]in[/green]" if row["compiled"] else "[dim]out[/dim]", row["why"])
     return terms

@@ -29,4 +29,16 @@ integrator_option = click.option(
 
 noise_option = click.option("--noise", metavar="NAME", help="gaussian, threePoint or uniform; default: the scene's.")
 
+precision_option = click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    default="float32",
+    show_default=True,
+    help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
+)
+
+fast_math_option = click.option(
+    "--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6."
+)
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")

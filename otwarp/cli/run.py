@@ -16,9 +16,11 @@ from click.core import ParameterSource
 from otwarp.cli import stop
 from otwarp.cli.options import (
     device_option,
+    fast_math_option,
     integrator_option,
     json_option,
     noise_option,
+    precision_option,
     scene_argument,
     seed_option,
     time_step_option,
@@ -46,14 +48,8 @@ if TYPE_CHECKING:
 @click.option("--record-worlds", type=int, metavar="N", help="Worlds kept in run.nc; default: all.")
 @click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
-@click.option(
-    "--precision",
-    type=click.Choice(["float32", "float64"]),
-    default="float32",
-    show_default=True,
-    help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
-)
-@click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6.")
+@precision_option
+@fast_math_option
 @time_step_option
 @integrator_option
 @noise_option

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from otwarp.cli.options import json_option, scene_argument
+
+if TYPE_CHECKING:
+    from otwarp.scene.validate import Finding
 
 
 @click.command()
@@ -19,6 +24,7 @@ def validate(context: click.Context, scene: Path, as_json: bool) -> int:
     from otwarp.scene.validate import validate as check
 
     report = check(scene)
+    report = dataclasses.replace(report, findings=(*report.findings, *_findings_of_a_run(scene)))
     if as_json:
         findings = [{"severity": f.severity, "prim": f.prim, "message": f.message} for f in report.findings]
         click.echo(json.dumps({"scene": str(scene), "valid": report.ok, "findings": findings}, indent=2))
@@ -30,3 +36,21 @@ def validate(context: click.Context, scene: Path, as_json: bool) -> int:
         if report.ok:
             click.echo(f"{scene}: valid")
     return 0 if report.ok else 2
+
+
+def _findings_of_a_run(scene: Path) -> list[Finding]:
+    """What a run of a scene that loads would be refused for or warned of."""
+    from otwarp.errors import InputError
+    from otwarp.scene.description import Scene
+    from otwarp.scene.validate import finding
+
+    try:
+        loaded = Scene.load(scene)
+    except InputError:
+        return []  # among the findings already
+    from otwarp.record.run import check_run
+
+    try:
+        return [finding(scene, text, "warning") for text in check_run(loaded)]
+    except InputError as error:
+        return [finding(scene, str(error))]

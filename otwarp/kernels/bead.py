@@ -129,12 +129,28 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     return of_few if f.traps <= FEW_TRAPS else of_many
 
 
+def bead_noise_term(f: Features) -> wp.Function:
+    """`(model, bead, world, b, position, step) -> kick`: √(2 k_B T μ dt) ξ."""
+    three_deviates = three_deviates_term(f.noise, f.fast_math)
+
+    @wp.func
+    def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
+        """Three deviates."""
+        kick = wp.vec3(0.0)
+        if wp.static(f.brownian and f.lanes):
+            kick = bead.spread * three_at(bead.deviates, int(step - bead.deviates_from))
+        if wp.static(f.brownian and not f.lanes):
+            kick = bead.spread * three_deviates(model.seed, step, world, b)
+        return kick
+
+    return noise
+
+
 def bead_dynamics(f: Features) -> Dynamics:
     """Drift μ F dt + u dt and noise √(2 k_B T μ dt) ξ of a lone sphere."""
     force_of_traps = sum_over_traps_term(f, "force") if f.trap_models else None
     stiffness_of_traps = sum_over_traps_term(f, "stiffness") if f.trap_models else None
     flow_at = FLOW_TERMS[f.flow] if f.flow else None
-    three_deviates = three_deviates_term(f.noise, f.fast_math)
 
     @wp.func
     def drift(
@@ -158,16 +174,6 @@ def bead_dynamics(f: Features) -> Dynamics:
         if wp.static(f.flow is not None):
             move += wp.float32(model.time_step) * flow_at(model.flow, world, position).linear
         return move
-
-    @wp.func
-    def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
-        """Three deviates."""
-        kick = wp.vec3(0.0)
-        if wp.static(f.brownian and f.lanes):
-            kick = bead.spread * three_at(bead.deviates, int(step - bead.deviates_from))
-        if wp.static(f.brownian and not f.lanes):
-            kick = bead.spread * three_deviates(model.seed, step, world, b)
-        return kick
 
     @wp.func
     def shifted(position: wp.vec3, move: wp.vec3) -> wp.vec3:
@@ -202,4 +208,5 @@ def bead_dynamics(f: Features) -> Dynamics:
         """μ dt K v."""
         return bead.mobility_dt * (k * move)
 
+    noise = bead_noise_term(f)
     return Dynamics(wp.vec3, wp.vec3, BeadConstants, wp.mat33, drift, noise, shifted, pulled_back, stiffness, relax)

@@ -57,8 +57,8 @@ COUPLED = ("heun", "eulerMaruyama")
 _PI = wp.constant(3.141592653589793)
 
 PIVOT = wp.constant(1.0e-6)
-"""Least pivot of the factorisation relative to its diagonal: what float32 leaves of two equal spheres at one place,
-which move as one."""
+"""Pivot of the factorisation, relative to its diagonal, that may be nothing but rounding, and counts as 0 with its
+column: what float32 leaves of equal spheres at one place, which move as one."""
 
 
 def block_count(bodies: int) -> int:
@@ -137,23 +137,42 @@ def carry_others(
 
 
 @wp.func
-def lower_root(m: wp.mat33) -> wp.mat33:
-    """Lower Cholesky factor of a symmetric matrix, which float32 may have left a little short of positive."""
-    x = wp.sqrt(m[0, 0])
-    yx = m[1, 0] / x
-    zx = m[2, 0] / x
-    y = wp.sqrt(wp.max(m[1, 1] - yx * yx, PIVOT * m[1, 1]))
-    zy = (m[2, 1] - zx * yx) / y
-    z = wp.sqrt(wp.max(m[2, 2] - zx * zx - zy * zy, PIVOT * m[2, 2]))
+def pivot_root(pivot: float, least: float) -> float:
+    """√pivot, or 0 where rounding may be all that is left of it."""
+    root = float(0.0)
+    if pivot > least:
+        root = wp.sqrt(pivot)
+    return root
+
+
+@wp.func
+def inverse_pivot(root: float) -> float:
+    """1/root, or 0: what has no freedom left moves nothing."""
+    inverse = float(0.0)
+    if root > 0.0:
+        inverse = 1.0 / root
+    return inverse
+
+
+@wp.func
+def lower_root(m: wp.mat33, least: wp.vec3) -> wp.mat33:
+    """Lower Cholesky factor of a symmetric matrix; a pivot below `least` and all under it are 0."""
+    x = pivot_root(m[0, 0], least[0])
+    yx = m[1, 0] * inverse_pivot(x)
+    zx = m[2, 0] * inverse_pivot(x)
+    y = pivot_root(m[1, 1] - yx * yx, least[1])
+    zy = (m[2, 1] - zx * yx) * inverse_pivot(y)
+    z = pivot_root(m[2, 2] - zx * zx - zy * zy, least[2])
     return wp.mat33(x, 0.0, 0.0, yx, y, 0.0, zx, zy, z)
 
 
 @wp.func
 def over_transposed(m: wp.mat33, root: wp.mat33) -> wp.mat33:
     """X with X Lᵀ = m, of a lower triangle L."""
-    first = wp.vec3(m[0, 0], m[1, 0], m[2, 0]) / root[0, 0]
-    second = (wp.vec3(m[0, 1], m[1, 1], m[2, 1]) - root[1, 0] * first) / root[1, 1]
-    third = (wp.vec3(m[0, 2], m[1, 2], m[2, 2]) - root[2, 0] * first - root[2, 1] * second) / root[2, 2]
+    first = wp.vec3(m[0, 0], m[1, 0], m[2, 0]) * inverse_pivot(root[0, 0])
+    second = (wp.vec3(m[0, 1], m[1, 1], m[2, 1]) - root[1, 0] * first) * inverse_pivot(root[1, 1])
+    third = wp.vec3(m[0, 2], m[1, 2], m[2, 2]) - root[2, 0] * first - root[2, 1] * second
+    third = third * inverse_pivot(root[2, 2])
     return wp.matrix_from_cols(first, second, third)
 
 
@@ -166,10 +185,7 @@ def factorise_blocks(bodies: int, root: wp.array(dtype=wp.mat33)):
         for k in range(j):
             left = root[block_at(j, k)]
             own = own - left * wp.transpose(left)
-        # the block may be as good as singular where spheres share a place
-        for d in range(3):
-            own[d, d] = wp.max(own[d, d], least[d])
-        diagonal = lower_root(own)
+        diagonal = lower_root(own, least)
         root[block_at(j, j)] = diagonal
         for i in range(j + 1, bodies):
             block = root[block_at(i, j)]

@@ -13,6 +13,9 @@ wall stands back by ∫exp(−⅖·K·δ^{5/2}/k_BT) dδ = Γ(7/5)·δ_T with δ
 that by itself, and `LAYER` is what is left. Where δ_T is larger than s, at κ = k·give ≲ 1, the step resolves the wall
 and nothing is left of the excursion.
 
+Near a hydrodynamic wall mobility falls with the gap and the path slows down on its way; the bridge has the spread of
+the start, which keeps paths off a little too well where steps are far longer than chosen.
+
 The push is the least load that the contact carries in the step, not one on top of what it would carry: where others
 hold the gap closed the excursion adds nothing, and no set of excursions asks for what cannot be.
 """
@@ -96,4 +99,19 @@ def least_load(c: Contact, opening: float) -> float:
         if lower > 0.0 and reach > 0.0:
             end = overlap_alone(c.hardness, c.give, reach)
             load += c.hardness * end * wp.sqrt(end)
+    return load
+
+
+@wp.func
+def shared_load(own: float, give: float, opened: float) -> float:
+    """Load above its floor of a contact that alone would need `own` [pN], where others open its gap by `opened` [µm].
+
+    `opened` is Σ G·own over the contacts that open it, G the opening per unit force. Contacts drawn each for itself
+    would lift a body that lies on several of them by several excursions. Shares own·give/(own·give + opened) let equal
+    contacts keep out their excursion exactly, whatever their G, and leave little to one whose gap another one opens
+    anyway; in between gaps miss theirs by less than a tenth.
+    """
+    load = float(0.0)
+    if own > 0.0:
+        load = own * (own * give / (own * give + opened))
     return load

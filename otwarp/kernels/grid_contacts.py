@@ -13,7 +13,7 @@ no sweep, a settled one no more.
 import warp as wp
 
 from otwarp.kernels.contact import SETTLED, UNSETTLED, Contact, along, overlap_alone
-from otwarp.kernels.excursion import least_load
+from otwarp.kernels.excursion import least_load, shared_load
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid_data import GridData, PushData
@@ -139,6 +139,41 @@ def larger_crowding(grid: GridData, world: int, c: Contact) -> float:
     return crowding
 
 
+def least_load_term(f: Features) -> wp.Function:
+    """`(grid, world, c) -> load` that keeps the excursions of a contact and of those that share a body with it out."""
+    free_opening = free_opening_term(f)
+    read_contact = contact_store_terms(f)[1]
+
+    @wp.func
+    def opened_through(
+        model: ModelData, grid: GridData, world: int, b: int, c: Contact, arm: wp.vec3, way: wp.vec3
+    ) -> float:
+        """Opening of the gap of c, on body b at `arm` with `way` outward, by the excursions of the body's others."""
+        row = world * model.bodies + b
+        other = wp.where(b == c.a, c.b, c.a)
+        total = float(0.0)
+        for j in range(grid.count[world, b]):
+            d = read_contact(grid, row, j, b)
+            if d.b != other or wp.abs(d.overlap - c.overlap) > SETTLED:
+                per_force = along(d.response_a, arm, way)
+                if per_force > 0.0 and d.wander > 0.0:
+                    total += per_force * (least_load(d, free_opening(grid, world, d)) - d.floor)
+        return total
+
+    @wp.func
+    def shared(model: ModelData, grid: GridData, world: int, c: Contact) -> float:
+        """As `solve.share_excursions`."""
+        own = least_load(c, free_opening(grid, world, c)) - c.floor
+        opened = float(0.0)
+        if own > 0.0:
+            opened = opened_through(model, grid, world, c.a, c, c.arm_a, c.normal)
+            if c.b >= 0:
+                opened += opened_through(model, grid, world, c.b, c, c.arm_b, -c.normal)
+        return c.floor + shared_load(own, c.give, opened)
+
+    return shared
+
+
 def relax_body_term(f: Features) -> wp.Function:
     """`(model, readout, grid, before, after, sweep, world, a)`: one sweep over the contacts of one body.
 
@@ -146,8 +181,8 @@ def relax_body_term(f: Features) -> wp.Function:
     Its momentum is that of its own condition 1 + crowding·k·give.
     """
     opening = opening_term(f)
+    shared_least = least_load_term(f)
     _, read_contact, write_load, write_least = contact_store_terms(f)
-    free_opening = free_opening_term(f)
 
     @wp.func
     def relax_body(
@@ -169,7 +204,7 @@ def relax_body_term(f: Features) -> wp.Function:
             c = read_contact(grid, row, i, a)
             if sweep == 0 and c.wander > 0.0:
                 # of the free moves of this stage, which the integrator's second changes
-                c.least = least_load(c, free_opening(grid, world, c))
+                c.least = shared_least(model, grid, world, c)
                 write_least(grid, row, i, c.least)
             start = scale * grid.ahead[row, i]
             give = larger_crowding(grid, world, c) * c.give

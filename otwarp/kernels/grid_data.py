@@ -31,6 +31,11 @@ class NeighbourData:
     builds: wp.array(dtype=wp.int32)  # (1) how often the lists were made
 
 
+def whole_contacts(f: Features) -> bool:
+    """Whether a contact force moves a body in other ways than along the normal: it turns, or walls hinder it."""
+    return f.rigid or f.walls > 0
+
+
 @wp.struct
 class Link:
     """What a contact of a lone sphere needs: see `Contact`; 68 bytes instead of 204."""
@@ -66,8 +71,8 @@ class GridData:
     turning: wp.array2d(dtype=wp.vec3)  # (W, B) and rotation [rad]
     contact: wp.array2d(
         dtype=Contact
-    )  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it; some body rotates
-    link: wp.array2d(dtype=Link)  # (W·B, MAX_BODY_CONTACTS) the same where none rotates
+    )  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it, if `whole_contacts`
+    link: wp.array2d(dtype=Link)  # (W·B, MAX_BODY_CONTACTS) the same if not
     count: wp.array2d(dtype=wp.int32)  # (W, B) how many
     crowding: wp.array2d(dtype=wp.float32)  # (W, B) how much they hinder each other, 1: a lone contact
     ahead: wp.array2d(dtype=wp.float32)  # (W·B, MAX_BODY_CONTACTS) force from which the next sweep starts [pN]

@@ -1,10 +1,10 @@
-"""How a body of the body driver keeps its list of contacts: whole, or as links where no body rotates."""
+"""How a body of the body driver keeps its list of contacts: whole, or as links where that is enough."""
 
 import warp as wp
 
 from otwarp.kernels.contact import Contact
 from otwarp.kernels.features import Features
-from otwarp.kernels.grid_data import GridData, Link
+from otwarp.kernels.grid_data import GridData, Link, whole_contacts
 from otwarp.kernels.types import Move
 
 
@@ -81,9 +81,9 @@ def write_link_least(grid: GridData, row: int, k: int, least: float):
 def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
     """Write and read entry k of a body's list, write its load, and write its least load.
 
-    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Where no body rotates
-    an entry holds no arms, and of the responses the body's own along the normal alone.
+    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Unless
+    `whole_contacts`, an entry holds no arms, and of the responses the body's own along the normal alone.
     """
-    if f.rigid:
+    if whole_contacts(f):
         return write_contact, read_contact, write_contact_load, write_contact_least
     return write_link, read_link, write_link_load, write_link_least

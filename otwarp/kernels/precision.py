@@ -41,9 +41,13 @@ SHARED = {
     "grid_lists",
     "grid_move",
     "grid_store",
+    "lane_groups",
     "lanes",
+    "lanes_rigid",
     "neighbours",
     "noise_block",
+    "rigid_block",
+    "table_block",
     "soft",
 }
 """Modules that have no second instance."""
@@ -71,9 +75,9 @@ def typed(kind: Any, precision: str) -> Any:
     """A Warp type or struct of float32 as it is in `precision`; what holds no real numbers stays as it is."""
     if precision == "float32":
         return kind
-    if isinstance(kind, wp._src.codegen.Struct):
-        return getattr(kernel_module(kind.cls.__module__.rpartition(".")[2], precision), kind.cls.__name__)
     types = importlib.import_module(f"{SINGLE}.types")
+    if isinstance(kind, type(types.ModelData)):
+        return getattr(kernel_module(kind.cls.__module__.rpartition(".")[2], precision), kind.cls.__name__)
     for name in ("vec6", "mat66"):
         if kind is getattr(types, name):
             return getattr(kernel_module("types", precision), name)

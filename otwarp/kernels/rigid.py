@@ -9,8 +9,8 @@ from otwarp.kernels.dynamics import Dynamics
 from otwarp.kernels.features import Features
 from otwarp.kernels.flow import FLOW_TERMS
 from otwarp.kernels.noise import six_deviates_term
-from otwarp.kernels.noise_block import six_at
-from otwarp.kernels.rotation import rotate_by
+from otwarp.kernels.rigid_block import kept_mobility_product, kept_noise
+from otwarp.kernels.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.trap_wrench import keeps_aims, kept_aims_term, wrench_stiffness_term, wrench_term
 from otwarp.kernels.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6, world_row
 
@@ -52,13 +52,24 @@ def lower_product(s: vec6, v: wp.vec3) -> wp.vec3:
 @wp.func
 def mobility_product(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
     """M dt times a wrench, both in world axes."""
-    turn = wp.quat_to_matrix(pose.rotation)
+    turn = rotation_matrix(pose.rotation)
     back = wp.transpose(turn)
     f = back * linear_part(load)
     t = back * angular_part(load)
     v = symmetric_product(body.translation, f) + symmetric_product(body.coupling, t)
     w = symmetric_product(body.coupling, f) + symmetric_product(body.rotation, t)
     return twist(turn * v, turn * w)
+
+
+def mobility_term(f: Features) -> wp.Function:
+    """`(body, pose, load) -> twist`: M dt times a wrench, both in world axes."""
+
+    @wp.func
+    def from_columns(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
+        """In the vector registers of a CPU."""
+        return kept_mobility_product(body.kept, rotation_matrix(pose.rotation), load)
+
+    return from_columns if f.lanes else mobility_product
 
 
 def rigid_constants_term(f: Features) -> wp.Function:
@@ -130,61 +141,31 @@ def rigid_noise_term(f: Features) -> wp.Function:
     six_deviates = six_deviates_term(f.noise, f.fast_math)
 
     @wp.func
+    def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
+        """Of a block of deviates, in the vector registers of a CPU."""
+        turn = rotation_matrix(pose.rotation)
+        return kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
+
+    @wp.func
     def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
         """Six deviates."""
         kick = vec6()
         if wp.static(f.brownian):
-            deviates = vec6()
-            if wp.static(f.lanes):
-                deviates = six_at(body.deviates, int(step - body.deviates_from))
-            else:
-                deviates = six_deviates(model.seed, step, world, b)
+            deviates = six_deviates(model.seed, step, world, b)
             first = linear_part(deviates)
             second = angular_part(deviates)
             v = lower_product(body.translation_root, first)
             w = body.coupling_root * first + lower_product(body.rotation_root, second)
-            turn = wp.quat_to_matrix(pose.rotation)
+            turn = rotation_matrix(pose.rotation)
             kick = twist(turn * v, turn * w)
         return kick
 
-    return noise
+    return from_columns if f.brownian and f.lanes else noise
 
 
-def rigid_dynamics(f: Features) -> Dynamics:
-    """Drift M (F, T) dt + flow and noise of a rigid body."""
-    wrench = wrench_term(f)
+def rigid_stiffness_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> (6, 6)` of the traps."""
     wrench_stiffness = wrench_stiffness_term(f) if f.trap_models else None
-    flow_velocity = flow_velocity_term(f) if f.flow else None
-
-    @wp.func
-    def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
-        time: wp.float64,
-    ) -> vec6:
-        """Traps, weight and flow."""
-        load = wrench(model, control, state, body, world, b, pose, time)
-        move = mobility_product(body, pose, twist(load.force, load.torque))
-        if wp.static(f.flow is not None):
-            move += wp.float32(model.time_step) * flow_velocity(model, world, b, pose)
-        return move
-
-    @wp.func
-    def shifted(pose: Pose, move: vec6) -> Pose:
-        """Exponential map."""
-        return Pose(pose.position + linear_part(move), rotate_by(pose.rotation, angular_part(move)))
-
-    @wp.func
-    def pulled_back(move: vec6, drift: vec6) -> vec6:
-        """Rotation vectors do not add: the inverse of the exponential map's differential, to first order."""
-        turn = angular_part(move)
-        w = angular_part(drift)
-        return twist(linear_part(drift), w - 0.5 * wp.cross(turn, w))
 
     @wp.func
     def stiffness(
@@ -203,11 +184,52 @@ def rigid_dynamics(f: Features) -> Dynamics:
             k = wrench_stiffness(model, control, state, world, b, pose, time)
         return k
 
+    return stiffness
+
+
+def rigid_dynamics(f: Features) -> Dynamics:
+    """Drift M (F, T) dt + flow and noise of a rigid body."""
+    wrench = wrench_term(f)
+    flow_velocity = flow_velocity_term(f) if f.flow else None
+    mobility = mobility_term(f)
+
+    @wp.func
+    def drift(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> vec6:
+        """Traps, weight and flow."""
+        load = wrench(model, control, state, body, world, b, pose, time)
+        move = mobility(body, pose, twist(load.force, load.torque))
+        if wp.static(f.flow is not None):
+            move += wp.float32(model.time_step) * flow_velocity(model, world, b, pose)
+        return move
+
+    @wp.func
+    def shifted(pose: Pose, move: vec6) -> Pose:
+        """Exponential map."""
+        return Pose(pose.position + linear_part(move), rotate_by(pose.rotation, angular_part(move)))
+
+    @wp.func
+    def pulled_back(move: vec6, drift: vec6) -> vec6:
+        """Rotation vectors do not add: the inverse of the exponential map's differential, to first order."""
+        turn = angular_part(move)
+        w = angular_part(drift)
+        return twist(linear_part(drift), w - 0.5 * wp.cross(turn, w))
+
     @wp.func
     def relax(body: RigidConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
         """M dt K v."""
-        return mobility_product(body, pose, k * move)
+        return mobility(body, pose, k * move)
 
     noise = rigid_noise_term(f)
-    large = bool(f.trap_models)
+    stiffness = rigid_stiffness_term(f)
+    # on a CPU two copies of the drift are faster than a loop
+    large = bool(f.trap_models) and not f.lanes
     return Dynamics(Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, large)

@@ -25,3 +25,23 @@ def rotate_by(q: wp.quat, angle: wp.vec3) -> wp.quat:
     if wp.abs(norm2 - 1.0) > 1.0e-3:
         scale = 1.0 / wp.sqrt(norm2)
     return scale * turned
+
+
+@wp.func
+def rotation_matrix(q: wp.quat) -> wp.mat33:
+    """Matrix of a unit quaternion: 12 products in place of the 75 of Warp's, which turns the axes one by one."""
+    x2 = q[0] + q[0]
+    y2 = q[1] + q[1]
+    z2 = q[2] + q[2]
+    xx = q[0] * x2
+    xy = q[0] * y2
+    xz = q[0] * z2
+    yy = q[1] * y2
+    yz = q[1] * z2
+    zz = q[2] * z2
+    wx = q[3] * x2
+    wy = q[3] * y2
+    wz = q[3] * z2
+    return wp.mat33(
+        1.0 - (yy + zz), xy - wz, xz + wy, xy + wz, 1.0 - (xx + zz), yz - wx, xz - wy, yz + wx, 1.0 - (xx + yy)
+    )

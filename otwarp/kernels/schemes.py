@@ -96,7 +96,7 @@ def series_term(d: Dynamics, first: float, second: float, third: float) -> wp.Fu
         z1 = relax(constants, pose, stiffness, v)
         z2 = relax(constants, pose, stiffness, z1)
         z3 = relax(constants, pose, stiffness, z2)
-        return v + first * z1 + second * z2 + third * z3
+        return v + wp.static(first) * z1 + wp.static(second) * z2 + wp.static(third) * z3
 
     return series
 

@@ -19,7 +19,7 @@ the dozen contacts of a squeezed cell costs less than a few sweeps.
 import warp as wp
 
 from otwarp.kernels.contact import SETTLED, Contact, along, anticipate, law_error, tangent_at
-from otwarp.kernels.excursion import least_load
+from otwarp.kernels.excursion import least_load, shared_load
 from otwarp.kernels.types import Move
 
 BLOCK_ROUNDS = wp.constant(8)
@@ -197,6 +197,36 @@ def couple(contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype
 
 
 @wp.func
+def share_excursions(
+    contacts: wp.array(dtype=Contact),
+    count: int,
+    matrix: wp.array(dtype=float),
+    free: wp.array(dtype=float),
+    own: wp.array(dtype=float),
+    on: wp.array(dtype=int),
+):
+    """Least loads that keep the excursions of all contacts out together; `own` is scratch."""
+    several = int(0)
+    for i in range(count):
+        c = contacts[i]
+        own[i] = least_load(c, free[i]) - c.floor
+        if own[i] > 0.0:
+            several += 1
+    if several > 1:
+        for i in range(count):
+            if own[i] > 0.0:
+                opened = float(0.0)
+                for j in range(count):
+                    if j != i:
+                        opened += wp.max(matrix[wp.min(i, j) * count + wp.max(i, j)], 0.0) * own[j]
+                c = contacts[i]
+                c.least = c.floor + shared_load(own[i], c.give, opened)
+                if on[i] == 0:
+                    c.load = c.least
+                contacts[i] = c
+
+
+@wp.func
 def solve_lines(
     contacts: wp.array(dtype=Contact),
     count: int,
@@ -352,6 +382,7 @@ def solve_contacts(
     worst = float(0.0)
     for _ in range(count + 1):
         couple(contacts, held, matrix)
+        share_excursions(contacts, held, matrix, free, right, on)
         worst = solve_law(contacts, held, matrix, free, right, pivot, order, on)
         apply_loads(contacts, held, 1.0, linear, angular)
         more = press_closed(contacts, held, count, linear, angular, free, on)

@@ -3,8 +3,19 @@
 import warp as wp
 
 from otwarp.kernels.features import Features
-from otwarp.kernels.traps import commanded_animated, commanded_still, limited_focus, trap_force_term
+from otwarp.kernels.rigid_block import AIMS, SPHERES
+from otwarp.kernels.rotation import rotation_matrix
+from otwarp.kernels.table_block import address_of_aims, table_wrench_term
+from otwarp.kernels.traps import (
+    LAYER_NAMES,
+    commanded_animated,
+    commanded_still,
+    limited_focus,
+    table_name,
+    trap_force_term,
+)
 from otwarp.kernels.types import (
+    Aim,
     ControlData,
     ModelData,
     Pose,
@@ -14,15 +25,6 @@ from otwarp.kernels.types import (
     mat66,
     world_row,
 )
-
-
-@wp.struct
-class Aim:
-    """One trap as one body sees it."""
-
-    anchor: wp.vec3  # equilibrium point [µm]
-    power: wp.float32  # [mW]
-    reach2: wp.float32  # squared distance beyond which it does nothing [µm²], 0 where it reaches no sphere of the body
 
 
 def trap_command_term(f: Features) -> wp.Function:
@@ -167,8 +169,71 @@ def kept_aims_term(f: Features) -> wp.Function:
     return kept_aims
 
 
+def blocked_table(f: Features) -> tuple[int, bool] | None:
+    """Layers of the tables, and whether all beams are upright, where a CPU has their forces from `table_block`."""
+    if not f.lanes or len(f.trap_models) != 1:
+        return None
+    names = {
+        table_name("bilinear", layers, upright): (layers, upright)
+        for layers in LAYER_NAMES
+        for upright in (False, True)
+    }
+    return names.get(f.trap_models[0])
+
+
+def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
+    """`trap_wrench_term` of bilinear tables in the lanes of a CPU."""
+    aim_at = aim_term(f)
+    aims_are_kept = keeps_aims(f)
+    table_wrench = table_wrench_term(f.traps, layers, upright)
+
+    @wp.func
+    def blocked_wrench(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> Wrench:
+        """Aims where they are kept, or as they are now."""
+        at = body.kept + wp.static(wp.uint64(4 * AIMS))
+        if wp.static(not aims_are_kept):
+            aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
+            traps = int(wp.static(f.traps))
+            for trap in range(traps):
+                aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+            at = address_of_aims(aims)
+        both = table_wrench(
+            body.kept + wp.static(wp.uint64(4 * SPHERES)),
+            at,
+            pose.position,
+            rotation_matrix(pose.rotation),
+            model.body.trapped,
+            model.body.trapped_kind,
+            model.body.trapped_start[b],
+            model.body.trapped_start[b + 1],
+            model.traps.axis,
+            model.traps.side,
+            model.traps.equilibrium,
+            model.traps.table,
+            model.traps.finest,
+            model.traps.tables.node,
+            model.traps.tables.level_start,
+            model.traps.tables.level,
+        )
+        return Wrench(wp.vec3(both[0], both[1], both[2]), wp.vec3(both[3], both[4], both[5]))
+
+    return blocked_wrench
+
+
 def trap_wrench_term(f: Features) -> wp.Function:
     """`(model, control, state, body, world, b, pose, time) -> Wrench` of all traps (the sum of MSDM, eq. 2)."""
+    blocked = blocked_table(f)
+    if blocked is not None:
+        return blocked_wrench_term(f, *blocked)
     aim_at = aim_term(f)
     force_on = sphere_force_term(f)
     aims_are_kept, unrolled = keeps_aims(f), f.traps <= KEPT_AIMS
@@ -194,7 +259,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
             traps = int(wp.static(f.traps))
             for trap in range(traps):
                 aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
-        turn = wp.quat_to_matrix(pose.rotation)
+        turn = rotation_matrix(pose.rotation)
         for element in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
             sphere = model.body.trapped[element]
             kind = model.body.trapped_kind[element]

@@ -121,6 +121,7 @@ class RigidConstants:
     aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are
     reaches: wp.vec4  # squared distance up to which they act [µm²]
     # of the `lanes` form
+    kept: wp.uint64  # address of what `rigid_block` lays out
     deviates: wp.uint64  # address of a block of noise
     deviates_from: wp.int64  # its first step
 
@@ -264,6 +265,15 @@ class ReadoutData:
     fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.faults, 0 good
     fault_step: wp.array2d(dtype=wp.int64)  # (W, B)
     fault_count: wp.array(dtype=wp.int32)  # (1) not 0: some body has a fault
+
+
+@wp.struct
+class Aim:
+    """One trap as one body sees it."""
+
+    anchor: wp.vec3  # equilibrium point [µm]
+    power: wp.float32  # [mW]
+    reach2: wp.float32  # squared distance beyond which it does nothing [µm²], 0 where it reaches no sphere of the body
 
 
 @wp.struct

@@ -23,6 +23,7 @@ import numpy as np
 
 from otwarp import __version__
 from otwarp.record.frame import SHAPES, Frame
+from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.scene.description import Obstacle, Scene, Track
 
@@ -71,6 +72,7 @@ class NetcdfRecording:
         seed: Key of the random streams.
         time_step: [s].
         frames_per_second: [1/s].
+        method: How the run is computed, which the file then says; frames are kept in its precision, or in float32.
 
     Raises:
         OSError: The file cannot be written (here, and from `write` and `close`).
@@ -87,10 +89,11 @@ class NetcdfRecording:
         seed: int,
         time_step: float,
         frames_per_second: float,
+        method: Method | None = None,
     ):
         import netCDF4
 
-        self._worlds, self._frames, self._path = worlds, 0, path
+        self._worlds, self._frames, self._path, self._method = worlds, 0, path, method
         part = path.with_name(f".{path.name}.part")
         self._file = netCDF4.Dataset(part, "w", format="NETCDF3_64BIT_OFFSET")
         with self._writing():
@@ -115,6 +118,7 @@ class NetcdfRecording:
                 "time_step_units": "s",
                 "frames_per_second": frames_per_second,
                 "total_worlds": float(total_worlds),
+                **(self._method.attributes() if self._method is not None else {}),
                 "layout": json.dumps(_layout(scene, monitor), allow_nan=False, separators=(",", ":")),
             }
         )
@@ -159,20 +163,21 @@ class NetcdfRecording:
         self._labels("body", [b.name for b in scene.bodies], "name of the body")
         self._labels("trap", [t.prim for t in scene.traps], "name of the trap")
         if count["body"]:
-            kind = self._variable("body_kind", ("body",), "i4", "kind of the body", "1")
-            kind.setncatts({"flag_values": np.array([0, 1], dtype="i4"), "flag_meanings": "robot cell"})
-            kind[:] = [int(b.kind == "cell") for b in scene.bodies]
+            kinds = self._variable("body_kind", ("body",), "i4", "kind of the body", "1")
+            kinds.setncatts({"flag_values": np.array([0, 1], dtype="i4"), "flag_meanings": "robot cell"})
+            kinds[:] = [int(b.kind == "cell") for b in scene.bodies]
             radius = self._variable("body_radius", ("body",), "f8", "radius of the largest sphere of the body", "um")
             radius[:] = [max(s.radius for s in b.spheres) for b in scene.bodies]
         if count["trap"]:
             held = self._variable("trap_body", ("trap",), "i4", "index of the body that the trap holds, or -1", "1")
             held[:] = monitor.held[:, 0]
         self._fields = []
+        kind = f"f{number_bytes(self._method)}"
         for name, quantity in QUANTITIES.items():
             axis = SHAPES[name][0]
             if count[axis]:
                 dimensions = ("frame", "world", axis, *((quantity.axis,) if quantity.axis else ()))
-                self._variable(name, dimensions, "f4", quantity.long_name, quantity.units, coordinates="time")
+                self._variable(name, dimensions, kind, quantity.long_name, quantity.units, coordinates="time")
                 self._fields.append(name)
 
     def _variable(self, name: str, dimensions: tuple[str, ...], kind: str, long_name: str, units: str, **more: str):
@@ -212,9 +217,14 @@ class NetcdfRecording:
                 self._forget_record()  # an interrupt may have come within a frame, before its time was written
 
 
-def check_size(scene: Scene, worlds: int) -> int:
+def number_bytes(method: Method | None) -> int:
+    """Bytes of a number of a frame in the file: in a run of float64 nothing of it is lost."""
+    return 8 if method is not None and method.precision == "float64" else 4
+
+
+def check_size(scene: Scene, worlds: int, method: Method | None = None) -> int:
     """Bytes per frame of the largest variable for so many worlds; to be compared with `LARGEST_RECORD`."""
-    return worlds * 4 * max(4 * len(scene.bodies), 3 * len(scene.traps), 1)
+    return worlds * number_bytes(method) * max(4 * len(scene.bodies), 3 * len(scene.traps), 1)
 
 
 def scene_name(scene: Scene) -> str:

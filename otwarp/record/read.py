@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.record.method import Method
 from otwarp.record.monitor import robot_distance
 
 MOST_BODIES = 24
@@ -26,6 +27,8 @@ class Run:
     Attributes:
         title: Name of the scene.
         layout: Obstacles, goal, warning lines, as JSON gave them.
+        time_step: [s].
+        method: How the run was computed; None in a file that does not say.
         time: (n,) [s].
         robots, cells, others: Columns of the followed bodies in the arrays below.
         names: Short names of the followed bodies.
@@ -41,6 +44,8 @@ class Run:
 
     title: str
     layout: dict[str, Any]
+    time_step: float
+    method: Method | None
     time: np.ndarray
     robots: list[int]
     cells: list[int]
@@ -104,6 +109,8 @@ def _read(data: Any, world: int, pick: slice) -> Run:
     return Run(
         title=data.scene,
         layout=layout,
+        time_step=float(data.time_step),
+        method=Method.read(data.__dict__),
         time=time,
         robots=list(range(len(robots))),
         cells=list(range(len(robots), len(robots) + len(cells))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import tempfile
 import time as clock
@@ -14,6 +15,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.record.frame import Frame
+from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import LARGEST_RECORD, NetcdfRecording, check_size
 from otwarp.record.summary import summarize, write_json
@@ -45,6 +47,8 @@ class Recorder:
         forces: Whether force arrows go into the USD.
         arrow_scale: Length of a force arrow [µm/pN]; None for the default.
         figure: Whether `figure.png` is drawn at the end.
+        method: How the run is computed (`Method.of(sim.model)`): the files say so, and `run.nc` has its precision. None
+            says nothing, and `run.nc` is float32.
 
     Raises:
         InputError: The folder cannot be written, or an argument is out of range; nothing has been written.
@@ -68,6 +72,7 @@ class Recorder:
         forces: bool = False,
         arrow_scale: float | None = None,
         figure: bool = True,
+        method: Method | None = None,
     ):
         if not (np.isfinite(frames_per_second) and frames_per_second > 0.0):
             raise InputError(f"frames per second = {frames_per_second:g}; allowed: above 0")
@@ -80,7 +85,7 @@ class Recorder:
         if len(held) != len(scene.traps):
             raise ValueError(f"held has {len(held)} entries; allowed: one per trap, {len(scene.traps)}")
         self.scene, self.folder, self.held, self.figure = scene, Path(folder), held, figure
-        self.rate, self.time_step, self.seed = frames_per_second, time_step, seed
+        self.rate, self.time_step, self.seed, self.method = frames_per_second, time_step, seed, method
         self._kept, self._usd_world = worlds, usd_world
         self._status, self._frames, self._closed = "running", 0, False
         self._warnings: list[str] = []
@@ -215,8 +220,8 @@ class Recorder:
         self._recorded = min(self._kept or self._worlds, self._worlds)
         if self._usd_world is not None and self._usd_world >= self._worlds:
             raise InputError(f"USD world = {self._usd_world}; allowed: 0 … {self._worlds - 1}")
-        if check_size(self.scene, self._recorded) > LARGEST_RECORD:
-            most = LARGEST_RECORD // check_size(self.scene, 1)
+        if check_size(self.scene, self._recorded, self.method) > LARGEST_RECORD:
+            most = LARGEST_RECORD // check_size(self.scene, 1, self.method)
             raise InputError(
                 f"recorded worlds = {self._recorded}; allowed: at most {most} (4 GiB per variable and frame)"
             )
@@ -236,6 +241,7 @@ class Recorder:
             seed=self.seed,
             time_step=self.time_step,
             frames_per_second=self.rate,
+            method=self.method,
         )
         if self._usd is not None:
             self._usd.begin(self.folder)
@@ -247,6 +253,7 @@ class Recorder:
             "recorded_worlds": self._recorded,
             "seed": self.seed,
             "time_step_s": self.time_step,
+            "method": None if self.method is None else dataclasses.asdict(self.method),
             "steps": self._last.step,
             "frames": self._frames,
             "duration_s": self._last.time - self._first_time,

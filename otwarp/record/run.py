@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time as clock
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.record.capacity import check_worlds
 from otwarp.record.frame import Frame
+from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene.description import Scene
+from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 
 MOST_STEPS = 1e12
@@ -90,7 +93,8 @@ def record_run(
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
         forces: Write force arrows into the USD recording.
-        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint.
+        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint. `run.nc` is in
+            it, and `run.usda` in float64 but for point instances.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; all that says how to step is then its own.
         fast_math, integrator, noise: As for `Simulation`.
@@ -104,29 +108,21 @@ def record_run(
         SimulationError: The run stopped; everything up to the last good frame is on disk.
         OSError: The disk is full, or the folder has gone.
     """
-    rate = _checked_rate(scene, frames_per_second)
+    rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
+    _check_rate(rate)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
     about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
     about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
     sim = _started(scene, resume, device, threads, about)
     _check_step(sim, rate)
-    run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
-    with Recorder(
-        sim.scene, Path(folder), frames_per_second=rate, worlds=recorded_worlds, forces=forces, **run
-    ) as recorder:
+    how: dict = {"frames_per_second": rate, "worlds": recorded_worlds, "forces": forces, "seed": sim.model.seed}
+    how |= {"time_step": sim.time_step, "held": sim.model.held, "method": Method.of(sim.model)}
+    with Recorder(sim.scene, Path(folder), **how) as recorder:
         _frames(sim, recorder, rate, progress)
     if checkpoint is not None:
         sim.save(checkpoint)
     return recorder.summary
-
-
-def _checked_rate(scene: Scene, frames_per_second: float | None) -> float:
-    """Frames per simulated second: as given, or the scene's."""
-    rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
-    return rate
 
 
 def _started(
@@ -135,15 +131,59 @@ def _started(
     """The simulation at its start, made with the settings `about`, or as a checkpoint holds it."""
     if resume is not None:
         return Simulation.restore(resume, scene, device=device, threads=threads)
-    check_worlds(scene, about["worlds"], device)
+    check_worlds(scene, about["worlds"], device, about["precision"])
     return Simulation(scene, device=device, threads=threads, **about)
 
 
 def _check_step(sim: Simulation, rate: float) -> None:
-    """Refuse frames that come faster than steps, and a run that is over before it starts or never ends."""
-    if 1.0 / rate < sim.time_step:
-        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / sim.time_step:.6g}")
-    duration, step = sim.scene.settings.duration, sim.time_step
+    """Refuse frames and lengths that do not suit the step, and a run that is over before it starts."""
+    check_length(sim.scene.settings.duration, sim.time_step, rate)
+    if sim.state.step >= round(sim.scene.settings.duration / sim.time_step):
+        raise InputError(
+            f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is "
+            f"{sim.scene.settings.duration:g} s; allowed: a longer duration"
+        )
+
+
+def check_run(scene: Scene) -> list[str]:
+    """Refuse what `record_run` would refuse of a scene run as it was authored; nothing is compiled or written.
+
+    The model is built as for a run, on the CPU, so that no refusal can be missed; tables of optical forces that are not
+    in the cache are made for that.
+
+    Returns:
+        What building the model warns of, one line each.
+
+    Raises:
+        InputError: In one line, as `record_run` would.
+    """
+    _check_rate(scene.settings.frames_per_second)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = Model.build(scene, device="cpu")
+    check_length(scene.settings.duration, model.time_step, scene.settings.frames_per_second)
+    return [" ".join(str(warning.message).split()) for warning in caught if warning.category is UserWarning]
+
+
+def _check_rate(rate: float) -> None:
+    """Refuse frames per second that are none."""
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"frames per second is {rate:g}; allowed: above 0")
+
+
+def check_length(duration: float, step: float, rate: float) -> None:
+    """Refuse frames that come faster than steps, and a run that is over before it starts or never ends.
+
+    Args:
+        duration: Of the run [s].
+        step: Time step [s].
+        rate: Frames per second.
+
+    Raises:
+        InputError: One line.
+    """
+    if 1.0 / rate < step:
+        raise InputError(f"frames per second is {rate:g}; allowed: up to one per time step, {1.0 / step:.6g}")
     if not duration / step <= MOST_STEPS:
         raise InputError(
             f"duration is {duration:g} s at a time step of {step:.6g} s, {duration / step:.3g} steps; "
@@ -155,11 +195,6 @@ def _check_step(sim: Simulation, rate: float) -> None:
     if duration * rate < 1.0 - 1e-9:
         raise InputError(
             f"duration is {duration:g} s; allowed: at least one frame, {1.0 / rate:.6g} s at {rate:g} frames per second"
-        )
-    if sim.state.step >= round(duration / step):
-        raise InputError(
-            f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is {duration:g} s; "
-            "allowed: a longer duration"
         )
 
 

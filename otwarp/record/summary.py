@@ -113,7 +113,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
     Args:
         scene: What was run.
         monitor: What it saw.
-        facts: `status`, `worlds`, `recorded_worlds`, `seed`, `time_step_s`, `steps`, `frames`, `duration_s`,
+        facts: `status`, `worlds`, `recorded_worlds`, `seed`, `time_step_s`, `method`, `steps`, `frames`, `duration_s`,
             `wall_time_s` and `warnings` so far.
 
     Returns:
@@ -126,7 +126,8 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         "status": facts["status"],
         "scene": scene_name(scene),
         "otwarp_version": __version__,
-        **{k: facts[k] for k in ("worlds", "recorded_worlds", "seed", "time_step_s", "steps", "frames", "duration_s")},
+        **{k: facts[k] for k in ("worlds", "recorded_worlds", "seed", "time_step_s", "method")},
+        **{k: facts[k] for k in ("steps", "frames", "duration_s")},
         "wall_time_s": wall,
         "real_time_factor": facts["duration_s"] / wall if wall > 0.0 else None,
         "task": task(monitor, facts["worlds"]),

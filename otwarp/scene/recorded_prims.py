@@ -193,10 +193,11 @@ class Traps:
     def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
         """Translations and powers [W]."""
         places = self._placed.place(frame.trap_position[world])
+        digits = 7 if frame.trap_power.dtype == np.float32 else 15
         for n, (place, power) in enumerate(zip(places, frame.trap_power[world], strict=True)):
             yield self.attributes[2 * n].path, vec3d(place)
-            # float32 on the device: seven digits are all there is
-            yield self.attributes[2 * n + 1].path, authored(float(f"{power:.7g}"), "power")
+            # without the digits that a number of the device does not have
+            yield self.attributes[2 * n + 1].path, authored(float(f"{power:.{digits}g}"), "power")
 
 
 @dataclass(frozen=True)

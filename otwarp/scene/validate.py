@@ -58,6 +58,9 @@ class Report:
 def validate(path: str | Path) -> Report:
     """Load a stage and run every USD validator on it; bad input becomes an error of the report, not an exception.
 
+    What only a model of the scene can tell, for instance a time step that is unstable in its traps, is not looked at:
+    see `otwarp.record.run.check_run`; `otwarp validate` does both.
+
     Returns:
         The report: the loader's error if any, the errors and warnings of USD's own validators, then advice.
     """
@@ -65,13 +68,13 @@ def validate(path: str | Path) -> Report:
     try:
         stage = open_stage(path)
     except InputError as error:
-        return Report(file=path, findings=(_from_input_error(path, error),))
+        return Report(file=path, findings=(finding(path, str(error)),))
     findings: list[Finding] = []
     scene = None
     try:
         scene = read_scene(stage, file=str(path))
     except InputError as error:
-        findings.append(_from_input_error(path, error))
+        findings.append(finding(path, str(error)))
     with quiet_usd():
         findings += _usd_findings(stage)
         if scene is not None:
@@ -79,11 +82,12 @@ def validate(path: str | Path) -> Report:
     return Report(file=path, findings=tuple(findings))
 
 
-def _from_input_error(path: Path, error: InputError) -> Finding:
-    text = str(error).removeprefix(f"{path}: ")
+def finding(path: Path, text: str, severity: Literal["error", "warning"] = "error") -> Finding:
+    """The finding that one line `FILE: PRIM: …` about a file is; about the stage where it names no prim."""
+    text = text.removeprefix(f"{path}: ")
     prim, _, rest = text.partition(": ")
-    named = prim.startswith("/") and bool(rest)
-    return Finding(severity="error", prim=prim if named else "/", message=rest if named else text)
+    named = prim.startswith("/") and " " not in prim and bool(rest)
+    return Finding(severity=severity, prim=prim if named else "/", message=rest if named else text)
 
 
 def _usd_findings(stage: Usd.Stage) -> list[Finding]:

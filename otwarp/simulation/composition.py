@@ -64,7 +64,7 @@ def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bo
     where = f"{scene.file or scene.root}: "
     if f.driver == "grid":
         raise InputError(
-            f"{where}precision is 'float64'; allowed: float32 in a scene of {f.bodies} bodies that touch, "
+            f"{where}precision is 'float64'; allowed: float32 in a scene of {f.bodies} bodies {_why_grid(f)}, "
             f"float64 in scenes of up to {MAX_WORLD_BODIES}"
         )
     if "mesh" in f.obstacles:
@@ -75,6 +75,13 @@ def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bo
         )
     if fast_math:
         raise InputError("precision is 'float64' with fast_math; allowed: one of the two")
+
+
+def _why_grid(f: Features) -> str:
+    """What the bodies of a scene in the grid driver have that keeps them from being stepped one by one."""
+    if f.pairs:
+        return "that can touch each other"
+    return "that can touch obstacles" if f.obstacles else "with a trap speed limit"
 
 
 def check_settings(scene: Scene) -> None:

@@ -16,7 +16,7 @@ from otwarp.simulation.pack_traps import rotate
 
 @dataclass(frozen=True, eq=False)
 class CoupledRates:
-    """Gain of the fastest relaxation rate by coupling, of m bodies that traps act on.
+    """Gain of the fastest relaxation rate by coupling, of m bodies that traps act on and n that traps may come to.
 
     With M = L (1 + E) Lᵀ, where L Lᵀ are the bodies' own mobilities, the rates M K are the eigenvalues of (1 + E) T
     with T = Lᵀ K L, which has one block for each body.
@@ -24,7 +24,7 @@ class CoupledRates:
     Attributes:
         bodies: (m,) their indices in the scene.
         carried: (6m, 6m) E, with the bodies where they start.
-        closest: (m, m) largest norm that its blocks can have: of lone spheres that collide where they touch, of other
+        closest: (n, n) largest norm that its blocks can have: of lone spheres that collide where they touch, of other
             bodies where they share a place.
     """
 
@@ -33,16 +33,22 @@ class CoupledRates:
     closest: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, moves: list[BodyMobility], bodies: Sequence[int]) -> CoupledRates | None:
-        """Prepare the gain for a scene; None where nothing is coupled or traps act on fewer than two bodies."""
-        if not takes_coupling(scene) or len(bodies) < 2:
+    def of(
+        cls, scene: Scene, moves: list[BodyMobility], bodies: Sequence[int], reachable: Sequence[int]
+    ) -> CoupledRates | None:
+        """Prepare the gain for a scene; None where nothing is coupled or traps may come to fewer than two bodies.
+
+        Args:
+            bodies: That traps act on where they start.
+            reachable: These, and others that traps may come to.
+        """
+        if not takes_coupling(scene) or len(reachable) < 2:
             return None
         size = len(bodies)
         radius = np.array([coupling_radius(moves[b]) for b in bodies])
-        lone = np.array([len(scene.bodies[b].spheres) == 1 and bool(scene.bodies[b].colliding) for b in bodies])
         turn = [rotate(np.array(scene.bodies[b].orientation), np.eye(3)).T for b in bodies]
         place = [np.array(scene.bodies[b].position) + q @ moves[b].reference for b, q in zip(bodies, turn, strict=True)]
-        carried, closest = np.zeros((size, 6, size, 6)), np.zeros((size, size))
+        carried = np.zeros((size, 6, size, 6))
         for i in range(size):
             for j in range(size):
                 if i == j:
@@ -50,14 +56,12 @@ class CoupledRates:
                 pair = turn[i].T @ pair_mobility(place[i] - place[j], radius[i], radius[j]) @ turn[j]
                 left, right = (np.linalg.inv(moves[bodies[k]].cholesky)[:, :3] for k in (i, j))
                 carried[i, :, j, :] = left @ pair @ right.T
-                apart = radius[i] + radius[j] if lone[i] and lone[j] else 0.0
-                nearest = pair_mobility(np.array([apart, 0.0, 0.0]), radius[i], radius[j])
-                closest[i, j] = 6.0 * np.pi * np.sqrt(radius[i] * radius[j]) * np.linalg.norm(nearest, 2)
-        return cls(np.array(bodies), carried.reshape(6 * size, 6 * size), closest)
+        closest = closest_norms(scene, moves, reachable)
+        return cls(np.array(bodies, dtype=int), carried.reshape(6 * size, 6 * size), closest)
 
     def gain(self, modes: Sequence[np.ndarray]) -> float:
         """Largest rate over the largest of the bodies alone, where they start, with `modes` (6, 6) T of each body."""
-        alone = max(float(np.linalg.eigvalsh(t)[-1]) for t in modes)
+        alone = max((float(np.linalg.eigvalsh(t)[-1]) for t in modes), default=0.0)
         if alone <= 0.0:
             return 1.0
         size = 6 * len(modes)
@@ -72,6 +76,18 @@ class CoupledRates:
     def largest_gain(self) -> float:
         """Bound of the gain wherever the bodies are: 1 and the largest row sum of the norms of E."""
         return 1.0 + float(self.closest.sum(axis=1).max())
+
+
+def closest_norms(scene: Scene, moves: list[BodyMobility], bodies: Sequence[int]) -> np.ndarray:
+    """(n, n) `CoupledRates.closest` of bodies."""
+    radius = np.array([coupling_radius(moves[b]) for b in bodies])
+    lone = np.array([len(scene.bodies[b].spheres) == 1 and bool(scene.bodies[b].colliding) for b in bodies])
+    closest = np.zeros((len(bodies), len(bodies)))
+    for i, j in np.argwhere(~np.eye(len(bodies), dtype=bool)):
+        apart = radius[i] + radius[j] if lone[i] and lone[j] else 0.0
+        nearest = pair_mobility(np.array([apart, 0.0, 0.0]), radius[i], radius[j])
+        closest[i, j] = 6.0 * np.pi * np.sqrt(radius[i] * radius[j]) * np.linalg.norm(nearest, 2)
+    return closest
 
 
 def pair_mobility(way: np.ndarray, a: float, b: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.contact import Contact
 from otwarp.kernels.features import MAX_BODY_CONTACTS
 from otwarp.kernels.grid_contacts import CHUNKS, RELAXATIONS
-from otwarp.kernels.grid_data import GridData, Link, NeighbourData, PushData
+from otwarp.kernels.grid_data import GridData, Link, NeighbourData, PushData, whole_contacts
 from otwarp.kernels.grid_move import two_stages
 from otwarp.kernels.neighbours import NEIGHBOURS
 from otwarp.simulation.model import Model
@@ -106,8 +106,8 @@ def allocate_grid(model: Model, state: State) -> GridData:
     data.drift = wp.zeros((w, again), dtype=wp.vec3, device=device)
     data.turning = wp.zeros((w, again if f.rigid else 0), dtype=wp.vec3, device=device)
     touching = own if f.contacts else 0
-    data.contact = wp.empty((w * touching if f.rigid else 0, MAX_BODY_CONTACTS), dtype=Contact, device=device)
-    data.link = wp.empty((0 if f.rigid else w * touching, MAX_BODY_CONTACTS), dtype=Link, device=device)
+    data.contact = wp.empty((w * touching if whole_contacts(f) else 0, MAX_BODY_CONTACTS), dtype=Contact, device=device)
+    data.link = wp.empty((0 if whole_contacts(f) else w * touching, MAX_BODY_CONTACTS), dtype=Link, device=device)
     data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
     data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
     data.ahead = wp.empty((w * touching, MAX_BODY_CONTACTS), dtype=wp.float32, device=device)

@@ -149,13 +149,15 @@ def describe(
     integrator: str | None = None,
     noise: str | None = None,
     device: str | None = None,
+    precision: str = "float32",
+    fast_math: bool = False,
 ) -> dict[str, Any]:
     """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON; nothing is compiled.
 
     Arguments as for `Simulation`. Units are the internal ones (µm, s, pN, mW); None stands for infinite or absent.
     """
     chosen = {"time_step": time_step, "integrator": integrator, "noise": noise}
-    model = Model.build(scene, worlds=worlds, device=device, **chosen)
+    model = Model.build(scene, worlds=worlds, device=device, precision=precision, fast_math=fast_math, **chosen)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
     scales = {k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()}
     return {
@@ -167,6 +169,8 @@ def describe(
         "worlds": worlds,
         "device": model.device.alias,
         "driver": model.features.driver,
+        "precision": model.features.precision,
+        "fast_math": model.features.fast_math,
         "noise": model.features.noise if model.features.brownian else "none",
         "bodies": _bodies(scene),
         "traps": _traps(model),

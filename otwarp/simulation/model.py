@@ -170,7 +170,8 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
     if not 0 <= seed < 2**32:
         raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
     if not scene.bodies:
-        raise InputError(f"{scene.file or scene.root} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+        where = f"{scene.file}: {scene.root}" if scene.file else scene.root
+        raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
 
 
 def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:

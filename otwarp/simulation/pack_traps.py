@@ -118,7 +118,7 @@ def pack_traps(
     for trap in traps:
         if trap.axial and trap.axial.radius != law(trap).radius:
             raise InputError(
-                f"{scene.file or scene.root}: prim {trap.prim}: ot:trapLaw:axial:radius = {trap.axial.radius:g} µm; "
+                f"{scene.file or scene.root}: {trap.prim}: ot:trapLaw:axial:radius = {trap.axial.radius:g} µm; "
                 f"allowed: that of the radial curve, {law(trap).radius:g} µm"
             )
     data = device.typed(TrapData)()

@@ -124,7 +124,7 @@ class TrapRelaxation:
         law_radius: (T,) sphere radius the law holds for [µm], 0 for any.
         wandering: (T,) traps that hold nothing.
         modes: One entry per body that a trap acts on, and one per kind of the others.
-        coupled: How much faster the bodies that traps act on relax together, or None without coupling.
+        coupled: How much faster the bodies that traps act on, or may come to, relax together, or None without coupling.
     """
 
     names: tuple[str, ...]
@@ -159,14 +159,17 @@ class TrapRelaxation:
                 continue
             seen.add(kind)
             modes.append(_body_modes(scene, b, move, by_body.get(b, {}), curves))
+        acting = [m.body for m in modes if len(m.acting)]
+        wandering = np.array([b < 0 for b, _ in held], dtype=bool)
+        reachable = sorted({int(b) for b, _ in near.sphere}) if wandering.any() else acting
         return cls(
             names=tuple(b.name for b in scene.bodies),
             viscosity=float(values["medium_viscosity"].min()),
             stiffness=curves.max(axis=0),
             law_radius=np.array([law(t).radius for t in scene.traps]),
-            wandering=np.array([b < 0 for b, _ in held], dtype=bool),
+            wandering=wandering,
             modes=tuple(modes),
-            coupled=CoupledRates.of(scene, moves, [m.body for m in modes if len(m.acting)]),
+            coupled=CoupledRates.of(scene, moves, acting, reachable),
         )
 
     def fastest(self, powers: np.ndarray, *, anywhere: bool = False) -> tuple[float, str | None]:

@@ -144,7 +144,8 @@ class Control(_Bound):
                 largest stable one.
 
         Warns:
-            UserWarning: A power for which the predicted error of stationary variances exceeds `COARSE`.
+            UserWarning: A power for which the predicted error of stationary variances exceeds `COARSE`, or with which
+                coupled bodies would be unstable where they meet.
 
         Example:
             >>> import otwarp as ot

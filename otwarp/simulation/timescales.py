@@ -277,6 +277,14 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
             f"at {rate:.4g} 1/s; allowed: below {powers[worst] * stable / dt:.4g} mW (all powers scaled alike), or a "
             f"time step below {stable:.4g} s"
         )
+    utmost, _ = model.steepest.fastest(powers, anywhere=True)
+    if dt * utmost >= scheme.stable:
+        warnings.warn(
+            f"trap {trap}: at power {powers[worst]:g} mW the time step {dt:.4g} s becomes unstable where all trapped "
+            "bodies are as near to each other as they can come, because they are coupled; always stable: below "
+            f"{powers[worst] * scheme.stable / (dt * utmost):.4g} mW (all powers scaled alike)",
+            stacklevel=3,
+        )
     rate, body = model.relaxation.fastest(powers)
     error = scheme.variance_error(rate * dt) if rate > 0.0 else 0.0
     if abs(error) > COARSE:

@@ -45,7 +45,12 @@ def test_a_signal_finishes_the_files_and_is_one_line(
 
     monkeypatch.setattr(Recorder, "write", write_and_signal)
     before = signal.getsignal(signal.SIGTERM)
-    assert main(["run", BEAD, "--out", str(tmp_path / "out"), "--device", "cpu"]) == code
+    # a shell starts what runs in the background with interrupts ignored
+    interrupts = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert main(["run", BEAD, "--out", str(tmp_path / "out"), "--device", "cpu"]) == code
+    finally:
+        signal.signal(signal.SIGINT, interrupts)
     assert signal.getsignal(signal.SIGTERM) == before
     assert capfd.readouterr().err == f"otwarp: {word}\n"
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -90,6 +90,38 @@ def test_step_follows_what_beads_do_together(device):
         Model.build(trapped_pair(3.0, time_step=1.01 * together.largest_stable), device=device)
 
 
+def test_a_trap_that_holds_nothing_may_come_to_several_bodies_at_once(device):
+    """Both beads in the empty trap relax by 2 faster where they share a place, and the chosen step is stable there."""
+    scene = trapped_pair(3.0)
+    empty = (harmonic("Empty", (0.0, 30.0, 0.0), cutoff=1.4),)
+    model = Model.build(dataclasses.replace(scene, traps=empty), device=device)
+    assert model.held == ((-1, -1),)
+    powers = np.array([20.0])
+    alone, together = (model.steepest.fastest(powers, anywhere=a)[0] for a in (False, True))
+    assert alone == pytest.approx(RATE, rel=1e-6)
+    assert together / alone == pytest.approx(2.0, rel=1e-6)
+    bodies = (scene.bodies[0], sphere_body("Bead1", (3.0, 0.0, 0.0), trapped=False))
+    one = Model.build(dataclasses.replace(scene, bodies=bodies, traps=empty), device=device)
+    assert one.steepest.fastest(powers, anywhere=True) == one.steepest.fastest(powers)
+
+
+def test_powers_that_meeting_beads_could_not_carry_are_warned_of(device):
+    """Control.set looks where the beads start for a refusal, and where they could meet for a warning."""
+    step = 0.9 * Model.build(trapped_pair(3.0), device=device).scales.largest_stable
+    sim = Simulation(trapped_pair(3.0, time_step=0.5 * step), device=device)
+    # at the start a gain of 1.46, at one place of 2: a factor of 2/1.46 in power lies between
+    with pytest.warns(UserWarning) as said:
+        sim.control.set(trap_power=[40.0, 40.0])
+    (meeting,) = [str(w.message) for w in said if "becomes unstable where all trapped bodies" in str(w.message)]
+    least = float(meeting.split("always stable: below ")[1].split(" mW")[0])
+    assert least == pytest.approx(40.0 * (1.0 + 0.5 - 1.0 / 27.0) / (0.9 * 2.0), rel=1e-3)
+    with pytest.warns(UserWarning) as said:
+        sim.control.set(trap_power=[0.99 * least, 0.99 * least])
+    assert not [w for w in said if "becomes unstable" in str(w.message)]
+    with pytest.raises(InputError, match="is unstable"):
+        sim.control.set(trap_power=[46.0, 46.0])
+
+
 def test_gain_of_a_robot_is_that_of_its_matrix(device):
     """The fastest rate of a trapped robot and a trapped bead from the eigenvalues of M K, by the twin."""
     scene = mixed(1e-4)

@@ -139,6 +139,18 @@ def test_paths_agree_to_rounding(name, device):
         np.testing.assert_allclose(*forces, rtol=1e-4, atol=100.0 * ROUNDINGS * spacing)
 
 
+@pytest.mark.parametrize("integrator", ["eulerMaruyama", "leimkuhlerMatthews", "exponential"])
+@pytest.mark.parametrize("name", ["bead", "robot"])
+def test_paths_of_every_integrator_agree_to_rounding(name, integrator, device):
+    """100 steps of the same noise; Heun is above."""
+    sims = [start(SCENES[name](), p, device, worlds=3, integrator=integrator) for p in kernels.PRECISIONS]
+    assert sims[0].model.features.integrator == integrator
+    for sim in sims:
+        sim.step(100)
+    single, double = (places(sim) for sim in sims)
+    assert 0.0 < np.abs(single - double).max() < ROUNDINGS * float(np.spacing(np.float32(np.abs(double).max())))
+
+
 def probe(term: wp.Function, kind: type) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def draw(seed: wp.uint32, out: wp.array(dtype=kind)):
@@ -341,6 +353,18 @@ def crowd() -> Scene:
     return Scene(bodies=tuple(neutral(f"B{i}", (5.0 * i, 0.0, 0.0)) for i in range(25)))
 
 
+def ghosts(**more) -> Scene:
+    """25 beads that do not touch each other, one of them in a trap."""
+    beads = tuple(sphere_body(f"B{i}", (5.0 * i, 0.0, 0.0)) for i in range(25))
+    return Scene(bodies=beads, traps=(harmonic("T", (0.0, 0.0, 0.0), cutoff=1.0, **more),))
+
+
+def above_a_floor() -> Scene:
+    """24 of the beads, and one that the floor stops."""
+    bodies = (neutral("Heavy", (0.0, 0.0, 2.0)), *ghosts().bodies[1:])
+    return Scene(bodies=bodies, obstacles=(obstacle("Floor", "plane", (0.0, 0.0, 0.0)),))
+
+
 def meshed() -> Scene:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -352,11 +376,13 @@ def meshed() -> Scene:
     ("scene", "more", "message"),
     [
         (bead_scene(), {"precision": "float16"}, "precision is 'float16'; allowed: float32, float64"),
-        (crowd(), {}, r"precision is 'float64'; allowed: float32 in a scene of 25 bodies that touch"),
+        (crowd(), {}, r"allowed: float32 in a scene of 25 bodies that can touch each other, float64 in .* up to 24$"),
+        (ghosts(speed_limit=5.0), {}, r"allowed: float32 in a scene of 25 bodies with a trap speed limit, float64"),
+        (above_a_floor(), {}, r"allowed: float32 in a scene of 25 bodies that can touch obstacles, float64"),
         (meshed(), {}, r"/World/Mesh: precision is 'float64'; allowed: float32 with an obstacle that is a mesh"),
         (bead_scene(), {"fast_math": True}, "precision is 'float64' with fast_math; allowed: one of the two"),
     ],
-    ids=("unknown", "crowd", "mesh", "fast math"),
+    ids=("unknown", "crowd", "speed limit", "floor", "mesh", "fast math"),
 )
 def test_refused_where_there_is_none(scene, more, message, device):
     with pytest.raises(InputError, match=message) as error:

@@ -397,3 +397,24 @@ def test_rods_stand_as_rows_of_spheres(device):
     scene = dataclasses.replace(dimer(1e-3), bodies=(body,))
     model = Model.build(scene, device=device)
     assert model.data.walls.sphere.shape == (7,)
+
+
+def test_contacts_near_a_wall_move_both_drivers_alike(device):
+    """Two beads that overlap at a slant, one next to the wall: its own mobility, not that along the contact, moves it.
+
+    The world driver takes a line for Hertz's law, good to 1e-3 of the radius: 2.4 % of this force.
+    """
+    moved = []
+    for others in (0, 28):
+        places = [(0.0, 0.0, 1.02), (1.6, 0.0, 2.2), *((10.0 * (i + 1), 0.0, 5.0) for i in range(others))]
+        bodies = [sphere_body(f"B{i}", p, collides=True, trapped=False) for i, p in enumerate(places)]
+        settings = Settings(brownian=False, time_step=1e-4, integrator="eulerMaruyama")
+        scene = Scene(medium=Medium(viscosity=VISCOSITY), bodies=tuple(bodies), obstacles=(wall(),), settings=settings)
+        sim = Simulation(scene, device=device)
+        assert sim.model.features.driver == ("grid" if others else "world")
+        before = sim.state.position.numpy()[0, :2].astype(float)
+        sim.step()
+        moved.append(sim.state.position.numpy()[0, :2] - before)
+    np.testing.assert_allclose(moved[1], moved[0], atol=0.04 * np.abs(moved[0]).max())
+    # down by μ⊥ sin, not by what it moves along the contact
+    assert abs(moved[0][0, 2]) < 0.1 * abs(moved[0][0, 0])
