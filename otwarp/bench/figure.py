@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from otwarp.bench.picture import INK, dress_panel, fill_of, finish_figure, line_of, pyplot, run_handles, save_figure
 from otwarp.bench.result import Errors, ForcesBench, Row
-from otwarp.errors import InputError
 
 STYLES: dict[str, tuple[str, str, str]] = {
     "harmonic": ("harmonic, radial + axial", "s", "#8a8f98"),
@@ -15,14 +15,11 @@ STYLES: dict[str, tuple[str, str, str]] = {
     "split": ("piecewise, radial + axial", "v", "#a8325e"),
     "bilinear": ("bilinear table", "o", "#2460a7"),
     "bicubic": ("bicubic table", "D", "#3d8b6d"),
-    "exact": ("exact", "*", "#20304a"),
+    "exact": ("exact", "*", INK),
 }
 """Label, marker and colour of each family."""
 
 FRONT, FLOOR = "#c8ced8", "#9aa3b2"
-
-LINES = ("-", "--", ":", "-.")
-"""Of the runs, in turn; the markers of the first are filled."""
 
 PANELS: tuple[tuple[str, Callable[[Errors], float]], ...] = (
     ("largest error within {region:.3g} µm of the equilibrium", lambda e: e.largest),
@@ -50,33 +47,14 @@ def draw_runs(runs: Sequence[ForcesBench], file: Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, 2, figsize=(11.0, 4.8), sharex=True, layout="constrained")
+    figure, panels = pyplot().subplots(1, 2, figsize=(11.0, 4.8), sharex=True, layout="constrained")
     for axes, (title, error) in zip(panels, PANELS, strict=True):
         for number, run in enumerate(runs):
             _draw_run(axes, run, error, number)
-        axes.set(xscale="log", yscale="log", xlabel="time per bead and step (ns)")
-        axes.set_title(title.format(region=runs[0].region), fontsize=10, loc="left")
-        axes.grid(True, which="major", color="#eceef2", lw=0.8)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
+        dress_panel(axes, title=title.format(region=runs[0].region), xlabel="time per bead and step (ns)")
     panels[0].set_ylabel("error of the force / peak force")
-    handles = _legend(runs)
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)), frameon=False, fontsize=8)
-    figure.suptitle(runs[0].bead(), fontsize=10)
-    part = file.with_name(f".{file.name}.part")
-    try:
-        figure.savefig(part, dpi=160, format="png")
-        part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"--plot {file} cannot be written: {error.strerror}") from error
-    finally:
-        plt.close(figure)
+    finish_figure(figure, _legend(runs), runs, columns=5)
+    save_figure(figure, file)
 
 
 def drawn_error(run: ForcesBench, row: Row, error: Callable[[Errors], float]) -> float:
@@ -87,7 +65,7 @@ def drawn_error(run: ForcesBench, row: Row, error: Callable[[Errors], float]) ->
 
 def _draw_run(axes: Any, run: ForcesBench, error: Callable[[Errors], float], number: int) -> None:
     """Pareto front, table families joined by lines, all markers with quartiles, and the floor without a trap."""
-    line = LINES[number % len(LINES)]
+    line = line_of(number)
     rows = [row for row in run.rows if row.errors is not None]
     front = pareto_front([(row.cost.median, drawn_error(run, row, error)) for row in rows])
     axes.plot(*zip(*front, strict=True), drawstyle="steps-post", color=FRONT, lw=5.0, solid_capstyle="round", zorder=1)
@@ -113,7 +91,7 @@ def _draw_run(axes: Any, run: ForcesBench, error: Callable[[Errors], float], num
             marker=marker,
             ms=11 if marker == "*" else 6,
             color=colour,
-            mfc=colour if number == 0 else "white",
+            mfc=fill_of(number, colour),
             zorder=3,
         )
         for row, a, b in zip(members, x, y, strict=True):
@@ -145,9 +123,4 @@ def _legend(runs: Sequence[ForcesBench]) -> list[Any]:
     handles.append(Line2D([], [], color=FRONT, lw=5.0, label="nothing faster is more accurate"))
     if "none" in found:
         handles.append(Line2D([], [], color=FLOOR, lw=1.0, label="no trap: noise alone"))
-    for number, run in enumerate(runs):
-        fill = "#20304a" if number == 0 else "white"
-        name = run.hardware if run.kind == "cuda" else f"{run.hardware}, one thread"
-        line = LINES[number % len(LINES)]
-        handles.append(Line2D([], [], color="#20304a", ls=line, marker="o", ms=5, mfc=fill, label=name))
-    return handles
+    return handles + run_handles(runs)

@@ -204,9 +204,7 @@ def bench_forces(
         InputError: An argument out of range, or a trap that does not hold the bead.
     """
     rungs = chosen_rungs(models)
-    for name, value in (("worlds", worlds), ("rounds", rounds)):
-        if value is not None and value < 1:
-            raise InputError(f"--{name} is {value}; allowed: 1 or more")
+    _check(worlds, rounds)
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
@@ -215,14 +213,8 @@ def bench_forces(
     beads = worlds or WORLDS[kind]
     note("exact forces")
     judged = Probes.draw(bead, region=probes[0], thermal=probes[1])
-    runners: dict[str, Runner] = {}
-    errors: dict[str, Errors | None] = {}
-    for rung in rungs:
-        note(f"{rung.label}: building")
-        runner = Runner(bead, rung, place, worlds=beads, time_step=step, seconds=seconds, fast_math=fast_math)
-        runners[rung.name] = runner
-        errors[rung.name] = judged.errors(runner.force_at) if rung.family != "none" else None
-    costs = _costs(runners, rounds, note)
+    how = {"worlds": beads, "time_step": step, "seconds": seconds, "fast_math": fast_math}
+    runners, errors = _judged_runners(judged, bead, rungs, place, note, **how)
     return ForcesBench(
         kind=kind,
         hardware=machine.name() + (", fast math" if fast_math else ""),
@@ -237,8 +229,27 @@ def bench_forces(
         spread=tuple(bead.spread.tolist()),
         probes=probes,
         reference_error=judged.estimate / judged.peak,
-        rows=tuple(_row(runners[r.name], *costs[r.name], errors[r.name]) for r in rungs),
+        rows=_rows(runners, errors, rounds, note),
     )
+
+
+def _check(worlds: int | None, rounds: int) -> None:
+    for name, value in (("worlds", worlds), ("rounds", rounds)):
+        if value is not None and value < 1:
+            raise InputError(f"--{name} is {value}; allowed: 1 or more")
+
+
+def _judged_runners(
+    judged: Probes, bead: TrappedBead, rungs: Sequence[Rung], device: wp.Device, note: Note, **how: Any
+) -> tuple[dict[str, Runner], dict[str, Errors | None]]:
+    """By name of the rung, its runner, made with `how`, and its errors: none without a trap."""
+    runners, errors = {}, {}
+    for rung in rungs:
+        note(f"{rung.label}: building")
+        runner = Runner(bead, rung, device, **how)
+        runners[rung.name] = runner
+        errors[rung.name] = judged.errors(runner.force_at) if rung.family != "none" else None
+    return runners, errors
 
 
 def _costs(runners: dict[str, Runner], rounds: int, note: Note) -> dict[str, tuple[Spread, Spread]]:
@@ -254,6 +265,12 @@ def _costs(runners: dict[str, Runner], rounds: int, note: Note) -> dict[str, tup
     base = runners[HARMONIC].sample
     pairs = interleaved({name: (noted(runner), base) for name, runner in runners.items()}, rounds)
     return {name: (Spread.of(p.first), p.ratio()) for name, p in pairs.items()}
+
+
+def _rows(runners: dict[str, Runner], errors: dict[str, Errors | None], rounds: int, note: Note) -> tuple[Row, ...]:
+    """Measure the costs, and put them together with the errors."""
+    costs = _costs(runners, rounds, note)
+    return tuple(_row(runner, *costs[name], errors[name]) for name, runner in runners.items())
 
 
 def _row(runner: Runner, cost: Spread, ratio: Spread, errors: Errors | None) -> Row:

@@ -69,19 +69,59 @@ class Study:
     Attributes:
         deep, shallow: The wells.
         references: By force model and observable.
+        product: z of the step that otwarp chooses for the default in the deep well.
+        stable: z of the largest stable one.
         device: Where beads move.
         worlds: Beads of all measurements, None for each one's usual number.
-        seconds: Budget of one measurement [s].
+        seconds: Budget of all errors together [s].
         note: Hears what is being done.
     """
 
     deep: Well
     shallow: Well
     references: dict[str, dict[str, Estimate]]
+    product: float
+    stable: float
     device: wp.Device
     worlds: int | None
     seconds: float
     note: Note
+
+    @classmethod
+    def of(
+        cls,
+        beam: Beam,
+        sphere: Sphere,
+        cases: Sequence[Case],
+        device: wp.Device,
+        *,
+        worlds: int | None,
+        seconds: float,
+        note: Note,
+    ) -> Study:
+        """Find the wells, and what is true in them for the force models of the cases.
+
+        Raises:
+            InputError: A trap that does not suit.
+        """
+        note("wells")
+        deep, shallow = Well.of_depth(beam, sphere, DEEP), Well.of_depth(beam, sphere, SHALLOW)
+        default = next(c for c in cases if c.name == DEFAULT)
+        near, far = (
+            Model.build(w.bead.scene(default.rung), device=device, integrator=DEFAULT) for w in (deep, shallow)
+        )
+        note("Fokker–Planck equation")
+        return cls(
+            deep=deep,
+            shallow=shallow,
+            references=references(deep, shallow, far, exact=any(c.group == "force" for c in cases)),
+            product=near.time_step / deep.relaxation,
+            stable=near.scales.largest_stable / deep.relaxation,
+            device=device,
+            worlds=worlds,
+            seconds=seconds,
+            note=note,
+        )
 
     @property
     def kind(self) -> str:
@@ -97,8 +137,16 @@ class Study:
         how: dict[str, Any] = {"device": self.device, "seed": seed, **case.settings}
         return Simulation(scene, worlds=worlds, time_step=step, **how)
 
-    def errors(self, case: Case, steps: int, cost: float, observables: Sequence[str]) -> dict[str, Measured]:
-        """Relative errors of a case at a step; `cost` is that of one bead-step [ns]."""
+    def ladder(self, case: Case, steps: Sequence[int]) -> list[int]:
+        """Steps per relaxation time: all that are stable, or for force models and precisions the default."""
+        if case.group != "integrator":
+            return [math.ceil(1.0 / self.product)]
+        return sorted((n for n in steps if 1.0 / n < self.stable), reverse=True)
+
+    def errors(
+        self, case: Case, steps: int, cost: float, observables: Sequence[str], seconds: float
+    ) -> dict[str, Measured]:
+        """Relative errors of a case at a step; `cost` is that of one bead-step [ns], `seconds` the budget of each."""
         found: dict[str, Measured] = {}
         note = self.note
 
@@ -108,20 +156,20 @@ class Study:
         if set(observables) & set(STATIONARY):
             worlds, well = self.worlds or AVERAGED[self.kind], self.deep
             sim = self.simulation(case, well, steps, worlds)
-            how: dict[str, Any] = {"window": steps, "lags": well.lags, "seconds": self.seconds, "note": look}
+            how: dict[str, Any] = {"window": steps, "lags": well.lags, "seconds": seconds, "note": look}
             found |= measure_stationary(sim, well.bead.centre, well.start(worlds), **how)
         truth = self.references["exact" if case.group == "force" else "table"]
         if "escape" in observables:
             mean = truth["escape"].value
-            worlds = self.worlds or self._escaping(mean / self.shallow.relaxation * steps, cost)
+            worlds = self.worlds or self._escaping(mean / self.shallow.relaxation * steps, cost, seconds)
             found["escape"] = measure_escape(self.simulation(case, self.shallow, steps, worlds), mean, look)
         return {name: relative(found[name], truth[name]) for name in found}
 
-    def _escaping(self, steps: float, cost: float) -> int:
+    def _escaping(self, steps: float, cost: float, seconds: float) -> int:
         """Beads whose escapes can be awaited for `WATCHED` times as many steps within the budget."""
         cores = usable_cores() if self.device.is_cpu else 1
         fewest, most = ESCAPING[self.kind]
-        return int(np.clip(cores * 1e9 * self.seconds / (cost * WATCHED * steps), fewest, most))
+        return int(np.clip(cores * 1e9 * seconds / (cost * WATCHED * steps), fewest, most))
 
 
 def relative(found: Measured, truth: Estimate) -> Measured:
@@ -165,22 +213,9 @@ def bench_integrators(
     cases = all_cases(axes, fast_math=fast_math)
     place = pick_device(device)
     machine = Machine.look(place)
-    note("wells")
-    wells = Well.of_depth(beam, sphere, DEEP), Well.of_depth(beam, sphere, SHALLOW)
-    default = next(c for c in cases if c.name == DEFAULT)
-    models = [Model.build(w.bead.scene(default.rung), device=place, integrator=DEFAULT) for w in wells]
-    note("Fokker–Planck equation")
-    exact = any(c.group == "force" for c in cases)
-    truth = references(*wells, models[1], exact=exact)
+    study = Study.of(beam, sphere, cases, place, worlds=worlds, seconds=seconds, note=note)
     beads = worlds or WORLDS["cpu" if place.is_cpu else "cuda"]
-    costs = _costs(cases, wells[0], place, worlds=beads, rounds=rounds, call=call, note=note)
-    product = models[0].time_step / wells[0].relaxation
-    stable = models[0].scales.largest_stable / wells[0].relaxation
-    ladder = {c.name: _ladder(c, steps, stable, product) for c in cases}
-    share = seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
-    study = Study(
-        deep=wells[0], shallow=wells[1], references=truth, device=place, worlds=worlds, seconds=share, note=note
-    )
+    costs = _costs(cases, study.deep, place, worlds=beads, rounds=rounds, call=call, note=note)
     return IntegratorsBench(
         kind=study.kind,
         hardware=machine.name() + (", fast math" if fast_math else ""),
@@ -190,13 +225,13 @@ def bench_integrators(
         worlds=beads,
         rounds=rounds,
         seconds=seconds,
-        powers=(wells[0].power, wells[1].power),
-        relaxations=(wells[0].relaxation, wells[1].relaxation),
-        lags=wells[0].lags,
+        powers=(study.deep.power, study.shallow.power),
+        relaxations=(study.deep.relaxation, study.shallow.relaxation),
+        lags=study.deep.lags,
         default=DEFAULT,
-        default_product=product,
-        references={m: {k: Measured(e.value, e.error) for k, e in of.items()} for m, of in truth.items()},
-        lines=tuple(_lines(study, cases, ladder, costs)),
+        default_product=study.product,
+        references={m: {k: Measured(e.value, e.error) for k, e in of.items()} for m, of in study.references.items()},
+        lines=tuple(_lines(study, cases, {c.name: study.ladder(c, steps) for c in cases}, costs)),
     )
 
 
@@ -229,13 +264,6 @@ def references(deep: Well, shallow: Well, model: Model, *, exact: bool) -> dict[
     return out
 
 
-def _ladder(case: Case, steps: Sequence[int], stable: float, product: float) -> list[int]:
-    """Steps per relaxation time: all that are stable, or for force models and precisions the default."""
-    if case.group != "integrator":
-        return [math.ceil(1.0 / product)]
-    return sorted((n for n in steps if 1.0 / n < stable), reverse=True)
-
-
 def _costs(
     cases: Sequence[Case], well: Well, device: wp.Device, *, worlds: int, rounds: int, call: float, note: Note
 ) -> dict[str, Pairs]:
@@ -258,7 +286,8 @@ def _costs(
 
 
 def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], costs: dict[str, Pairs]) -> list[Line]:
-    """Measure the errors of all cases."""
+    """Measure the errors of all cases; `ladder` is that of each."""
+    seconds = study.seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
     points: dict[str, tuple[Point, ...]] = {}
     for case in cases:
         cost = Spread.of(costs[case.name].first).median
@@ -266,7 +295,8 @@ def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], co
         before = points.get("eulerMaruyama") if case.name == PLAIN else None
         found = []
         for i, n in enumerate(ladder[case.name]):
-            errors = study.errors(case, n, cost, PANELS["escape"] if before else (*STATIONARY, "escape"))
+            wanted = PANELS["escape"] if before else (*STATIONARY, "escape")
+            errors = study.errors(case, n, cost, wanted, seconds)
             if before:
                 errors = {**before[i].errors, **errors}
             found.append(Point(product=1.0 / n, errors=errors))

@@ -11,7 +11,7 @@ import numpy as np
 from otwarp.bench.integrator_cases import PLAIN
 from otwarp.bench.integrators_result import WANTED, IntegratorsBench, Line
 from otwarp.bench.observables import PANELS, bound_of
-from otwarp.errors import InputError
+from otwarp.bench.picture import INK, dress_panel, fill_of, finish_figure, line_of, pyplot, run_handles, save_figure
 
 STYLES: dict[str, tuple[str, str]] = {
     "eulerMaruyama": ("o", "#8a8f98"),
@@ -28,9 +28,9 @@ VARIANTS: dict[str, tuple[str, str]] = {
     "bilinear-1e-3": ("<", "#a8325e"),
     "bicubic-1e-3": (">", "#a8325e"),
     "bicubic-1e-4": ("p", "#a8325e"),
-    "float32": ("1", "#20304a"),
-    "float32, fast_math": ("2", "#20304a"),
-    "float64": ("3", "#20304a"),
+    "float32": ("1", INK),
+    "float32, fast_math": ("2", INK),
+    "float64": ("3", INK),
 }
 """Marker and colour of force models and precisions, at their default steps."""
 
@@ -39,9 +39,6 @@ TITLES = {
     "correlation": "correlations after a relaxation time",
     "escape": "mean escape time",
 }
-
-LINES = ("-", "--", ":", "-.")
-"""Of the runs, in turn; the markers of the first are filled."""
 
 LEAST = 1e-4
 """Errors are not drawn below."""
@@ -57,36 +54,19 @@ def draw_integrators(runs: Sequence[IntegratorsBench], file: Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, len(PANELS), figsize=(14.0, 5.4), sharex=True, sharey=True, layout="constrained")
+    figure, panels = pyplot().subplots(
+        1, len(PANELS), figsize=(14.0, 5.4), sharex=True, sharey=True, layout="constrained"
+    )
     for axes, panel in zip(panels, PANELS, strict=True):
         axes.axhline(100.0 * WANTED, color="#c8ced8", lw=3.0, zorder=0)
         for number, run in enumerate(runs):
             for line in run.lines:
                 _draw_line(axes, line, panel, number)
             _mark_default(axes, run, panel)
-        axes.set(xscale="log", yscale="log", xlabel="run time per bead and relaxation time γ/k (ns)")
-        axes.set_title(TITLES[panel], fontsize=10, loc="left")
-        axes.grid(True, which="major", color="#eceef2", lw=0.8)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
+        dress_panel(axes, title=TITLES[panel], xlabel="run time per bead and relaxation time γ/k (ns)")
     panels[0].set_ylabel("relative error (%)")
-    handles = _legend(runs)
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(6, len(handles)), frameon=False, fontsize=8)
-    figure.suptitle(runs[0].bead(), fontsize=10)
-    part = file.with_name(f".{file.name}.part")
-    try:
-        figure.savefig(part, dpi=160, format="png")
-        part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"--plot {file} cannot be written: {error.strerror}") from error
-    finally:
-        plt.close(figure)
+    finish_figure(figure, _legend(runs), runs, columns=6)
+    save_figure(figure, file)
 
 
 def drawn(line: Line, panel: str) -> list[tuple[float, float, float, bool]]:
@@ -111,15 +91,15 @@ def error_at(line: Line, panel: str, product: float) -> float | None:
 
 
 def _draw_line(axes: Any, line: Line, panel: str, number: int) -> None:
-    marker, colour = STYLES.get(line.name) or VARIANTS.get(line.name, (".", "#20304a"))
+    marker, colour = STYLES.get(line.name) or VARIANTS.get(line.name, (".", INK))
     rows = drawn(line, panel)
     if not rows:
         return
-    fill = colour if number == 0 else "white"
+    fill = fill_of(number, colour)
     if len(rows) > 1:
         # a line through bounds would show what was not seen
         sizes = [np.nan if r[3] else 100.0 * r[1] for r in rows]
-        axes.plot([r[0] for r in rows], sizes, ls=LINES[number % len(LINES)], lw=1.2, color=colour, zorder=2)
+        axes.plot([r[0] for r in rows], sizes, ls=line_of(number), lw=1.2, color=colour, zorder=2)
     for seen in (True, False):
         chosen = [r for r in rows if r[3] != seen]
         if not chosen:
@@ -137,7 +117,7 @@ def _mark_default(axes: Any, run: IntegratorsBench, panel: str) -> None:
     error = error_at(line, panel, run.default_product)
     if error is not None:
         time = line.time(run.default_product)
-        axes.plot([time], [100.0 * error], marker="o", ms=15, mfc="none", mec="#20304a", mew=1.4, ls="none", zorder=4)
+        axes.plot([time], [100.0 * error], marker="o", ms=15, mfc="none", mec=INK, mew=1.4, ls="none", zorder=4)
 
 
 def _legend(runs: Sequence[IntegratorsBench]) -> list[Any]:
@@ -148,15 +128,10 @@ def _legend(runs: Sequence[IntegratorsBench]) -> list[Any]:
     looks = {**STYLES, **VARIANTS}
     handles = []
     for name, label in labels.items():
-        marker, colour = looks.get(name, (".", "#20304a"))
+        marker, colour = looks.get(name, (".", INK))
         style = "-" if name in STYLES else "none"
         handles.append(Line2D([], [], color=colour, marker=marker, ls=style, lw=1.2, label=label))
-    ring = {"marker": "o", "ms": 11, "mfc": "none", "mec": "#20304a", "ls": "none"}
+    ring = {"marker": "o", "ms": 11, "mfc": "none", "mec": INK, "ls": "none"}
     handles.append(Line2D([], [], label="the default at its own step", **ring))
     handles.append(Line2D([], [], color="#c8ced8", lw=3.0, label=f"{100.0 * WANTED:g} %"))
-    for number, run in enumerate(runs):
-        name = run.hardware if run.kind == "cuda" else f"{run.hardware}, one thread"
-        fill = "#20304a" if number == 0 else "white"
-        style = LINES[number % len(LINES)]
-        handles.append(Line2D([], [], color="#20304a", ls=style, marker="o", ms=5, mfc=fill, label=name))
-    return handles
+    return handles + run_handles(runs)

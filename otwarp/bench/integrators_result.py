@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from otwarp.bench.findings import BeadFindings, costs_of, positive
 from otwarp.bench.observables import OBSERVABLES, PANELS, Measured, worst
 from otwarp.bench.time_to_accuracy import Limit
 from otwarp.bench.timing import Spread
-from otwarp.errors import InputError
-
-FORMAT, VERSION = "otwarp bench integrators", 1
 
 WANTED = 0.01
 """Relative error to which the figure `time to 1 %` belongs."""
@@ -70,7 +66,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntegratorsBench:
+class IntegratorsBench(BeadFindings):
     """Error against run time of integrators, force models and precisions for one bead in one trap.
 
     Attributes:
@@ -106,6 +102,8 @@ class IntegratorsBench:
     references: dict[str, dict[str, Measured]]
     lines: tuple[Line, ...]
 
+    FORMAT = "otwarp bench integrators"
+
     def group(self, name: str) -> list[Line]:
         """The lines of a group."""
         return [line for line in self.lines if line.group == name]
@@ -114,17 +112,9 @@ class IntegratorsBench:
         """A line by its name; `KeyError` if it was not measured."""
         return {line.name: line for line in self.lines}[name]
 
-    def bead(self) -> str:
-        """The bead and its trap in words."""
-        b, s = self.beam, self.sphere
-        return (
-            f"r = {s['radius']:g} µm, n = {s['index']:g} in {b['medium_index']:g}, {b['kind']} beam, NA "
-            f"{b['numerical_aperture']:g}, {b['polarization']} polarization"
-        )
-
     def json(self) -> dict[str, Any]:
         """Plain data for `from_json`; what was not seen is null."""
-        data = {"format": FORMAT, "version": VERSION, **dataclasses.asdict(self)}
+        data = {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
         for line in data["lines"]:
             for point in line["points"]:
                 point["errors"] = {k: None if math.isnan(v["value"]) else v for k, v in point["errors"].items()}
@@ -137,9 +127,7 @@ class IntegratorsBench:
         Raises:
             KeyError, TypeError, ValueError: Not what `json` gave.
         """
-        fields = dict(data)
-        if (fields.pop("format"), fields.pop("version")) != (FORMAT, VERSION):
-            raise ValueError("another format or version")
+        fields = cls.fields_of(data)
         for name in ("powers", "relaxations", "lags"):
             fields[name] = tuple(fields[name])
         fields["lines"] = tuple(_line(dict(line)) for line in fields["lines"])
@@ -151,36 +139,6 @@ class IntegratorsBench:
         out.line(out.default)
         return out
 
-    def save(self, file: Path) -> None:
-        """Write as JSON, to a temporary file that then takes the name.
-
-        Raises:
-            InputError: The file cannot be written.
-        """
-        part = file.with_name(f".{file.name}.part")
-        try:
-            part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
-
-    @classmethod
-    def read(cls, file: Path) -> IntegratorsBench:
-        """What `save` wrote.
-
-        Raises:
-            InputError: No such file, or something else in it.
-        """
-        try:
-            return cls.from_json(json.loads(file.read_text("utf-8")))
-        except OSError as error:
-            raise InputError(f"--with {file} cannot be read: {error.strerror}") from error
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(
-                f"--with {file} is not what --json writes; allowed: a file of otwarp bench integrators"
-            ) from error
-
 
 def _line(data: dict[str, Any]) -> Line:
     points = []
@@ -188,15 +146,8 @@ def _line(data: dict[str, Any]) -> Line:
         if not set(point["errors"]) <= set(OBSERVABLES):
             raise ValueError("an unknown observable")
         errors = {k: Measured(math.nan, math.nan) if v is None else Measured(**v) for k, v in point["errors"].items()}
-        points.append(Point(product=_positive(point["product"]), errors=errors))
+        points.append(Point(product=positive(point["product"]), errors=errors))
     if not set(data["limits"]) <= set(PANELS):
         raise ValueError("an unknown panel")
     limits = {k: Limit(**v) for k, v in data["limits"].items()}
-    spreads = {key: Spread(**{k: _positive(v) for k, v in data[key].items()}) for key in ("cost", "ratio")}
-    return Line(**(data | spreads | {"points": tuple(points), "limits": limits}))
-
-
-def _positive(value: Any) -> float:
-    if not (isinstance(value, float) and math.isfinite(value) and value > 0.0):
-        raise ValueError("a number that is not positive")
-    return value
+    return Line(**(data | costs_of(data) | {"points": tuple(points), "limits": limits}))

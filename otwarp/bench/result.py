@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from otwarp.bench.findings import BeadFindings, costs_of
 from otwarp.bench.timing import Spread
-from otwarp.errors import InputError
 from otwarp.optics import Beam, Sphere
-
-FORMAT, VERSION = "otwarp bench forces", 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +58,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForcesBench:
+class ForcesBench(BeadFindings):
     """Error and cost of the force models for one bead in one trap.
 
     Attributes:
@@ -97,21 +92,19 @@ class ForcesBench:
     reference_error: float
     rows: tuple[Row, ...]
 
+    FORMAT = "otwarp bench forces"
+
     def row(self, name: str) -> Row:
         """The row of a rung; `KeyError` if it was not measured."""
         return {row.name: row for row in self.rows}[name]
 
     def bead(self) -> str:
         """The bead and its trap in words."""
-        b, s = self.beam, self.sphere
-        return (
-            f"r = {s['radius']:g} µm, n = {s['index']:g} in {b['medium_index']:g}, {b['kind']} beam, NA "
-            f"{b['numerical_aperture']:g}, {b['polarization']} polarization, {b['power']:g} mW"
-        )
+        return f"{super().bead()}, {self.beam['power']:g} mW"
 
     def json(self) -> dict[str, Any]:
         """Plain data for `from_json`."""
-        return {"format": FORMAT, "version": VERSION, **dataclasses.asdict(self)}
+        return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
 
     @classmethod
     def from_json(cls, data: Any) -> ForcesBench:
@@ -120,55 +113,16 @@ class ForcesBench:
         Raises:
             KeyError, TypeError, ValueError: Not what `json` gave.
         """
-        fields = dict(data)
-        if (fields.pop("format"), fields.pop("version")) != (FORMAT, VERSION):
-            raise ValueError("another format or version")
+        fields = cls.fields_of(data)
         rows = []
         for row in fields.pop("rows"):
-            spreads = {key: _positive(Spread(**row[key])) for key in ("cost", "ratio")}
             errors = None if row["errors"] is None else Errors(**{k: float(v) for k, v in row["errors"].items()})
-            rows.append(Row(**(row | spreads | {"errors": errors})))
+            rows.append(Row(**(row | costs_of(row) | {"errors": errors})))
         for name in ("spread", "probes"):
             fields[name] = tuple(fields[name])
         out = cls(**fields, rows=tuple(rows))
         out.bead()
         return out
-
-    def save(self, file: Path) -> None:
-        """Write as JSON, to a temporary file that then takes the name.
-
-        Raises:
-            InputError: The file cannot be written.
-        """
-        part = file.with_name(f".{file.name}.part")
-        try:
-            part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
-
-    @classmethod
-    def read(cls, file: Path) -> ForcesBench:
-        """What `save` wrote.
-
-        Raises:
-            InputError: No such file, or something else in it.
-        """
-        try:
-            return cls.from_json(json.loads(file.read_text("utf-8")))
-        except OSError as error:
-            raise InputError(f"--with {file} cannot be read: {error.strerror}") from error
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(
-                f"--with {file} is not what --json writes; allowed: a file of otwarp bench forces"
-            ) from error
-
-
-def _positive(spread: Spread) -> Spread:
-    if not all(isinstance(v, float) and math.isfinite(v) and v > 0.0 for v in vars(spread).values()):
-        raise ValueError("a time that is not positive")
-    return spread
 
 
 def beam_fields(beam: Beam) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from otwarp.bench.picture import pyplot, save_figure
 from otwarp.bench.speed_result import SpeedBench
 from otwarp.errors import InputError
 
@@ -16,17 +17,12 @@ def draw_speed(bench: SpeedBench, file: Path) -> None:
     Raises:
         InputError: The file cannot be written, or nothing was measured.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     units = list(dict.fromkeys(row.unit for row in bench.rows if row.rate is not None))
     if not units:
         raise InputError(f"--plot {file}: nothing was measured; allowed: a case that can run here")
     groups = [[row for row in bench.rows if row.unit == unit and row.rate is not None] for unit in units]
     heights = [len(group) for group in groups]
-    figure, panels = plt.subplots(
+    figure, panels = pyplot().subplots(
         len(units), 1, figsize=(9.0, 1.2 + 0.28 * sum(heights) + 0.6 * len(units)), layout="constrained",
         squeeze=False, gridspec_kw={"height_ratios": heights},
     )  # fmt: skip
@@ -42,12 +38,4 @@ def draw_speed(bench: SpeedBench, file: Path) -> None:
         axes.invert_yaxis()
         axes.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{bench.hardware}: otwarp, peers in grey, goals as red marks", fontsize=10)
-    part = file.with_name(f".{file.name}.part")
-    try:
-        figure.savefig(part, dpi=160, format="png")
-        part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"--plot {file} cannot be written: {error.strerror}") from error
-    finally:
-        plt.close(figure)
+    save_figure(figure, file)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from otwarp.bench.findings import Findings
 from otwarp.bench.timing import Spread
-from otwarp.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +40,7 @@ class SpeedRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpeedBench:
+class SpeedBench(Findings):
     """Speeds on one device.
 
     Attributes:
@@ -59,24 +57,12 @@ class SpeedBench:
     rounds: int
     rows: tuple[SpeedRow, ...]
 
+    FORMAT = "otwarp bench speed"
+
     def row(self, label: str) -> SpeedRow:
         """The row of that label; `KeyError` if there is none."""
         return {row.label: row for row in self.rows}[label]
 
     def json(self) -> dict[str, Any]:
         """Plain data."""
-        return {"format": "otwarp bench speed", "version": 1, **dataclasses.asdict(self)}
-
-    def save(self, file: Path) -> None:
-        """Write as JSON, to a temporary file that then takes the name.
-
-        Raises:
-            InputError: The file cannot be written.
-        """
-        part = file.with_name(f".{file.name}.part")
-        try:
-            part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
+        return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from otwarp.bench.findings import Findings
 from otwarp.bench.machine import Machine
 from otwarp.bench.stability_grids import GRIDS, Grid
 from otwarp.bench.stability_thermal import Effort
@@ -57,7 +56,7 @@ class GridResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityBench:
+class StabilityBench(Findings):
     """What `bench_stability` found.
 
     Attributes:
@@ -71,6 +70,8 @@ class StabilityBench:
     machine: dict[str, Any]
     effort: Effort
     grids: tuple[GridResult, ...]
+
+    FORMAT = "otwarp bench stability"
 
     @property
     def counts(self) -> dict[Verdict, int]:
@@ -86,8 +87,8 @@ class StabilityBench:
     def json(self) -> dict[str, Any]:
         """Plain data."""
         return {
-            "format": "otwarp bench stability",
-            "version": 1,
+            "format": self.FORMAT,
+            "version": self.VERSION,
             "kind": self.kind,
             "machine": self.machine,
             "effort": {name: value for name, value in vars(self.effort).items() if name != "device"},
@@ -97,20 +98,6 @@ class StabilityBench:
                 for g in self.grids
             ],
         }
-
-    def save(self, file: Path) -> None:
-        """Write as JSON, to a temporary file that then takes the name.
-
-        Raises:
-            InputError: The file cannot be written.
-        """
-        part = file.with_name(f".{file.name}.part")
-        try:
-            part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
 
 
 def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[Grid, ...]:

@@ -103,18 +103,13 @@ def _optics_table(rows: list[dict[str, Any]], root: str) -> Table:
     return table
 
 
-def _print(about: dict[str, Any]) -> None:
-    from rich.console import Console
+def _bodies_table(rows: list[dict[str, Any]], root: str) -> Table:
     from rich.table import Table
 
-    # a pipe or file has no width of its own: do not cut names there
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
-    root = about["root"].rstrip("/") + "/"
-    console.print(f"[bold]{about['scene']}[/bold]: {about['duration']:g} s at {about['frames_per_second']:g} frames/s")
     bodies = Table(
         "body", "kind", "spheres", "rods", "trapped", "collide", "D_t (µm²/s)", "D_r (rad²/s)", title="Bodies"
     )
-    for row in about["bodies"]:
+    for row in rows:
         bodies.add_row(
             row["name"].removeprefix(root),
             row["kind"] if row["count"] == 1 else f"{row['count']} × {row['kind']}",
@@ -122,22 +117,29 @@ def _print(about: dict[str, Any]) -> None:
             f"{row['translational_diffusion']:.4g}",
             f"{row['rotational_diffusion']:.4g}",
         )
-    console.print(bodies)
-    if about["traps"]:
-        traps = Table("trap", "model", "power (mW)", "k_r (pN/µm)", "k_z (pN/µm)", "reach (µm)", "holds", title="Traps")
-        for row in about["traps"]:
-            traps.add_row(
-                row["name"].removeprefix(root),
-                row["model"].replace("_", " "),
-                f"{row['power']:g}",
-                f"{row['radial_stiffness']:.4g}",
-                f"{row['axial_stiffness']:.4g}",
-                "∞" if row["reach"] is None else f"{row['reach']:.4g}",
-                (row["holds"] or "–").removeprefix(root),
-            )
-        console.print(traps)
-    if about["optics"]:
-        console.print(_optics_table(about["optics"], root))
+    return bodies
+
+
+def _traps_table(rows: list[dict[str, Any]], root: str) -> Table:
+    from rich.table import Table
+
+    traps = Table("trap", "model", "power (mW)", "k_r (pN/µm)", "k_z (pN/µm)", "reach (µm)", "holds", title="Traps")
+    for row in rows:
+        traps.add_row(
+            row["name"].removeprefix(root),
+            row["model"].replace("_", " "),
+            f"{row['power']:g}",
+            f"{row['radial_stiffness']:.4g}",
+            f"{row['axial_stiffness']:.4g}",
+            "∞" if row["reach"] is None else f"{row['reach']:.4g}",
+            (row["holds"] or "–").removeprefix(root),
+        )
+    return traps
+
+
+def _scales_table(about: dict[str, Any]) -> Table:
+    from rich.table import Table
+
     scales = about["time_scales"]
     table = Table("quantity", "value", title="Time scales", show_header=False)
     for name, value in (
@@ -158,10 +160,31 @@ def _print(about: dict[str, Any]) -> None:
         ("steps of the run", f"{about['steps']:,}"),
     ):
         table.add_row(name, value)
-    console.print(table)
+    return table
+
+
+def _terms_table(about: dict[str, Any]) -> Table:
+    from rich.table import Table
+
     step = f"driver: {about['driver']}, {about['precision']}{', fast math' if about['fast_math'] else ''}"
     terms = Table("term", "compiled", "why", title=f"Terms of the step ({step})")
     for row in about["terms"]:
         terms.add_row(row["term"], "[green]in[/green]" if row["compiled"] else "[dim]out[/dim]", row["why"])
-    console.print(terms)
+    return terms
+
+
+def _print(about: dict[str, Any]) -> None:
+    from rich.console import Console
+
+    # a pipe or file has no width of its own: do not cut names there
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    root = about["root"].rstrip("/") + "/"
+    console.print(f"[bold]{about['scene']}[/bold]: {about['duration']:g} s at {about['frames_per_second']:g} frames/s")
+    console.print(_bodies_table(about["bodies"], root))
+    if about["traps"]:
+        console.print(_traps_table(about["traps"], root))
+    if about["optics"]:
+        console.print(_optics_table(about["optics"], root))
+    console.print(_scales_table(about))
+    console.print(_terms_table(about))
     console.print(f"Memory for {about['worlds']} world(s) on {about['device']}: {about['memory'] / 1024:,.1f} KiB")

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -27,6 +27,9 @@ from otwarp.cli.options import (
     worlds_option,
 )
 from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.scene.description import Scene
 
 
 @click.command()
@@ -80,16 +83,12 @@ def run(
     summary.json and figure.png.
     """
     from otwarp.record.run import record_run
-    from otwarp.scene.description import Scene
 
     if not (math.isfinite(trap_speed) and trap_speed > 0.0):
         raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0 and finite")
     if resume is not None:
         _refuse_with_resume(context)
-    # the traps are sped up after loading, so the samples must cover the stretched time
-    loaded = Scene.load(scene, duration=None if duration is None else duration * trap_speed)
-    if trap_speed != 1.0:
-        loaded = loaded.with_trap_speed(trap_speed)
+    loaded = _load(scene, duration, trap_speed)
     folder = out or Path("out") / scene.stem
     with _progress_bar(loaded.settings.duration) as progress:
         summary = record_run(
@@ -114,6 +113,15 @@ def run(
         click.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         _print(summary, folder)
+
+
+def _load(file: Path, duration: float | None, trap_speed: float) -> Scene:
+    """The scene, for `duration` seconds if given, with its traps played that much faster."""
+    from otwarp.scene.description import Scene
+
+    # the traps are sped up after loading, so the samples must cover the stretched time
+    scene = Scene.load(file, duration=None if duration is None else duration * trap_speed)
+    return scene.with_trap_speed(trap_speed) if trap_speed != 1.0 else scene
 
 
 def _refuse_with_resume(context: click.Context) -> None:

@@ -49,15 +49,9 @@ class SideSums:
 
 @wp.func
 def balance(
-    data: ExactData,
-    m: int,
-    now: int,
-    above: int,
-    share: wp.float64,
-    a: wp.array(dtype=wp.vec2d),
-    b: wp.array(dtype=wp.vec2d),
-    sums: SideSums,
-) -> SideSums:
+    data: ExactData, m: int, now: int, above: int, share: wp.float64, a: wp.array(dtype=wp.vec2d),
+    b: wp.array(dtype=wp.vec2d), sums: SideSums,
+) -> SideSums:  # fmt: skip
     """Add the momentum that the waves of m exchange among each other (axial, times `share`) and with m + 1 (radial).
 
     cos t couples n to n ± 1 at the same m, sin t exp(ip) couples them from m to m + 1; the factors are those of

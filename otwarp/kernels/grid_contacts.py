@@ -17,7 +17,8 @@ from otwarp.kernels.excursion import least_load, shared_load
 from otwarp.kernels.faults import Fault, finite, raise_fault
 from otwarp.kernels.features import Features
 from otwarp.kernels.grid_data import GridData, PushData
-from otwarp.kernels.grid_lists import contact_store_terms, free_opening_term
+from otwarp.kernels.grid_lists import free_opening_term
+from otwarp.kernels.grid_store import contact_store_terms
 from otwarp.kernels.types import ModelData, Move, ReadoutData
 
 RELAXATIONS = 32
@@ -112,6 +113,32 @@ def gap_error(c: Contact, load: float, overlap: float) -> float:
     return wp.where(c.least > c.floor and load <= c.least, wp.max(error, 0.0), wp.abs(error))
 
 
+@wp.func
+def end_overlap(c: Contact, give: float, reach: float) -> float:
+    """Backward Euler of this contact alone, as if its whole world gave way by `give`: overlap at the end [µm]."""
+    end = float(0.0)
+    if reach > 0.0:
+        end = overlap_alone(c.hardness, give, reach)
+    return end
+
+
+@wp.func
+def momentum_of(c: Contact, give: float, end: float, start: float, load: float, sweep: int) -> float:
+    """What a sweep that led from `start` to `load` adds for the next [pN]; none where it went too far: restart."""
+    root = wp.sqrt(1.0 + 1.5 * give * c.hardness * wp.sqrt(end))
+    share = wp.min((root - 1.0) / (root + 1.0), float(sweep) / float(sweep + 3))
+    return wp.where((start - load) * (load - c.load) <= 0.0, share * (load - c.load), 0.0)
+
+
+@wp.func
+def larger_crowding(grid: GridData, world: int, c: Contact) -> float:
+    """Of both partners."""
+    crowding = grid.crowding[world, c.a]
+    if c.b >= 0:
+        crowding = wp.max(crowding, grid.crowding[world, c.b])
+    return crowding
+
+
 def least_load_term(f: Features) -> wp.Function:
     """`(grid, world, c) -> load` that keeps the excursions of a contact and of those that share a body with it out."""
     free_opening = free_opening_term(f)
@@ -175,21 +202,14 @@ def relax_body_term(f: Features) -> wp.Function:
         total = float(0.0)
         for i in range(count):
             c = read_contact(grid, row, i, a)
-            crowding = grid.crowding[world, a]
-            if c.b >= 0:
-                crowding = wp.max(crowding, grid.crowding[world, c.b])
             if sweep == 0 and c.wander > 0.0:
                 # of the free moves of this stage, which the integrator's second changes
                 c.least = shared_least(model, grid, world, c)
                 write_least(grid, row, i, c.least)
             start = scale * grid.ahead[row, i]
-            give = crowding * c.give
+            give = larger_crowding(grid, world, c) * c.give
             overlap = c.overlap - opening(grid, before, world, c, scale)
-            # backward Euler of this contact alone, as if its whole world gave way by `give`
-            reach = overlap + give * (start - c.floor)
-            end = float(0.0)
-            if reach > 0.0:
-                end = overlap_alone(c.hardness, give, reach)
+            end = end_overlap(c, give, overlap + give * (start - c.floor))
             load = wp.max(c.floor + c.hardness * end * wp.sqrt(end), c.least)
             if wp.abs(load - start) * c.give > wp.static(SETTLED):
                 grid.moving[world, sweep] = 1
@@ -200,10 +220,7 @@ def relax_body_term(f: Features) -> wp.Function:
                 if gap_error(c, start, overlap) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
                     raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[0])
             else:
-                root = wp.sqrt(1.0 + 1.5 * give * c.hardness * wp.sqrt(end))
-                momentum = wp.min((root - 1.0) / (root + 1.0), float(sweep) / float(sweep + 3))
-                if (start - load) * (load - c.load) <= 0.0:  # else it went too far: restart
-                    ahead += momentum * (load - c.load)
+                ahead += momentum_of(c, give, end, start, load, sweep)
             write_load(grid, row, i, load)
             grid.ahead[row, i] = ahead
             linear += ahead * c.response_a.linear

@@ -7,85 +7,12 @@ from otwarp.kernels.detect import touch_term, touch_wall_term
 from otwarp.kernels.excursion import excursion_term, least_load, obstacle_name
 from otwarp.kernels.faults import Fault, raise_fault
 from otwarp.kernels.features import Features
-from otwarp.kernels.grid_data import GridData, Link, PushData, body_pose_term, whole_contacts
+from otwarp.kernels.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.grid_store import contact_store_terms
 from otwarp.kernels.neighbours import CROWDED, next_crowded_term
 from otwarp.kernels.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.travel import thermal_reach, wander_of
 from otwarp.kernels.types import ModelData, Move, Pose, ReadoutData, StateData
-
-
-def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
-    """Write and read entry k of a body's list, write its load, and write its least load.
-
-    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Unless
-    `whole_contacts`, an entry holds no arms, and of the responses the body's own along the normal alone.
-    """
-
-    @wp.func
-    def write_contact(grid: GridData, row: int, k: int, c: Contact):
-        """As it is."""
-        grid.contact[row, k] = c
-
-    @wp.func
-    def read_contact(grid: GridData, row: int, k: int, a: int) -> Contact:
-        """As it is."""
-        return grid.contact[row, k]
-
-    @wp.func
-    def write_contact_load(grid: GridData, row: int, k: int, load: float):
-        """Of a whole contact."""
-        grid.contact[row, k].load = load
-
-    @wp.func
-    def write_link_load(grid: GridData, row: int, k: int, load: float):
-        """Of a lone sphere's."""
-        grid.link[row, k].load = load
-
-    @wp.func
-    def write_contact_least(grid: GridData, row: int, k: int, least: float):
-        """Of a whole contact."""
-        grid.contact[row, k].least = least
-
-    @wp.func
-    def write_link_least(grid: GridData, row: int, k: int, least: float):
-        """Of a lone sphere's."""
-        grid.link[row, k].least = least
-
-    @wp.func
-    def write_link(grid: GridData, row: int, k: int, c: Contact):
-        """Without what a lone sphere has not."""
-        own = wp.dot(c.response_a.linear, c.normal)
-        grid.link[row, k] = Link(
-            c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give,
-            c.wander, c.layer, c.least, c.load,
-        )  # fmt: skip
-
-    @wp.func
-    def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
-        """With it."""
-        link = grid.link[row, k]
-        c = Contact()
-        c.a = a
-        c.b = link.b
-        c.normal = link.normal
-        c.radius = link.radius
-        c.overlap = link.overlap
-        c.hardness = link.hardness
-        c.force = link.force
-        c.floor = link.floor
-        c.stiffness = link.stiffness
-        c.drift = link.drift
-        c.response_a = Move(link.own * link.normal, wp.vec3(0.0))
-        c.give = link.give
-        c.wander = link.wander
-        c.layer = link.layer
-        c.least = link.least
-        c.load = link.load
-        return c
-
-    if whole_contacts(f):
-        return write_contact, read_contact, write_contact_load, write_contact_least
-    return write_link, read_link, write_link_load, write_link_least
 
 
 def free_opening_term(f: Features) -> wp.Function:
@@ -160,21 +87,23 @@ def list_contact_term(f: Features) -> wp.Function:
     return list_contact
 
 
-def sphere_contacts_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with others."""
-    touch = touch_term(f)
-    body_pose = body_pose_term(f)
-    list_contact = list_contact_term(f)
-    travel = travel_term(f)
-    next_crowded = next_crowded_term(f)
+def arm_term(f: Features) -> wp.Function:
+    """`(pose, sphere) -> arm` from a body's reference point to the centre of its sphere; a lone sphere has none."""
 
     @wp.func
     def arm_of(pose: Pose, sphere: wp.vec4) -> wp.vec3:
-        """From the body's reference point to the centre of its sphere; a lone sphere has none."""
+        """In world axes."""
         arm = wp.vec3(0.0)
         if wp.static(f.rigid):
             arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
         return arm
+
+    return arm_of
+
+
+def near_enough_term(f: Features) -> wp.Function:
+    """`(model, state, grid, world, a, e, j, centre) -> bool`: whether two spheres are to be looked at as a contact."""
+    arm_of, body_pose, travel = arm_term(f), body_pose_term(f), travel_term(f)
 
     @wp.func
     def near_enough(
@@ -197,12 +126,20 @@ def sphere_contacts_term(f: Features) -> wp.Function:
             near = square < far * far
         return near
 
+    return near_enough
+
+
+def with_sphere_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, a, e, j, pose, count, step) -> count`: sphere e of body a with sphere j."""
+    touch = touch_term(f)
+    arm_of, body_pose, list_contact = arm_term(f), body_pose_term(f), list_contact_term(f)
+
     @wp.func
     def with_sphere(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, j: int,
         pose: Pose, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """Sphere e of body a and sphere j."""
+        """As they touch now."""
         si = model.contact.sphere[e]
         sj = model.contact.sphere[j]
         b = model.contact.body[j]
@@ -210,6 +147,14 @@ def sphere_contacts_term(f: Features) -> wp.Function:
         arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
         c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
         return list_contact(model, readout, grid, world, world * model.bodies + a, count, c, e, j, step)
+
+    return with_sphere
+
+
+def sphere_contacts_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with others."""
+    arm_of, near_enough, with_sphere = arm_term(f), near_enough_term(f), with_sphere_term(f)
+    next_crowded = next_crowded_term(f)
 
     @wp.func
     def sphere_contacts(
@@ -244,7 +189,7 @@ def wall_term(f: Features) -> wp.Function:
     pose_at = moving_pose if f.moving_obstacles else still_pose
     distance_to = distance_term(f.obstacles)
     list_contact = list_contact_term(f)
-    travel = travel_term(f)
+    arm_of, travel = arm_term(f), travel_term(f)
 
     @wp.func
     def walls(
@@ -254,9 +199,7 @@ def wall_term(f: Features) -> wp.Function:
         """All obstacles: the lists say whether any is near."""
         time = wp.float64(step) * model.time_step
         s = model.contact.sphere[e]
-        arm = wp.vec3(0.0)
-        if wp.static(f.rigid):
-            arm = wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
+        arm = arm_of(pose, s)
         beyond = PUSHED * s[3]
         if wp.static(f.brownian):
             beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a)))

@@ -214,14 +214,13 @@ def run_of_three(n: NeighbourData, key: int) -> wp.vec2i:
     return wp.vec2i(start, wp.max(first[1], wp.max(second[1], third[1])))
 
 
-def make_list(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its elements): the neighbours of each, ascending; whether obstacles are near."""
-    element, name, apart, item = element_term(f), name_term(f), apart_term(f), cell_item_term(f)
-    walled = walled_term(f) if f.obstacles else None
+def insert_term(f: Features) -> wp.Function:
+    """`(grid, base, found, j)`: insert element j into the first `found` entries of the list that begins at `base`."""
+    name = name_term(f)
 
     @wp.func
     def insert(grid: GridData, base: int, found: int, j: int):
-        """Insert element j into the first `found` entries of a list, which ascend; there is room for one more."""
+        """They ascend, and there is room for one more."""
         n = grid.near
         own = name(grid, j)
         k = found
@@ -230,12 +229,19 @@ def make_list(f: Features) -> wp.Kernel:
             k -= 1
         n.neighbour[base + k * n.pitch] = j
 
+    return insert
+
+
+def search_term(f: Features) -> wp.Function:
+    """`(model, state, grid, world, i, centre, far, run, found) -> found`: list neighbours of i in a run of entries."""
+    element, apart, item, insert = element_term(f), apart_term(f), cell_item_term(f), insert_term(f)
+
     @wp.func
     def search(
         model: ModelData, state: StateData, grid: GridData, world: int, i: int, centre: wp.vec3, far: float,
         run: wp.vec2i, found: int,
     ) -> int:  # fmt: skip
-        """Add the neighbours among a run of sorted entries; `found` may go past the room there is."""
+        """Of sorted entries; `found` may go past the room there is."""
         n = grid.near
         for s in range(run[0], run[1]):
             j = item(n, s)
@@ -247,6 +253,14 @@ def make_list(f: Features) -> wp.Kernel:
                         insert(grid, i * n.stride, found, j)
                     found += 1
         return found
+
+    return search
+
+
+def make_list(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its elements): the neighbours of each, ascending; whether obstacles are near."""
+    element, search = element_term(f), search_term(f)
+    walled = walled_term(f) if f.obstacles else None
 
     @wp.func
     def list_one(model: ModelData, state: StateData, grid: GridData, world: int, i: int):

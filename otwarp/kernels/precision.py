@@ -40,6 +40,7 @@ SHARED = {
     "grid_data",
     "grid_lists",
     "grid_move",
+    "grid_store",
     "lane_groups",
     "lanes",
     "lanes_rigid",

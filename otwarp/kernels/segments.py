@@ -93,15 +93,15 @@ def segment_slope(obstacles: ObstacleData, o: int, other: Segment, rod: Segment,
     return wp.vec2(wp.dot(way, rod.half) / wp.max(distance * wp.length(rod.half), 1.0e-30), distance)
 
 
-def valley_term(slope_of: wp.Function) -> wp.Function:
-    """`(obstacles, o, other, rod, piece, pieces, reach) -> Valley` of one piece of a rod."""
+def crossing_term(slope_of: wp.Function) -> wp.Function:
+    """`(obstacles, o, other, rod, low, high, level, reach) -> t` where the slope of a rod reaches a level."""
 
     @wp.func
     def crossing(
         obstacles: ObstacleData, o: int, other: Segment, rod: Segment, low: float, high: float, level: float,
         reach: float,
     ) -> float:  # fmt: skip
-        """Where the slope, below `level` at low and not at high, reaches it."""
+        """By halving; the slope is below `level` at low and not at high."""
         a = float(low)
         b = float(high)
         for _ in range(HALVINGS):
@@ -112,11 +112,24 @@ def valley_term(slope_of: wp.Function) -> wp.Function:
                 b = t
         return b
 
+    return crossing
+
+
+def foot_term(slope_of: wp.Function) -> wp.Function:
+    """`(obstacles, o, other, rod, t, reach) -> t` of the perpendicular from the surface point that a rod sees at t."""
+
     @wp.func
     def foot(obstacles: ObstacleData, o: int, other: Segment, rod: Segment, t: float, reach: float) -> float:
-        """t of the foot of the perpendicular on the rod from the surface point that is nearest to it at t."""
+        """Foot of the perpendicular on the rod."""
         seen = slope_of(obstacles, o, other, rod, t, reach)
         return wp.clamp(t - seen[0] * seen[1] / wp.length(rod.half), -1.0, 1.0)
+
+    return foot
+
+
+def valley_term(slope_of: wp.Function) -> wp.Function:
+    """`(obstacles, o, other, rod, piece, pieces, reach) -> Valley` of one piece of a rod."""
+    crossing, foot = crossing_term(slope_of), foot_term(slope_of)
 
     @wp.func
     def valley(

@@ -125,10 +125,9 @@ def soft_contacts_term(f: Features) -> wp.Function:
     return soft_contacts
 
 
-def make_soft_step(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its slots): one step of one sphere, from the present places to the next."""
+def step_slot_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, world, i, block, k)`: one step of the sphere in slot i."""
     grid_move = grid_move_term(f)
-    draw_block = draw_block_term(f) if f.lanes else None
     contacts = soft_contacts_term(f)
     note_escapes = escape_term(f) if f.escapes else None
 
@@ -164,6 +163,14 @@ def make_soft_step(f: Features) -> wp.Kernel:
         if step + wp.int64(1) == grid.until[0]:
             readout.contact_force[world, b] = touch.force
             readout.contact_load[world, b] = touch.load
+
+    return step_slot
+
+
+def make_soft_step(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its slots): one step of one sphere, from the present places to the next."""
+    draw_block = draw_block_term(f) if f.lanes else None
+    step_slot = step_slot_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
     def soft_step(

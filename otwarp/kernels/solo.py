@@ -94,12 +94,58 @@ def note_escape(readout: ReadoutData, watch: Watch, world: int, trap: int, first
         readout.escape_step[world, trap] = first + wp.int64(wp.max(watch.escape, 1))
 
 
+@wp.struct
+class Watches:
+    """The views of `FEW_TRAPS` traps."""
+
+    first: Watch
+    second: Watch
+
+
+def start_watches_term(f: Features) -> wp.Function:
+    """`(traps, readout, bead, world, b) -> Watches` of the traps there are."""
+
+    @wp.func
+    def start_watches(traps: TrapData, readout: ReadoutData, bead: BeadConstants, world: int, b: int) -> Watches:
+        """Each as `start_watch`."""
+        watches = Watches()
+        watches.first = start_watch(traps, readout, bead, world, b, 0)
+        if wp.static(f.traps == FEW_TRAPS):
+            watches.second = start_watch(traps, readout, bead, world, b, 1)
+        return watches
+
+    return start_watches
+
+
+def look_term(f: Features) -> wp.Function:
+    """`(model, bead, watches, world, position, first, taken) -> Watches` after `taken` steps of a launch."""
+    watched = watch_term(f)
+
+    @wp.func
+    def look(
+        model: ModelData, bead: BeadConstants, watches: Watches, world: int, position: wp.vec3, first: wp.int64,
+        taken: int,
+    ) -> Watches:  # fmt: skip
+        """Each as `watched`."""
+        out = watches
+        out.first = watched(
+            model, bead, watches.first, bead.first, bead.first_command, world, 0, position, first, taken
+        )
+        if wp.static(f.traps == FEW_TRAPS):
+            out.second = watched(
+                model, bead, watches.second, bead.second, bead.second_command, world, 1, position, first, taken
+            )
+        return out
+
+    return look
+
+
 def make_bead_step(f: Features) -> wp.Kernel:
     """Step for lone spheres: whatever does not change over a launch is read once."""
     bead_constants = bead_constants_term(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
     watch = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
-    watched = watch_term(f)
+    start_watches, look = start_watches_term(f), look_term(f)
     note_escapes = escape_term(f) if f.escapes and not watch else None
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
@@ -121,22 +167,13 @@ def make_bead_step(f: Features) -> wp.Kernel:
             world = first_world + wp.tid() // wp.static(f.bodies)
         position = state.position[world, b]
         bead = bead_constants(model, control, world, b)
-        first = Watch()
-        second = Watch()
+        watches = Watches()
         if wp.static(watch):
-            first = start_watch(model.traps, readout, bead, world, b, 0)
-            if wp.static(f.traps == FEW_TRAPS):
-                second = start_watch(model.traps, readout, bead, world, b, 1)
+            watches = start_watches(model.traps, readout, bead, world, b)
         taken = int(0)
         for i in range(steps):
             if wp.static(watch):
-                first = watched(
-                    model, bead, first, bead.first, bead.first_command, world, 0, position, first_step, i
-                )  # fmt: skip
-                if wp.static(f.traps == FEW_TRAPS):
-                    second = watched(
-                        model, bead, second, bead.second, bead.second_command, world, 1, position, first_step, i
-                    )  # fmt: skip
+                watches = look(model, bead, watches, world, position, first_step, i)
             step = first_step + wp.int64(i)
             time = wp.float64(step) * model.time_step
             moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
@@ -155,15 +192,10 @@ def make_bead_step(f: Features) -> wp.Kernel:
             position = moved
         state.position[world, b] = position
         if wp.static(watch):
-            first = watched(
-                model, bead, first, bead.first, bead.first_command, world, 0, position, first_step, taken
-            )  # fmt: skip
-            note_escape(readout, first, world, 0, first_step)
+            watches = look(model, bead, watches, world, position, first_step, taken)
+            note_escape(readout, watches.first, world, 0, first_step)
             if wp.static(f.traps == FEW_TRAPS):
-                second = watched(
-                    model, bead, second, bead.second, bead.second_command, world, 1, position, first_step, taken
-                )  # fmt: skip
-                note_escape(readout, second, world, 1, first_step)
+                note_escape(readout, watches.second, world, 1, first_step)
 
     return bead_step
 

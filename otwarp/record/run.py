@@ -112,28 +112,37 @@ def record_run(
     _check_rate(rate)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
+    about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
+    about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
+    sim = _started(scene, resume, device, threads, about)
+    _check_step(sim, rate)
+    how: dict = {"frames_per_second": rate, "worlds": recorded_worlds, "forces": forces, "seed": sim.model.seed}
+    how |= {"time_step": sim.time_step, "held": sim.model.held, "method": Method.of(sim.model)}
+    with Recorder(sim.scene, Path(folder), **how) as recorder:
+        _frames(sim, recorder, rate, progress)
+    if checkpoint is not None:
+        sim.save(checkpoint)
+    return recorder.summary
+
+
+def _started(
+    scene: Scene, resume: str | Path | None, device: str | None, threads: int | None, about: dict
+) -> Simulation:
+    """The simulation at its start, made with the settings `about`, or as a checkpoint holds it."""
     if resume is not None:
-        sim = Simulation.restore(resume, scene, device=device, threads=threads)
-    else:
-        check_worlds(scene, worlds, device, precision)
-        about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
-        about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
-        sim = Simulation(scene, device=device, threads=threads, **about)
+        return Simulation.restore(resume, scene, device=device, threads=threads)
+    check_worlds(scene, about["worlds"], device, about["precision"])
+    return Simulation(scene, device=device, threads=threads, **about)
+
+
+def _check_step(sim: Simulation, rate: float) -> None:
+    """Refuse frames and lengths that do not suit the step, and a run that is over before it starts."""
     check_length(sim.scene.settings.duration, sim.time_step, rate)
     if sim.state.step >= round(sim.scene.settings.duration / sim.time_step):
         raise InputError(
             f"the run of the checkpoint is complete: it stands at {sim.time:.6g} s and the duration is "
             f"{sim.scene.settings.duration:g} s; allowed: a longer duration"
         )
-    run: dict = {"seed": sim.model.seed, "time_step": sim.time_step, "held": sim.model.held}
-    run["method"] = Method.of(sim.model)
-    with Recorder(
-        sim.scene, Path(folder), frames_per_second=rate, worlds=recorded_worlds, forces=forces, **run
-    ) as recorder:
-        _frames(sim, recorder, rate, progress)
-    if checkpoint is not None:
-        sim.save(checkpoint)
-    return recorder.summary
 
 
 def check_run(scene: Scene) -> list[str]:

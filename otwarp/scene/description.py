@@ -14,59 +14,14 @@ from typing import Literal
 
 import numpy as np
 
+from otwarp.scene.track import ByValue, Track
+
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
 
 OPTICAL_MODELS = ("table", "exact")
 """Force models of a trap that need no force curve."""
-
-
-def _same(a: object, b: object) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return np.array_equal(np.asarray(a), np.asarray(b))
-    if isinstance(a, tuple) and isinstance(b, tuple):
-        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
-    return a == b
-
-
-class _ByValue:
-    """Equality field by field, arrays included; fields declared `compare=False` do not count."""
-
-    def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other):
-            return NotImplemented
-        fields = dataclasses.fields(self)  # type: ignore[arg-type]
-        return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields if f.compare)
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Track(_ByValue):
-    """Time samples, interpolated linearly in between and held constant outside.
-
-    Attributes:
-        times: (n,) seconds from the start of the run, strictly increasing; n = 1 means constant.
-        values: (n, k) samples.
-    """
-
-    times: np.ndarray
-    values: np.ndarray
-
-    @classmethod
-    def constant(cls, value: object) -> Track:
-        """A track that never changes; `value` is a scalar or a vector."""
-        return cls(times=np.zeros(1), values=np.atleast_1d(np.asarray(value, dtype=float))[None, :])
-
-    @property
-    def animated(self) -> bool:
-        """Whether the value changes at all."""
-        return len(self.times) > 1 and bool(np.any(self.values != self.values[0]))
-
-    def at(self, time: float) -> np.ndarray:
-        """(k,) value at `time` [s]."""
-        return np.array([np.interp(time, self.times, column) for column in self.values.T])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +90,7 @@ class TrapLaw:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Trap(_ByValue):
+class Trap(ByValue):
     """An optical trap.
 
     Attributes:
@@ -275,7 +230,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Obstacle(_ByValue):
+class Obstacle(ByValue):
     """A rigid obstacle or wall, at rest or moving along time samples.
 
     Attributes:
@@ -357,7 +312,7 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scene(_ByValue):
+class Scene(ByValue):
     """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
 
     `file` is where it was read from (not part of equality).

@@ -17,23 +17,14 @@ from otwarp.kernels.features import Features
 from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Scene
 from otwarp.simulation.arrays import Place
-from otwarp.simulation.composition import check_settings, compose
-from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
-from otwarp.simulation.pack_bodies import is_rigid, mobilities, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.composition import check_settings
+from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.pack_bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_coupling import pack_coupling
-from otwarp.simulation.pack_traps import (
-    HeldSphere,
-    pack_flow,
-    pack_medium,
-    pack_traps,
-    rotate,
-    trap_parameters,
-    trap_places,
-    trap_reach,
-)
-from otwarp.simulation.pack_walls import check_flow, hydrodynamic_walls, pack_walls
-from otwarp.simulation.parameters import expand_all
-from otwarp.simulation.relaxation import Neighbours, TrapRelaxation, mean_point_mobility
+from otwarp.simulation.pack_traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
+from otwarp.simulation.pack_walls import hydrodynamic_walls, pack_walls
+from otwarp.simulation.relaxation import TrapRelaxation, mean_point_mobility
+from otwarp.simulation.resolved import ResolvedScene
 from otwarp.simulation.softness import soft_contacts
 from otwarp.simulation.timescales import TimeScales, time_scales, warn_of_lost_motion
 
@@ -118,59 +109,29 @@ class Model:
         Raises:
             InputError: Anything out of range.
         """
-        authored = scene
-        chosen = {"time_step": time_step, "integrator": integrator, "noise": noise}
-        kept = {name: value for name, value in chosen.items() if value is not None}
-        scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **kept))
-        _check(scene, worlds, seed)
+        asked = _with_settings(scene, time_step=time_step, integrator=integrator, noise=noise)
+        _check(asked, worlds, seed)
         place = pick_device(device)
-        moves = mobilities(scene)
-        overrides = expand_all(parameters or {}, worlds=worlds, traps=len(scene.traps))
-        _check_laws(scene, overrides)
-        optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], place)
-        scene = optics.resolve(scene)
-        values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
-        near = Neighbours.of(scene, values, optics.escape_distance())
-        held = near.held(scene)
-        features = compose(scene, values, optics, place, fast_math=fast_math, crossings=crossings, precision=precision)
-        check_flow(scene, values)
-        relaxation = TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held)
-        steepest = TrapRelaxation.of(scene, moves, optics.steepest(values), near, held)
-        scales = time_scales(
-            scene,
-            moves,
-            values,
-            relaxation,
-            steepest,
-            integrator=features.integrator,
-            contacts=features.contacts,
-            wanted=scene.settings.time_step,
-            from_scene=time_step is None and scene.file is not None,
-        )
-        soft = soft_contacts(scene, moves, values, features, scales.time_step)
-        features = dataclasses.replace(features, soft_contacts=soft)
-        warn_of_lost_motion(scene, moves, values, scales.time_step, brownian=features.brownian, precision=precision)
-        held_range = np.minimum(_held_range(scene, values, held), optics.escape_distance())
-        target = Place(place, precision)
-        data, meshes = _pack(scene, moves, values, features, optics, target)
-        data.traps = pack_traps(scene, values, _held_spheres(scene, held, moves), held_range, optics, target)
-        data.time_step = wp.float64(scales.time_step)
-        data.seed = wp.uint32(seed)
+        how = {"fast_math": fast_math, "crossings": crossings, "precision": precision}
+        known = ResolvedScene.of(asked, parameters or {}, place, worlds=worlds, **how)
+        scales = _time_scales(known, from_scene=time_step is None and scene.file is not None)
+        features = _stepped_features(known, scales.time_step)
+        data, meshes = _pack(known, features, scales.time_step, seed, Place(place, precision))
         return cls(
-            scene=scene,
-            authored=authored,
+            scene=known.scene,
+            authored=scene,
             worlds=worlds,
             seed=seed,
             device=place,
             features=features,
-            values=values,
-            overrides=overrides,
-            reference=np.array([m.reference for m in moves]).reshape(-1, 3),
-            held=held,
-            held_range=held_range,
-            relaxation=relaxation,
-            steepest=steepest,
-            optics=optics,
+            values=known.values,
+            overrides=known.overrides,
+            reference=known.reference,
+            held=known.held,
+            held_range=known.held_range,
+            relaxation=known.relaxation,
+            steepest=known.steepest,
+            optics=known.optics,
             scales=scales,
             data=data,
             meshes=meshes,
@@ -195,6 +156,12 @@ class Model:
         return position - rotate(orientation, self.reference)
 
 
+def _with_settings(scene: Scene, **settings: float | str | None) -> Scene:
+    """The same scene with those of the settings that are given."""
+    kept = {name: value for name, value in settings.items() if value is not None}
+    return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **kept))
+
+
 def _check(scene: Scene, worlds: int, seed: int) -> None:
     """Refuse what no model can be built from."""
     check_settings(scene)
@@ -207,47 +174,49 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
         raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
 
 
-def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
-    """Refuse parameters of a force law in a scene where no trap follows one; optical traps keep their own."""
-    named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
-    if named and scene.traps and all(trap.optical for trap in scene.traps):
-        trap = scene.traps[0]
-        raise InputError(
-            f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
-            "allowed: traps with model harmonic or piecewise"
-        )
+def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:
+    """The step, the scene's own if `from_scene`, and what limits it."""
+    return time_scales(
+        known.scene,
+        known.moves,
+        known.values,
+        known.relaxation,
+        known.steepest,
+        integrator=known.features.integrator,
+        contacts=known.features.contacts,
+        wanted=known.scene.settings.time_step,
+        from_scene=from_scene,
+    )
+
+
+def _stepped_features(known: ResolvedScene, time_step: float) -> Features:
+    """Terms of a step of that length [s]; warns of motion that it would lose."""
+    scene, moves, values, features = known.scene, known.moves, known.values, known.features
+    soft = soft_contacts(scene, moves, values, features, time_step)
+    how = {"brownian": features.brownian, "precision": features.precision}
+    warn_of_lost_motion(scene, moves, values, time_step, **how)
+    return dataclasses.replace(features, soft_contacts=soft)
 
 
 def _pack(
-    scene: Scene,
-    moves: list[BodyMobility],
-    values: Mapping[str, np.ndarray],
-    features: Features,
-    optics: TrapOptics,
-    device: Place,
+    known: ResolvedScene, features: Features, time_step: float, seed: int, place: Place
 ) -> tuple[ModelData, list[wp.Mesh]]:
-    """The kernels' view of all but the traps, and the meshes it refers to."""
-    data = device.typed(ModelData)()
+    """The kernels' view, and the meshes it refers to."""
+    scene, moves, values, optics = known.scene, known.moves, known.values, known.optics
+    data = place.typed(ModelData)()
     data.bodies = len(scene.bodies)
-    data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], device)
-    data.body = pack_bodies(scene, moves, optics, device)
-    data.contact = pack_contact(scene, moves, features.contacts, device, rods=features.rods)
-    data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), device)
-    data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], device)
-    data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), device)
-    data.coupling = pack_coupling(scene, moves, features.coupling, device)
+    data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
+    data.body = pack_bodies(scene, moves, optics, place)
+    data.contact = pack_contact(scene, moves, features.contacts, place, rods=features.rods)
+    data.obstacles, meshes = pack_obstacles(scene, bool(features.obstacles), place)
+    data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], place)
+    data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), place)
+    data.coupling = pack_coupling(scene, moves, features.coupling, place)
+    held = _held_spheres(scene, known.held, moves)
+    data.traps = pack_traps(scene, values, held, known.held_range, optics, place)
+    data.time_step = wp.float64(time_step)
+    data.seed = wp.uint32(seed)
     return data, meshes
-
-
-def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
-    """All parameters as the scene authors them, one row."""
-    return {
-        "medium_viscosity": np.array([scene.medium.viscosity]),
-        "medium_temperature": np.array([scene.medium.temperature]),
-        "flow_speed": np.array([scene.flow.speed if scene.flow else 0.0]),
-        "flow_shear_rate": np.array([scene.flow.shear_rate if scene.flow else 0.0]),
-        **trap_parameters(scene),
-    }
 
 
 def _held_spheres(scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]) -> list[HeldSphere]:
@@ -261,9 +230,3 @@ def _held_spheres(scene: Scene, held: tuple[tuple[int, int], ...], moves: list[B
         mobility = mean_point_mobility(moves[b], offset) if is_rigid(scene.bodies[b]) else moves[b].mobility[0, 0]
         spheres.append(HeldSphere(b, offset - moves[b].reference, float(mobility)))
     return spheres
-
-
-def _held_range(scene: Scene, values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]) -> np.ndarray:
-    """(1|W, T) distance at which the held sphere has escaped [µm], inf where a trap holds none."""
-    radii = np.array([scene.bodies[b].spheres[i].radius if b >= 0 else 1.0 for b, i in held])
-    return np.where([b >= 0 for b, _ in held], trap_reach(scene, values, radii), np.inf)

@@ -12,7 +12,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.integrators import INTEGRATORS, Integrator
 from otwarp.scene.description import Scene
 from otwarp.simulation.pack_walls import wall_time
 from otwarp.simulation.relaxation import TrapRelaxation
@@ -98,9 +98,10 @@ def _within(distance: float, speed: float) -> float | None:
 
 
 def _motions(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float, contacts: bool
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], contacts: bool
 ) -> dict[str, float | None]:
     """Times to be moved `TRAVEL_FRACTION` of the smallest colliding radius, and to turn by `TURN` [s]."""
+    viscosity = float(values["medium_viscosity"].min())
     turning = _within(TURN, turning_rate(scene, moves, values, viscosity))
     if not contacts:
         return dict.fromkeys(("diffusion", "travel", "settling", "adhesion")) | {"turning": turning}
@@ -124,6 +125,53 @@ _LIMITS = {
     "turning": "turning of rigid bodies by flow and weight",
 }
 """What the user is told when a time of `_motions` decides the step."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Up to which step an integrator is stable where forces are steepest.
+
+    Attributes:
+        product: Smallest unstable rate times step of the integrator [1].
+        rate: Fastest relaxation there, with the bodies where they start [1/s].
+        body: Name of the body it belongs to.
+        utmost: The same with coupled bodies as near to each other as they can come [1/s].
+    """
+
+    product: float
+    rate: float
+    body: str | None
+    utmost: float
+
+    @classmethod
+    def of(cls, scheme: Integrator, steepest: TrapRelaxation, powers: np.ndarray) -> Stability:
+        """From the rates where forces are steepest, at the powers (T,) [mW]."""
+        return cls(scheme.stable, *steepest.fastest(powers), steepest.fastest(powers, anywhere=True)[0])
+
+    @property
+    def largest(self) -> float:
+        """Largest stable step with the bodies where they start [s], inf without traps."""
+        return self.product / self.rate if self.rate > 0.0 else math.inf
+
+    def check(self, wanted: float, what: str) -> None:
+        """Refuse an unstable step [s], called `what`; warn of one that becomes unstable where bodies meet.
+
+        Raises:
+            InputError: Not positive, or unstable; the message names the largest stable step.
+        """
+        if not 0.0 < wanted < math.inf:
+            raise InputError(f"{what} is {wanted:g} s; allowed: above 0 and below {self.largest:.4g} s")
+        if wanted >= self.largest:
+            raise InputError(
+                f"{what} {wanted:g} s is unstable: body {self.body} relaxes at {self.rate:.4g} 1/s; "
+                f"allowed: above 0 and below {self.largest:.4g} s"
+            )
+        if wanted * self.utmost >= self.product:
+            warnings.warn(
+                f"time step {wanted:g} s becomes unstable where all trapped bodies are as near to each other as they "
+                f"can come, because they are coupled; always stable: below {self.product / self.utmost:.4g} s",
+                stacklevel=3,
+            )
 
 
 def time_scales(
@@ -155,41 +203,17 @@ def time_scales(
     Raises:
         InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
     """
-    viscosity = float(values["medium_viscosity"].min())
     powers = authored_powers(scene, values)
     rate, stiffest = relaxation.fastest(powers)
-    rim, steepest_body = steepest.fastest(powers)
-    utmost, _ = steepest.fastest(powers, anywhere=True)
-    motions = _motions(scene, moves, values, viscosity, contacts)
+    scheme = INTEGRATORS[integrator]
+    stability = Stability.of(scheme, steepest, powers)
+    motions = _motions(scene, moves, values, contacts)
     wall = wall_time(scene, values)
-    scheme, accuracy = INTEGRATORS[integrator], scene.settings.accuracy
-    steep = scheme.rim_product(accuracy, scene.settings.noise)
-    limits = {
-        "trap relaxation and wanted accuracy": scheme.largest_product(accuracy) / rate if rate > 0.0 else math.inf,
-        "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
-        **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
-        "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
-        "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,
-        "frame interval": 1.0 / scene.settings.frames_per_second,
-    }
+    limits = _step_limits(scene, scheme, rate, stability, motions, wall)
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
-    stable = scheme.stable / rim if rim > 0.0 else math.inf
-    asked = f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step"
     if wanted is not None:
-        if not 0.0 < wanted < math.inf:
-            raise InputError(f"{asked} is {wanted:g} s; allowed: above 0 and below {stable:.4g} s")
-        if wanted >= stable:
-            raise InputError(
-                f"{asked} {wanted:g} s is unstable: body {steepest_body} relaxes at {rim:.4g} 1/s; "
-                f"allowed: above 0 and below {stable:.4g} s"
-            )
-        if wanted * utmost >= scheme.stable:
-            warnings.warn(
-                f"time step {wanted:g} s becomes unstable where all trapped bodies are as near to each other as they "
-                f"can come, because they are coupled; always stable: below {scheme.stable / utmost:.4g} s",
-                stacklevel=2,
-            )
+        stability.check(wanted, f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step")
         step, chosen_by = wanted, "set by the user"
     return TimeScales(
         trap_relaxation=1.0 / rate if rate > 0.0 else None,
@@ -197,12 +221,39 @@ def time_scales(
         **motions,
         wall=wall,
         time_step=step,
-        largest_stable=stable,
+        largest_stable=stability.largest,
         integrator=integrator,
         variance_error=scheme.variance_error(rate * step) if rate > 0.0 else 0.0,
         rate_error=scheme.rate_error(rate * step) if rate > 0.0 else 0.0,
         chosen_by=chosen_by,
     )
+
+
+def _step_limits(
+    scene: Scene,
+    scheme: Integrator,
+    rate: float,
+    stability: Stability,
+    motions: Mapping[str, float | None],
+    wall: float | None,
+) -> dict[str, float]:
+    """Longest step [s] that each of what limits it allows, by what the user is told of it.
+
+    Args:
+        rate: Fastest relaxation near the equilibria of the traps [1/s].
+        motions: As `_motions` gives them.
+        wall: As in `TimeScales`.
+    """
+    accuracy, rim, utmost = scene.settings.accuracy, stability.rate, stability.utmost
+    steep = scheme.rim_product(accuracy, scene.settings.noise)
+    return {
+        "trap relaxation and wanted accuracy": scheme.largest_product(accuracy) / rate if rate > 0.0 else math.inf,
+        "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
+        **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
+        "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
+        "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,
+        "frame interval": 1.0 / scene.settings.frames_per_second,
+    }
 
 
 def check_powers(model: Model, powers: np.ndarray) -> None:

@@ -1,0 +1,117 @@
+"""What follows from a scene and the user's parameters before the time step is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike
+
+from otwarp.errors import InputError
+from otwarp.hydrodynamics.mobility import BodyMobility
+from otwarp.kernels.features import Features
+from otwarp.scene.description import Scene
+from otwarp.simulation.composition import compose
+from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
+from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.pack_traps import trap_parameters, trap_places, trap_reach
+from otwarp.simulation.pack_walls import check_flow
+from otwarp.simulation.parameters import expand_all
+from otwarp.simulation.relaxation import Neighbours, TrapRelaxation
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResolvedScene:
+    """A scene with its mobilities, parameters, optics and rates.
+
+    Attributes:
+        moves: Mobility of each body.
+        features: Terms of the step but for `soft_contacts`, which the time step decides.
+        scene, values, overrides, held, held_range, relaxation, steepest, optics: As in `Model`.
+    """
+
+    scene: Scene
+    moves: list[BodyMobility]
+    values: dict[str, np.ndarray]
+    overrides: dict[str, np.ndarray]
+    features: Features
+    held: tuple[tuple[int, int], ...]
+    held_range: np.ndarray
+    relaxation: TrapRelaxation
+    steepest: TrapRelaxation
+    optics: TrapOptics
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        parameters: Mapping[str, ArrayLike],
+        device: wp.Device,
+        *,
+        worlds: int,
+        fast_math: bool,
+        crossings: bool,
+        precision: str,
+    ) -> ResolvedScene:
+        """Resolve a scene; `parameters`, `fast_math`, `crossings` and `precision` as for `Model.build`.
+
+        Raises:
+            InputError: A parameter that does not apply or is out of range, or features that do not go together.
+        """
+        moves = mobilities(scene)
+        overrides = expand_all(parameters, worlds=worlds, traps=len(scene.traps))
+        _check_laws(scene, overrides)
+        optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], device)
+        scene = optics.resolve(scene)
+        values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
+        near = Neighbours.of(scene, values, optics.escape_distance())
+        held = near.held(scene)
+        features = compose(scene, values, optics, device, fast_math=fast_math, crossings=crossings, precision=precision)
+        check_flow(scene, values)
+        return cls(
+            scene=scene,
+            moves=moves,
+            values=values,
+            overrides=overrides,
+            features=features,
+            held=held,
+            held_range=np.minimum(_held_range(scene, values, held), optics.escape_distance()),
+            relaxation=TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held),
+            steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held),
+            optics=optics,
+        )
+
+    @property
+    def reference(self) -> np.ndarray:
+        """(B, 3) reference point of each body in its prim's frame [µm]."""
+        return np.array([m.reference for m in self.moves]).reshape(-1, 3)
+
+
+def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
+    """Refuse parameters of a force law in a scene where no trap follows one; optical traps keep their own."""
+    named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
+    if named and scene.traps and all(trap.optical for trap in scene.traps):
+        trap = scene.traps[0]
+        raise InputError(
+            f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
+            "allowed: traps with model harmonic or piecewise"
+        )
+
+
+def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
+    """All parameters as the scene authors them, one row."""
+    return {
+        "medium_viscosity": np.array([scene.medium.viscosity]),
+        "medium_temperature": np.array([scene.medium.temperature]),
+        "flow_speed": np.array([scene.flow.speed if scene.flow else 0.0]),
+        "flow_shear_rate": np.array([scene.flow.shear_rate if scene.flow else 0.0]),
+        **trap_parameters(scene),
+    }
+
+
+def _held_range(scene: Scene, values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]) -> np.ndarray:
+    """(1|W, T) distance at which the held sphere has escaped [µm], inf where a trap holds none."""
+    radii = np.array([scene.bodies[b].spheres[i].radius if b >= 0 else 1.0 for b, i in held])
+    return np.where([b >= 0 for b, _ in held], trap_reach(scene, values, radii), np.inf)
