@@ -99,7 +99,7 @@ def make_advance(f: Features) -> wp.Kernel:
             if wp.static(f.rigid):
                 grid.turning[world, b] = drift.angular
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData, size: int):
         """`size` bodies of a world."""
         world, share = wp.tid()
@@ -167,7 +167,7 @@ def make_commit(f: Features) -> wp.Kernel:
                     centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
                 watch_move(grid.near, world * grid.near.elements + e, centre)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def commit(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
         size: int,
@@ -184,7 +184,7 @@ def make_move_traps(f: Features) -> wp.Kernel:
     """Kernel over (world, trap): move the foci towards their commands within their speed limits."""
     move_trap = move_trap_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def move_traps(model: ModelData, control: ControlData, state: StateData, grid: GridData):
         """One focus."""
         world, trap = wp.tid()

@@ -172,7 +172,7 @@ def make_correct(f: Features) -> wp.Kernel:
         if wp.static(f.rigid):
             grid.angular[world, b] = angular + angular_part(change)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def correct(
         model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, size: int
     ):  # fmt: skip

@@ -68,14 +68,14 @@ class Integrator:
         decay = self.decay(z)
         return -math.log(decay) / z - 1.0 if z < self.stable and decay > 0.0 else math.inf
 
-    def largest_product(self, accuracy: float) -> float:
-        """Largest z = k·dt, up to `LONGEST`, at which both errors stay within `accuracy`."""
+    def largest_product(self, accuracy: float, noise: str = "gaussian") -> float:
+        """Largest z = k·dt, up to `LONGEST`, at which both errors stay within `accuracy`; less with uniform noise."""
         low, high = 0.0, LONGEST
         for _ in range(60):
             z = 0.5 * (low + high)
             good = max(abs(self.variance_error(z)), abs(self.rate_error(z))) <= accuracy
             low, high = (z, high) if good else (low, z)
-        return low
+        return min(low, self.rim_product(accuracy, noise)) if noise == "uniform" else low
 
     def rim_product(self, accuracy: float, noise: str) -> float:
         """Largest z where a force is steepest; errors grow as its power `weak_order`, with uniform noise as itself."""

@@ -172,7 +172,7 @@ def make_soft_step(f: Features) -> wp.Kernel:
     draw_block = draw_block_term(f) if f.lanes else None
     step_slot = step_slot_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def soft_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, size: int
     ):

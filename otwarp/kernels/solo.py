@@ -149,7 +149,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     note_escapes = escape_term(f) if f.escapes and not watch else None
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def bead_step(
         model: ModelData,
         control: ControlData,
@@ -206,7 +206,7 @@ def make_body_step(f: Features) -> wp.Kernel:
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     note_escapes = escape_term(f) if f.escapes else None
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def body_step(
         model: ModelData,
         control: ControlData,

@@ -319,7 +319,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     move_traps = move_traps_term(f) if f.speed_limits else None
     load_bodies, store_bodies, finish = load_bodies_term(f), store_bodies_term(f), finish_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": f.fast_math})
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def world_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
         first_step: wp.int64, steps: int,

@@ -244,10 +244,13 @@ def _step_limits(
         motions: As `_motions` gives them.
         wall: As in `TimeScales`.
     """
-    accuracy, rim, utmost = scene.settings.accuracy, stability.rate, stability.utmost
-    steep = scheme.rim_product(accuracy, scene.settings.noise)
+    accuracy, noise = scene.settings.accuracy, scene.settings.noise
+    rim, utmost = stability.rate, stability.utmost
+    steep = scheme.rim_product(accuracy, noise)
     return {
-        "trap relaxation and wanted accuracy": scheme.largest_product(accuracy) / rate if rate > 0.0 else math.inf,
+        "trap relaxation and wanted accuracy": scheme.largest_product(accuracy, noise) / rate
+        if rate > 0.0
+        else math.inf,
         "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
