@@ -157,8 +157,12 @@ def _table(setting: Setting, *, rung: str, integrator: str = EULER, fast_math: b
     return simulated(what.scene(found), setting, PARTICLES, time_step=what.time_step, **how)
 
 
-def table_robot() -> Scene:
-    """Five spheres in a shallow U, tabulated traps on both ends and the middle."""
+REACH = 1.0
+"""Where the traps of `table_robot` end when they are cut off: within it a trap acts on its own sphere alone [µm]."""
+
+
+def table_robot(reach: float = math.inf) -> Scene:
+    """Five spheres in a shallow U, tabulated traps on both ends and the middle, felt up to `reach` [µm]."""
     what = robot()
     traps = tuple(
         Trap(
@@ -168,14 +172,15 @@ def table_robot() -> Scene:
             model="table",
             numerical_aperture=1.2,
             holds=f"/World/robot/sphere{i}",
+            reach=reach,
         )
         for trap, i in zip(what.traps, HELD, strict=True)
     )
     return replace(what, traps=traps)
 
 
-def _robot(setting: Setting, **how: Any) -> Runner:
-    return simulated(table_robot(), setting, ROBOTS, **how)
+def _robot(setting: Setting, *, reach: float = math.inf, **how: Any) -> Runner:
+    return simulated(table_robot(reach), setting, ROBOTS, **how)
 
 
 def _crowd(setting: Setting, *, count: int, fast_math: bool = False) -> Runner:
@@ -238,6 +243,18 @@ def _delivery(setting: Setting, *, worlds: int) -> Runner:
     return Runner(step, count, count * sim.time_step)
 
 
+def _robots(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
+    """The robot in tables that act on all of its spheres, and in tables that end."""
+    for reach, ending in ((math.inf, ""), (REACH, f" that end at {REACH:g} µm")):
+        for fast in math_kinds:
+            for integrator in (EULER, DEFAULT):
+                math_kind = ", fast math" if fast else ""
+                label = f"five-element robot, three bilinear tables{ending}, {integrator}{math_kind}"
+                best = {"cpu": 1e7, "cuda": 2.5e10} if ending and integrator == EULER and fast == math_kinds[-1] else {}
+                make = p(_robot, reach=reach, integrator=integrator, fast_math=fast)
+                yield Workload(case="robot", label=label, make=make, unit="robot-steps/s", goals=best)
+
+
 def workloads(kind: str) -> Iterator[Workload]:
     """All rows for a kind of device, case by case."""
     math_kinds = (False,) if kind == "cpu" else (False, True)
@@ -266,12 +283,7 @@ def workloads(kind: str) -> Iterator[Workload]:
                 make = p(_table, rung=rung, integrator=integrator, fast_math=fast)
                 best = wanted if integrator == EULER and fast == math_kinds[-1] else {}
                 yield Workload(case="table", label=label, make=make, goals=best)
-    for fast in math_kinds:
-        for integrator in (EULER, DEFAULT):
-            label = f"five-element robot, three bilinear tables, {integrator}{', fast math' if fast else ''}"
-            best = {"cpu": 1e7, "cuda": 2.5e10} if integrator == EULER and fast == math_kinds[-1] else {}
-            make = p(_robot, integrator=integrator, fast_math=fast)
-            yield Workload(case="robot", label=label, make=make, unit="robot-steps/s", goals=best)
+    yield from _robots(math_kinds)
     for worlds in (1, 64) if kind == "cpu" else (1, 4096, 65536):
         label = f"cell delivery, {worlds} world{'s' if worlds > 1 else ''}, default integrator"
         wanted = {"cpu": 30.0} if worlds == 1 else {}
