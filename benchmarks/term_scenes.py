@@ -28,6 +28,7 @@ HARMONIC = TrapLaw(stiffness=50.0)
 CURVE = TrapLaw(stiffness=50.0, threshold=0.5, inverse_square=6.25)
 AXIAL = TrapLaw(stiffness=20.0, threshold=0.5, inverse_square=2.5)
 _BUSY: dict[str, Any] = {"axial": AXIAL, "moving": True, "cutoff": 3.0}
+EULER = "eulerMaruyama"
 STILL = Settings(brownian=False)
 THERMAL = Settings(brownian=True)
 ELEMENTS = ((-4.0, 1.0), (-2.0, 0.4), (0.0, 0.0), (2.0, 0.4), (4.0, 1.0))
@@ -84,6 +85,11 @@ def trap(
     )
 
 
+def table() -> Trap:
+    """The same trap as a table of exact forces."""
+    return replace(trap(), model="table", numerical_aperture=1.2)
+
+
 def robot_traps(**how: object) -> tuple[Trap, ...]:
     """Three traps on the handles and the hub of the robot."""
     chosen = (ELEMENTS[0], ELEMENTS[2], ELEMENTS[4])
@@ -129,20 +135,19 @@ def alone(*, settings: Settings = STILL, caught_by: Trap | None = None, **more: 
     return Scene(bodies=(bead(),), traps=traps, settings=settings, **more)  # type: ignore[arg-type]
 
 
-def held(*obstacles: Obstacle, collides: bool = True) -> Scene:
+def held(*obstacles: Obstacle, collides: bool = True, settings: Settings = STILL) -> Scene:
     """A bead in a harmonic trap with a speed limit, which makes one thread own the world with or without contact."""
-    return Scene(
-        bodies=(bead(collides=collides),), traps=(trap(law=HARMONIC, limit=1e6),), settings=STILL, obstacles=obstacles
-    )
+    caught_by = trap(law=HARMONIC, limit=1e6)
+    return Scene(bodies=(bead(collides=collides),), traps=(caught_by,), settings=settings, obstacles=obstacles)
 
 
-def two(*, gap: float, collides: bool) -> Scene:
+def two(*, gap: float, collides: bool, settings: Settings = STILL) -> Scene:
     """Two beads side by side, each in its own trap of a reach short of the other, pressed together or `gap` apart."""
     other = shift(PLACE, 2.0 * RADIUS + gap)
     bodies = (bead(collides=collides), bead(other, name="other", collides=collides))
     how = {"law": HARMONIC, "limit": 1e6, "cutoff": RADIUS}
     traps = (trap(**how), trap(other, **how, name="trap2"))
-    return Scene(bodies=bodies, traps=traps, settings=STILL)
+    return Scene(bodies=bodies, traps=traps, settings=settings)
 
 
 def crowd(*, collides: bool) -> Scene:
@@ -180,6 +185,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "noise, harmonic": lambda: alone(settings=THERMAL, caught_by=trap(law=HARMONIC)),
     "piecewise": lambda: alone(caught_by=trap()),
     "radial and axial": lambda: alone(caught_by=trap(axial=AXIAL)),
+    "piecewise, one stage": lambda: alone(settings=replace(STILL, integrator=EULER), caught_by=trap()),
+    "table": lambda: alone(caught_by=table()),
     "moving": lambda: alone(caught_by=trap(moving=True)),
     "limited": lambda: alone(caught_by=trap(moving=True, limit=1e6)),
     "reach": lambda: alone(caught_by=trap(cutoff=3.0)),
@@ -190,6 +197,10 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "bead, all": lambda: alone(
         settings=replace(THERMAL, gravity=True), caught_by=trap(**_BUSY), flow=flow("poiseuille")
     ),
+    "noise, three-point": lambda: alone(settings=replace(THERMAL, noise="threePoint")),
+    "noise, hydrodynamic plane": lambda: alone(
+        settings=THERMAL, obstacles=(replace(obstacle("plane", gap=1.0), hydrodynamic=True),)
+    ),
     "robot": lone_robot,
     "robot, noise": lambda: lone_robot(settings=THERMAL),
     "robot, traps": lambda: lone_robot(settings=THERMAL, traps=robot_traps(cutoff=np.inf)),
@@ -199,6 +210,10 @@ SCENES: dict[str, Callable[[], Scene]] = {
     **{f"{s}, near": partial(lambda s: held(obstacle(s, gap=-PRESS)), s) for s in ("plane", "box", "cylinder", "mesh")},
     **{f"{s}, far": partial(lambda s: held(obstacle(s, gap=FAR)), s) for s in ("plane", "box", "cylinder", "mesh")},
     "moving box, near": lambda: held(obstacle("box", gap=-PRESS, moving=True)),
+    "held, noise": lambda: held(collides=False, settings=THERMAL),
+    "plane, noise": lambda: held(obstacle("plane", gap=-PRESS), settings=THERMAL),
+    "two, noise": lambda: two(gap=1.0, collides=False, settings=THERMAL),
+    "two, coupled": lambda: two(gap=1.0, collides=False, settings=replace(THERMAL, coupling=True)),
     "two, through each other": lambda: two(gap=-PRESS, collides=False),
     "two, near": lambda: two(gap=-PRESS, collides=True),
     "two, far": lambda: two(gap=FAR, collides=True),
@@ -221,12 +236,16 @@ class Comparison:
 
 COMPARISONS: tuple[Comparison, ...] = (
     Comparison("Brownian noise", "bead", "noise"),
+    Comparison("… three-point instead of Gaussian", "noise", "noise, three-point"),
+    Comparison("… a hydrodynamic plane 1 µm away", "noise", "noise, hydrodynamic plane"),
     Comparison("harmonic trap", "bead", "harmonic"),
     Comparison("piecewise trap", "bead", "piecewise"),
     Comparison("… radial and axial curves instead of one", "piecewise", "radial and axial"),
     Comparison("… finite reach: escape detection", "piecewise", "reach"),
     Comparison(f"… moving on {KEYS} time samples", "piecewise", "moving"),
     Comparison("… speed limit", "moving", "limited"),
+    Comparison("… Heun's two stages instead of one", "piecewise, one stage", "piecewise"),
+    Comparison("tabulated trap, bilinear, 1e-3", "bead", "table"),
     Comparison("gravity", "bead", "gravity"),
     Comparison("uniform flow", "bead", "uniform"),
     Comparison("shear flow", "bead", "shear"),
@@ -244,7 +263,9 @@ COMPARISONS: tuple[Comparison, ...] = (
             Comparison(f"{shape}, touching", "held", f"{shape}, near", touching=True),
         )
     ),
+    Comparison("plane, touching, with noise: thermal excursions", "held, noise", "plane, noise", touching=True),
     Comparison("… the touching box moves", "box, near", "moving box, near", touching=True),
+    Comparison("hydrodynamic coupling of two beads", "two, noise", "two, coupled"),
     Comparison("body–body contact, far", "two, through each other", "two, far"),
     Comparison("body–body contact, touching", "two, through each other", "two, near", touching=True),
     Comparison("body–body contact in a crowd of 64", "crowd, through each other", "crowd"),

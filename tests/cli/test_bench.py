@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
@@ -135,3 +136,24 @@ def test_bad_input_of_integrators(arguments, words, capfd, tmp_path, monkeypatch
     for word in words:
         assert word in error
     assert list(tmp_path.iterdir()) == []
+
+
+def test_terms_prints_costs_and_writes_numbers(tmp_path, capfd, monkeypatch):
+    from otwarp.bench.beside import beside
+
+    code = beside("terms")
+    few = [c for c in code.COMPARISONS if c.with_ in ("noise", "harmonic")]
+    monkeypatch.setattr(code, "measure", functools.partial(code.measure, comparisons=few, beads=256))
+    file = tmp_path / "terms.json"
+    options = ["--rounds", "1", "--seconds", "0.001", "--bodies", "64", "--device", "cpu", "--json", str(file)]
+    assert main(["bench", "terms", *options]) == 0
+    out = capfd.readouterr().out
+    assert "Cost of each term" in out and "Brownian noise" in out
+    terms = json.loads(file.read_text())["terms"]["terms"]
+    assert set(terms) == {c.term for c in few}
+    assert terms["Brownian noise"]["on"]["median"] > 0.0
+
+
+def test_terms_refuses_a_time_that_is_none(capfd):
+    assert main(["bench", "terms", "--seconds", "-1"]) == 2
+    assert capfd.readouterr().err == "otwarp: --seconds is -1; allowed: above 0, up to 60\n"

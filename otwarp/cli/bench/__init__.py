@@ -11,6 +11,7 @@ COMMANDS = {
     "forces": "Error against run time of every force model.",
     "integrators": "Error against run time of integrators, force models and precisions.",
     "speed": "Steps per second of typical scenes, beside other programs.",
+    "terms": "What every term of the step costs, on and off.",
     "stability": "What happens to scenes that are hard to step.",
 }
 """Benchmarks and their one-line help; each lives in the module of its name and is imported when called."""

@@ -1,0 +1,44 @@
+"""`otwarp bench terms`: what every term of the step costs, on and off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from otwarp.cli.bench.options import print_table
+from otwarp.cli.options import device_option
+from otwarp.errors import InputError
+
+
+@click.command()
+@click.option("--rounds", type=click.IntRange(min=1), default=9, show_default=True, help="Pairs of samples of a term.")
+@click.option("--seconds", type=float, default=0.02, show_default=True, help="Length of one sample [s].")
+@click.option(
+    "--bodies",
+    type=click.IntRange(min=64),
+    metavar="N",
+    help="Bodies in all worlds together; default 4096, on CUDA 262144.",
+)
+@click.option("--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Write all numbers to FILE.")
+@device_option
+def terms(rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None) -> None:
+    """Each term of the step by two scenes that differ by it, measured in turns; then several together.
+
+    A scene pays for the terms it has: one that it lacks is neither compiled nor launched nor allocated. The scenes come
+    from the source's folder benchmarks/.
+    """
+    from otwarp.bench.beside import beside
+    from otwarp.device import pick_device
+
+    if not 0.0 < seconds <= 60.0:
+        raise InputError(f"--seconds is {seconds:g}; allowed: above 0, up to 60")
+    try:
+        code, report = beside("terms"), beside("report")
+    except ImportError as error:
+        raise InputError(f"otwarp bench terms needs a checkout of the source: {error}") from error
+    section = code.measure(pick_device(device).alias, rounds=rounds, seconds=seconds, bodies=bodies)
+    if json_file is not None:
+        report.save_json(json_file, [section])
+    for table in section.tables:
+        print_table(table.title, table.head, table.rows, table.note)
