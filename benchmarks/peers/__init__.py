@@ -11,5 +11,5 @@ with Gaussian ξ. Every file has `missing(kind) -> str | None`, why it cannot ru
 
 Case b: the soft Brownian spheres of `benchmarks.crowd`, in numbers in `case_b`. Every file has `missing(kind)` and a
 class `Peer(count, seed=…, kind=…)` with `name`, `step(steps)`, and `positions()`, (count, 3) in the order of the start
-[µm]. All draw Gaussian noise and make contacts explicitly; otwarp's are implicit.
+[µm]. All draw Gaussian noise and take the force at the start of the step, as otwarp does where contacts are so soft.
 """

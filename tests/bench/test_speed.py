@@ -17,7 +17,7 @@ from benchmarks.peers import c_bead
 from benchmarks.peers.case_b import spheres
 from otwarp.bench import beside as beside_module
 from otwarp.bench.beside import beside
-from otwarp.bench.speed import bench_speed
+from otwarp.bench.speed import Measured, bench_speed
 from otwarp.bench.speed_figure import draw_speed
 from otwarp.bench.speed_result import SpeedBench, SpeedRow
 from otwarp.bench.speed_table import HEAD, NOTHING, caption, table_rows
@@ -26,9 +26,12 @@ from otwarp.bench.workloads import (
     BEAD_PEERS,
     CASES,
     CROWD_PEERS,
+    LISTED,
     PARTICLES,
     RELAXATION,
+    Runner,
     Setting,
+    Workload,
     case_a,
     table_robot,
     workloads,
@@ -132,7 +135,7 @@ def own_crowd() -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", CROWD_PEERS)
 def test_a_crowd_of_a_peer_pushes_apart_what_touches(name, own_crowd):
-    """As many pairs touch, with as much energy, as in otwarp's own crowd, whose contact is implicit."""
+    """As many pairs touch, with as much energy, as in otwarp's own crowd."""
     code = beside(f"peers.{name}")
     if reason := code.missing("cpu"):
         pytest.skip(reason)
@@ -196,6 +199,18 @@ def test_the_robot_has_three_tables_and_a_full_mobility(device):
     assert model.features.rigid and model.features.driver == "solo"
     assert model.held == ((0, 0), (0, 2), (0, 4))
     assert all("table" in name for name in model.features.trap_models) and model.features.traps == 3
+
+
+def test_what_is_not_done_in_every_step_has_its_share(device):
+    taken: list[int] = []
+    setting = Setting(pick_device(device))
+    for least in (1, 50):
+        work = Workload(case="c", label="l", make=lambda _: Runner(taken.append, 1, 1), least_steps=least)
+        measured = Measured(work, work.make(setting), setting, 1e-9)
+        measured.sample()
+        assert taken[-1] == measured.steps >= least
+    crowds = [w for w in workloads("cpu") if w.case.startswith("crowd")]
+    assert len(crowds) == 3 * (1 + len(CROWD_PEERS)) and {w.least_steps for w in crowds} == {LISTED}
 
 
 @pytest.mark.parametrize("kind", ["cpu", "cuda"])
