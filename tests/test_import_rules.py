@@ -46,7 +46,8 @@ LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
 
 def room_of(path: Path) -> str:
     first = path.relative_to(PACKAGE).parts[0]
-    return first.removesuffix(".py")
+    # `python -m otwarp` is the command line
+    return "cli" if first == "__main__.py" else first.removesuffix(".py")
 
 
 def imports(path: Path) -> list[tuple[str, bool]]:

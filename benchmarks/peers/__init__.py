@@ -8,4 +8,8 @@ float32 (Ermak and McCammon 1978, doi:10.1063/1.436761):
 with Gaussian ξ. Every file has `missing(kind) -> str | None`, why it cannot run on `cpu` or `cuda` here, and a class
 `Peer(beads, relaxation=h, kick=s, seed=…, kind=…)` with `name`, `step(steps)`, which returns when the work is done, and
 `variance() -> float` of the distance from the trap along one axis, to be compared with s²/(1 − (1 − h)²).
+
+Case b: the soft Brownian spheres of `benchmarks.crowd`, in numbers in `case_b`. Every file has `missing(kind)` and a
+class `Peer(count, seed=…, kind=…)` with `name`, `step(steps)`, and `positions()`, (count, 3) in the order of the start
+[µm]. All draw Gaussian noise and take the force at the start of the step, as otwarp does where contacts are so soft.
 """

@@ -12,6 +12,7 @@ import ctypes
 import numpy as np
 
 from benchmarks.peers import c_bead
+from benchmarks.peers.case_b import spheres
 
 SKIN = 0.5
 """In diameters: lists last for about ten steps, and longer ones are slower."""
@@ -147,22 +148,16 @@ class Peer:
     name = "C, Verlet lists, gcc -O3 -march=native -ffast-math"
 
     def __init__(self, count: int, *, seed: int = 7, kind: str = "cpu"):
-        from benchmarks.crowd import DIFFUSED, RADIUS, SURFACE, start_places, time_step
-        from otwarp.scene.description import Medium
-
+        what = spheres(count)
         self.call = c_bead.compiled(c_bead.noise() + STEPS).crowd
         self.count, self.seed, self.taken, self.made = count, seed, 0, 0
         layout = [("place", np.float32, 3), ("id", np.uint32)]
         self.balls = np.zeros(count, dtype=layout)
-        self.balls["place"], self.balls["id"] = start_places(count), np.arange(count)
+        self.balls["place"], self.balls["id"] = what.start, np.arange(count)
         self.scratch = [np.zeros(count, dtype=layout), np.zeros(count, dtype=layout), np.zeros(3 * count, np.float32)]
         self.near = [np.zeros(count, np.int32), np.zeros(count * MOST, np.int32), np.zeros(1, np.int32)]
-        reduced = SURFACE.youngs_modulus / (2.0 * (1.0 - SURFACE.poisson_ratio**2))
-        diameter = 2.0 * RADIUS
-        mobility = time_step() / (6.0 * np.pi * Medium().viscosity * RADIUS)
-        kick = diameter * np.sqrt(2.0 * DIFFUSED)
-        hardness = 4.0 / 3.0 * np.sqrt(0.5 * RADIUS) * reduced
-        self.constants = [ctypes.c_float(v) for v in (diameter, hardness, mobility, kick, SKIN * diameter)]
+        law = (what.diameter, what.hardness, what.mobility, what.kick, SKIN * what.diameter)
+        self.constants = [ctypes.c_float(v) for v in law]
 
     def step(self, steps: int) -> None:
         arrays = [ctypes.c_void_p(a.ctypes.data) for a in (self.balls, *self.scratch)]

@@ -14,7 +14,7 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 
 SECONDS = 0.2
-"""Length of one measured call, unless a single step takes longer."""
+"""Length of one measured call, unless the least number of steps takes longer."""
 
 LEAST_STEPS = 200
 """Steps before variances are looked at: e^{−2·0.05·200} is nothing."""
@@ -28,7 +28,7 @@ class Measured:
 
     def __init__(self, work: Workload, runner: Runner, setting: Setting, seconds: float):
         self.work, self.runner, self.device = work, runner, setting.device
-        self.steps = calls_for(runner.step, setting.device, seconds)
+        self.steps = max(work.least_steps, calls_for(runner.step, setting.device, seconds))
         self.cores: list[float] = []
 
     def sample(self) -> float:

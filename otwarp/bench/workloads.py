@@ -31,6 +31,12 @@ SEED = 7
 
 EULER, DEFAULT = "eulerMaruyama", "heun"
 
+BEAD_PEERS = (
+    "numpy_bead", "c_bead", "numba_bead", "torch_bead", "jax_bead", "cupy_bead", "lammps_bead", "openmm_bead",
+)  # fmt: skip
+CROWD_PEERS = ("c_crowd", "numba_crowd", "lammps_crowd", "openmm_crowd")
+"""Modules of `benchmarks.peers`."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -86,6 +92,7 @@ class Workload:
         peer: Whether it is not otwarp's.
         kinds: Where it runs.
         wall: Whether it is timed by the wall on the CPU, too.
+        least_steps: In one measured call, so that what is not done in every step has its share.
     """
 
     case: str
@@ -96,6 +103,7 @@ class Workload:
     peer: bool = False
     kinds: tuple[str, ...] = ("cpu", "cuda")
     wall: bool = False
+    least_steps: int = 1
 
 
 def simulated(
@@ -157,6 +165,9 @@ def _table(setting: Setting, *, rung: str, integrator: str = EULER, fast_math: b
     return simulated(what.scene(found), setting, PARTICLES, time_step=what.time_step, **how)
 
 
+LISTED = 20
+"""Steps of case b in one measured call, at least: about two neighbour lists."""
+
 REACH = 1.0
 """Where the traps of `table_robot` end when they are cut off: within it a trap acts on its own sphere alone [µm]."""
 
@@ -191,14 +202,14 @@ def _crowd(setting: Setting, *, count: int, fast_math: bool = False) -> Runner:
     return Runner(crowd.step, crowd.count, crowd.count)
 
 
-def _crowd_peer(setting: Setting, *, count: int) -> Runner:
-    """The same spheres in C."""
-    code = beside("peers.c_crowd")
+def _crowd_peer(setting: Setting, *, count: int, module: str) -> Runner:
+    """The same spheres in another code."""
+    code = beside(f"peers.{module}")
     reason = code.missing(setting.kind)
     if reason:
         raise ImportError(reason)
     spheres = setting.count(count)
-    peer = code.Peer(spheres, seed=SEED)
+    peer = code.Peer(spheres, seed=SEED, kind=setting.kind)
     peer.step(20)
     return Runner(peer.step, spheres, spheres, name=f"{peer.name}, {spheres:.0e} spheres")
 
@@ -269,7 +280,7 @@ def workloads(kind: str) -> Iterator[Workload]:
         wanted = {"cuda": 2.9e11} if fast else {}
         label = f"bead in a spring, {EULER}, three-point noise{word}"
         yield Workload(case="bead", label=label, make=make, goals=wanted)
-    for module in ("numpy_bead", "c_bead", "numba_bead", "torch_bead", "jax_bead", "cupy_bead"):
+    for module in BEAD_PEERS:
         yield Workload(case="bead", label=module.removesuffix("_bead"), make=_peer(module), peer=True)
     if kind == "cuda":
         yield Workload(case="bead", label="cupy, fast intrinsics", make=_peer("cupy_bead", fast=True), peer=True)
@@ -294,9 +305,12 @@ def workloads(kind: str) -> Iterator[Workload]:
         for fast in math_kinds:
             label = f"case b, {count:.0e} spheres{', fast math' if fast else ''}"
             make, best = p(_crowd, count=count, fast_math=fast), wanted if fast == math_kinds[-1] else {}
-            yield Workload(case=f"crowd {count:.0e}", label=label, make=make, goals=best)
-        make = p(_crowd_peer, count=count)
-        yield Workload(case=f"crowd {count:.0e}", label=f"C, {count:.0e} spheres", make=make, peer=True)
+            case = f"crowd {count:.0e}"
+            yield Workload(case=case, label=label, make=make, goals=best, least_steps=LISTED)
+        for module in CROWD_PEERS:
+            label = f"{module.removesuffix('_crowd')}, {count:.0e} spheres"
+            make = p(_crowd_peer, count=count, module=module)
+            yield Workload(case=f"crowd {count:.0e}", label=label, make=make, peer=True, least_steps=LISTED)
     for worlds in (1_000, 10_000, 100_000) if kind == "cpu" else (1_000, 10_000, 100_000, 1_000_000):
         yield Workload(case="scaling", label=f"bead in a spring, {worlds:.0e} worlds", make=p(_many, worlds=worlds))
     if kind == "cpu":

@@ -82,15 +82,9 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
 
     @wp.func
     def of_few(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        bead: BeadConstants,
-        world: int,
-        b: int,
-        position: wp.vec3,
-        time: wp.float64,
-    ) -> kind:
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
         """Traps whose constants the sphere carries along."""
         command = bead.first_command
         if wp.static(not f.still_traps):
@@ -105,15 +99,9 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
 
     @wp.func
     def of_many(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        bead: BeadConstants,
-        world: int,
-        b: int,
-        position: wp.vec3,
-        time: wp.float64,
-    ) -> kind:
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
         """A loop over those within reach."""
         total = nothing()
         traps = int(wp.static(f.traps))
@@ -154,15 +142,9 @@ def bead_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        bead: BeadConstants,
-        world: int,
-        b: int,
-        position: wp.vec3,
-        time: wp.float64,
-    ) -> wp.vec3:
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> wp.vec3:  # fmt: skip
         """Traps, weight and flow."""
         force = wp.vec3(0.0)
         if wp.static(bool(f.trap_models)):
@@ -187,15 +169,9 @@ def bead_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def stiffness(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        bead: BeadConstants,
-        world: int,
-        b: int,
-        position: wp.vec3,
-        time: wp.float64,
-    ) -> wp.mat33:
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> wp.mat33:  # fmt: skip
         """That of the traps."""
         k = wp.mat33(0.0)
         if wp.static(bool(f.trap_models)):

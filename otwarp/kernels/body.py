@@ -50,15 +50,9 @@ def lifted(bead: Dynamics) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: BodyConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> vec6:
+    ) -> vec6:  # fmt: skip
         """Without rotation."""
         return twist(bead_drift(model, control, state, body.bead, world, b, pose.position, time), wp.vec3(0.0))
 
@@ -79,15 +73,9 @@ def lifted(bead: Dynamics) -> Dynamics:
 
     @wp.func
     def stiffness(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: BodyConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> mat66:
+    ) -> mat66:  # fmt: skip
         """Against displacement alone."""
         k = bead_stiffness(model, control, state, body.bead, world, b, pose.position, time)
         total = mat66(0.0)
@@ -110,15 +98,9 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: BodyConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> vec6:
+    ) -> vec6:  # fmt: skip
         """Whichever b is."""
         move = vec6()
         if body.turns != 0:
@@ -139,15 +121,9 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
 
     @wp.func
     def stiffness(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: BodyConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> mat66:
+    ) -> mat66:  # fmt: skip
         """Whichever b is."""
         k = mat66(0.0)
         if body.turns != 0:
@@ -193,15 +169,9 @@ def free_move_term(f: Features) -> wp.Function:
 
     @wp.func
     def free_move(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        world: int,
-        b: int,
-        pose: Pose,
-        step: wp.int64,
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, step: wp.int64,
         time: wp.float64,
-    ) -> Move:
+    ) -> Move:  # fmt: skip
         """Constants, then one step."""
         constants = constants_of(model, control, world, b)
         return as_move(move_freely(model, control, state, constants, world, b, pose, step, time))

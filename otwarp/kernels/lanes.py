@@ -95,17 +95,19 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
     return bead_lanes
 
 
-def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """What happens to a sphere at the start of a launch, in step k, and at the end."""
-    bead_constants = bead_constants_term(f)
-    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
-    watchers = f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
+def watchers_of(f: Features) -> int:
+    """How many traps a sphere in a lane watches itself: those whose constants it carries along."""
+    return f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
+
+
+def look_term(f: Features) -> wp.Function:
+    """`(model, lane, world, first, taken) -> (Watch, Watch)`: what the first two traps see after so many steps."""
+    watchers = watchers_of(f)
     watched = watch_term(f)
-    note_escapes = escape_term(f) if f.escapes and not watchers else None
 
     @wp.func
     def look(model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int) -> tuple[Watch, Watch]:
-        """What the first two traps see after so many steps."""
+        """Of those that there are."""
         bead = lane.bead
         one = lane.first
         two = lane.second
@@ -114,6 +116,17 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
         if wp.static(watchers > 1):
             two = watched(model, bead, two, bead.second, bead.second_command, world, 1, lane.position, first, taken)
         return one, two
+
+    return look
+
+
+def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """What happens to a sphere at the start of a launch, in step k, and at the end."""
+    bead_constants = bead_constants_term(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
+    watchers = watchers_of(f)
+    look = look_term(f)
+    note_escapes = escape_term(f) if f.escapes and not watchers else None
 
     @wp.func
     def start(
@@ -131,17 +144,9 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
 
     @wp.func
     def advance(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        lanes: wp.array(dtype=BeadLane),
-        g: int,
-        world: int,
-        b: int,
-        first: wp.int64,
-        k: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
+        lanes: wp.array(dtype=BeadLane), g: int, world: int, b: int, first: wp.int64, k: int,
+    ):  # fmt: skip
         """Look, move, and note escapes that nobody watches for."""
         if k < lanes[g].until:
             lane = lanes[g]
@@ -159,9 +164,8 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
                 if wp.static(note_escapes is not None):
                     left = Pose(here, wp.quat_identity())
                     reached = Pose(moved, wp.quat_identity())
-                    arrival = step + wp.int64(1)
                     later = time + model.time_step
-                    note_escapes(model, control, state, readout, world, b, left, reached, arrival, later)
+                    note_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

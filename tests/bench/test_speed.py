@@ -13,22 +13,35 @@ import pytest
 from scipy.spatial import cKDTree
 
 from benchmarks import crowd as crowd_module
-from benchmarks.peers import c_bead, c_crowd
+from benchmarks.peers import c_bead
+from benchmarks.peers.case_b import spheres
 from otwarp.bench import beside as beside_module
 from otwarp.bench.beside import beside
-from otwarp.bench.speed import bench_speed
+from otwarp.bench.speed import Measured, bench_speed
 from otwarp.bench.speed_figure import draw_speed
 from otwarp.bench.speed_result import SpeedBench, SpeedRow
 from otwarp.bench.speed_table import HEAD, NOTHING, caption, table_rows
 from otwarp.bench.timing import Spread
-from otwarp.bench.workloads import CASES, PARTICLES, RELAXATION, Setting, case_a, table_robot, workloads
+from otwarp.bench.workloads import (
+    BEAD_PEERS,
+    CASES,
+    CROWD_PEERS,
+    LISTED,
+    PARTICLES,
+    RELAXATION,
+    Runner,
+    Setting,
+    Workload,
+    case_a,
+    table_robot,
+    workloads,
+)
 from otwarp.cli.main import main
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
 
 BEADS = 512
-PEERS = ("numpy_bead", "c_bead", "numba_bead", "torch_bead", "jax_bead", "cupy_bead")
 CHANCE = 5.0 * math.sqrt(2.0 / (3 * BEADS))
 """5 standard errors of a variance from one snapshot of `BEADS` × 3 components."""
 
@@ -67,7 +80,7 @@ def test_every_code_of_a_case_does_the_work(found):
         assert row.check == pytest.approx(1.0, abs=CHANCE), row.label
 
 
-@pytest.mark.parametrize("name", PEERS)
+@pytest.mark.parametrize("name", BEAD_PEERS)
 def test_a_peer_runs_or_says_why_not(name, device):
     code, kind = beside(f"peers.{name}"), kind_of(device)
     other = "cuda" if kind == "cpu" else "cpu"
@@ -101,31 +114,70 @@ def test_the_compiled_peer_draws_what_its_polynomials_should():
     assert abs(np.corrcoef(later, x)[0, 1]) < 5.0 / math.sqrt(n)
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-def test_the_compiled_crowd_pushes_apart_what_touches():
-    """As many pairs touch as in otwarp's own crowd, whose contact is implicit: within 5 standard errors and 3 %."""
-    count = 4000
-    peer = c_crowd.Peer(count, seed=5)
-    crowd = beside("crowd").Crowd(count, pick_device("cpu"))
-    start = peer.positions()
-    assert np.array_equal(start, crowd.state.position.numpy()[0])
-    steps = 300
+CROWD, CROWD_STEPS = 4000, 300
+
+
+def touching(places: np.ndarray) -> np.ndarray:
+    """Distances of pairs that touch."""
+    place = places.astype(float)
+    near = cKDTree(place).query_pairs(2.0 * crowd_module.RADIUS, output_type="ndarray")
+    return np.linalg.norm(place[near[:, 0]] - place[near[:, 1]], axis=1)
+
+
+@pytest.fixture(scope="module")
+def own_crowd() -> tuple[np.ndarray, np.ndarray]:
+    """Places of otwarp's crowd at the start and the end."""
+    crowd = beside("crowd").Crowd(CROWD, pick_device("cpu"))
+    start = crowd.state.position.numpy()[0].copy()
+    crowd.step(CROWD_STEPS)
+    return start, crowd.state.position.numpy()[0]
+
+
+@pytest.mark.parametrize("name", CROWD_PEERS)
+def test_a_crowd_of_a_peer_pushes_apart_what_touches(name, own_crowd):
+    """As many pairs touch, with as much energy, as in otwarp's own crowd."""
+    code = beside(f"peers.{name}")
+    if reason := code.missing("cpu"):
+        pytest.skip(reason)
+    peer, what = code.Peer(CROWD, seed=5), spheres(CROWD)
+    start, end = own_crowd
+    assert np.allclose(peer.positions(), start, atol=1e-5)
     peer.step(100)
-    peer.step(steps - 100)
-    crowd.step(steps)
-    pairs = []
-    for place in (peer.positions(), crowd.state.position.numpy()[0]):
-        tree = cKDTree(place.astype(float))
-        near = tree.query_pairs(2.0 * crowd_module.RADIUS, output_type="ndarray")
-        pairs.append(len(near))
-        assert np.linalg.norm(place[near[:, 0]] - place[near[:, 1]], axis=1).min() > 1.0
-    # counts of rare pairs are nearly Poissonian
-    assert abs(pairs[0] - pairs[1]) < 5.0 * math.sqrt(sum(pairs)) + 0.03 * pairs[1]
-    assert peer.made > 10 and pairs[0] > 100
+    peer.step(CROWD_STEPS - 100)
+    own, theirs = touching(end), touching(peer.positions())
+    assert theirs.min() > 1.0 and len(theirs) > 100
+    # counts of rare pairs are nearly Poissonian: 5 standard errors and 3 %
+    assert abs(len(theirs) - len(own)) < 5.0 * math.sqrt(len(theirs) + len(own)) + 0.03 * len(own)
+    energies = [what.energy(d) / what.thermal for d in (theirs, own)]
+    chance = math.sqrt(sum(np.sum(e**2) for e in energies))
+    assert abs(energies[0].sum() - energies[1].sum()) < 5.0 * chance + 0.03 * energies[1].sum()
     # at most as far as free spheres, 2 D t along each axis, and at this density not much less
     moved = peer.positions().astype(float) - start
-    free = 2.0 * crowd_module.DIFFUSED * (2.0 * crowd_module.RADIUS) ** 2 * steps
+    free = what.kick**2 * CROWD_STEPS
     assert 0.6 * free < moved.var(axis=0).mean() < 1.1 * free
+    assert getattr(peer, "made", 11) > 10, "lists were not made anew"
+    assert peer.name and isinstance(code.missing("cuda"), str | None)
+
+
+@pytest.mark.parametrize("name", CROWD_PEERS)
+def test_a_pair_of_a_peer_moves_apart_as_hertz_says(name, monkeypatch):
+    code = beside(f"peers.{name}")
+    if reason := code.missing("cpu"):
+        pytest.skip(reason)
+    overlap, normal = 0.3, np.array([0.6, 0.0, 0.8])
+    start = np.array([[0.0, 0.0, 0.0], (2.0 - overlap) * normal, [9.0, 9.0, 9.0]], dtype=np.float32)
+    # a kick that is lost beside the force: 6e-4 µm in one step
+    what = replace(spheres(3), start=start, kick=1e-9)
+    monkeypatch.setattr(code, "spheres", lambda count: what)
+    peer = code.Peer(3)
+    peer.step(1)
+    moved = peer.positions().astype(float) - start
+    push = what.mobility * what.hardness * overlap**1.5 * normal
+    # float32 coordinates of about 1 µm, and half a per mille for a table
+    assert push @ normal > 1e-4
+    assert np.abs(moved[0] + push).max() < 2e-7 + 5e-4 * push.max()
+    assert np.abs(moved[1] - push).max() < 2e-7 + 5e-4 * push.max()
+    assert np.abs(moved[2]).max() < 2e-6
 
 
 def test_polynomials_are_as_good_as_float32():
@@ -147,6 +199,18 @@ def test_the_robot_has_three_tables_and_a_full_mobility(device):
     assert model.features.rigid and model.features.driver == "solo"
     assert model.held == ((0, 0), (0, 2), (0, 4))
     assert all("table" in name for name in model.features.trap_models) and model.features.traps == 3
+
+
+def test_what_is_not_done_in_every_step_has_its_share(device):
+    taken: list[int] = []
+    setting = Setting(pick_device(device))
+    for least in (1, 50):
+        work = Workload(case="c", label="l", make=lambda _: Runner(taken.append, 1, 1), least_steps=least)
+        measured = Measured(work, work.make(setting), setting, 1e-9)
+        measured.sample()
+        assert taken[-1] == measured.steps >= least
+    crowds = [w for w in workloads("cpu") if w.case.startswith("crowd")]
+    assert len(crowds) == 3 * (1 + len(CROWD_PEERS)) and {w.least_steps for w in crowds} == {LISTED}
 
 
 @pytest.mark.parametrize("kind", ["cpu", "cuda"])
