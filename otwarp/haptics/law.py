@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from otwarp.errors import InputError
+from otwarp.haptics.config import HandConfig
 from otwarp.haptics.types import SceneNow, TrapLaw, Vec3
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
@@ -257,3 +258,17 @@ class LocalModel:
             ]
             for now, then in zip(self._spheres, self._targets, strict=True)
         ]
+
+
+def local_model(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int] = ()) -> LocalModel:
+    """The local model of a hand: laws of its traps alone, sphere positions smoothed as its chain asks.
+
+    Raises:
+        InputError: A trap of the hand without a law, or as `LocalModel`.
+    """
+    for trap in config.traps:
+        if trap not in laws:
+            raise InputError(f"hand.traps has {trap}, which has no force law; allowed: {sorted(laws)}")
+    slow = config.chain.pose_filter
+    smoothing = slow.at(config.chain.rate).alpha if slow else 1.0
+    return LocalModel({trap: laws[trap] for trap in config.traps}, kinds, smoothing=smoothing)

@@ -49,9 +49,7 @@ class VelocityEstimate:
             slope = x - past[0] if past else 0.0
             past[:] = [x]
             return slope / self._period
-        n = 0
-        for before in past:
-            n += 1
+        for n, before in enumerate(past, 1):
             s = (x - before) / n
             if not low <= s <= high:
                 break
