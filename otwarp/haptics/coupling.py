@@ -10,8 +10,8 @@ class VirtualCoupling:
     """A massless proxy drawn by the hand through k_c and b_c, and by the force of the scene.
 
     0 = k_c(h − p) + b_c(ḣ − ṗ) + F(p). The proxy carries the traps and the hand feels F(p), which the coupling passes
-    on: a stiffness k and the coupling in series, k·k_c/(k + k_c) at rest. The coupling's own spring is solved implicitly;
-    F is that of the last period.
+    on: a stiffness k and the coupling in series, k·k_c/(k + k_c) at rest. The coupling's own spring is solved
+    implicitly; F is that of the last period.
 
     Source: Colgate, Stanley and Brown 1995, "Issues in the haptic display of tool use", IROS.
 

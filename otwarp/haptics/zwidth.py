@@ -1,10 +1,11 @@
 """Z-width on a virtual clock: the stiffest wall or spring that a bare device renders without sustaining a vibration.
 
-The device is a mass with viscous damping, m·ẍ = F − b·ẋ, integrated exactly over each period in which F is held. It is
-let go at rest where the wall pushes it with its starting force, and left alone: no hand damps it. A stiffness is stable
-if the vibration has died down, or is confined to less energy than it started with: the largest speed in the last quarter
-of the run is at most `REST` of the largest in the first. Colgate and Schenkel 1997 (Journal of Robotic Systems 14(1),
-37–47) give b > K·T/2 as the condition for a wall to be passive with any hand: K < 2b/T.
+The device is a mass with viscous damping, m·ẍ = F − b·ẋ, integrated exactly over each period in which F is held; no
+hand damps it. On a spring it is let go at rest where the spring pushes it with the starting force; on a wall it is let
+go at the surface, and a constant force of that size presses it in. A stiffness is stable if the vibration does not grow:
+the largest speed in the last quarter of the run is at most `REST` of the largest in the first. Colgate and Schenkel
+1997 (Journal of Robotic Systems 14(1), 37–47) give b > K·T/2 as the condition for a wall to be passive with any hand:
+K < 2b/T.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from otwarp.haptics.config import IDENTITY, ChainConfig, HandConfig, PassivityCo
 from otwarp.haptics.paper_mode import RELEASE_ALPHA, PaperForce
 from otwarp.haptics.types import DeviceSample, SceneNow, SphereNow, TrapNow, Vec3
 
-REST = 0.98
-"""Part of the first quarter's largest speed that the last may have. A linear loop grows or dies exponentially: over the
-runs used here the border moves by less than 1 % when this is 0.5."""
+REST = 1.0
+"""Part of the first quarter's largest speed that the last may have. A linear loop grows or dies exponentially, so that
+this is the border of stability itself; what a loop with passivity control does there is bounded, and dies by the
+device's own damping."""
 
 Render = Callable[[float, float], float]
 """(time [s], measured position [m]) → force [N]; called once per period."""
@@ -53,7 +55,7 @@ class Release:
     """How a run starts and ends.
 
     Attributes:
-        force: That the rendered spring pushes with at the start [N].
+        force: That the rendered spring pushes with at the start, or that presses on the wall [N].
         duration: Of the run [s].
     """
 
@@ -61,13 +63,15 @@ class Release:
     duration: float = 4.0
 
 
-def speeds(device: BareDevice, render: Render, *, start: float, rate: float, duration: float) -> list[float]:
-    """Largest speed [m/s] in each quarter of a run that starts at rest at `start` [m]."""
+def speeds(
+    device: BareDevice, render: Render, *, start: float, rate: float, duration: float, press: float = 0.0
+) -> list[float]:
+    """Largest speed [m/s] in each quarter of a run that starts at rest at `start` [m], pressed to −x by `press` [N]."""
     period, steps = 1.0 / rate, math.ceil(duration * rate)
     x, v, found = start, 0.0, [0.0] * 4
     for n in range(steps):
         force = render(n * period, device.measured(x))
-        x, v = device.advance(x, v, force, period)
+        x, v = device.advance(x, v, force - press, period)
         quarter = 4 * n // steps
         if not abs(v) < 1e6:
             found[quarter:] = [math.inf] * (4 - quarter)
@@ -84,18 +88,21 @@ def largest_stable(
     release: Release,
     low: float,
     high: float,
-    tolerance: float = 0.005,
+    wall: bool = False,
+    tolerance: float = 2e-4,
 ) -> float:
     """Largest stable stiffness [N/m] by bisection between `low` and `high`; `high` if that is stable, 0 if not `low`.
 
     Args:
         make: Renderer of a stiffness, in a state of its own.
+        wall: Whether it is one.
         tolerance: Relative width at which the bisection ends.
     """
 
     def stable(stiffness: float) -> bool:
-        found = speeds(device, make(stiffness), start=-release.force / stiffness, rate=rate, duration=release.duration)
-        return found[3] <= REST * found[0]
+        start, press = (0.0, release.force) if wall else (-release.force / stiffness, 0.0)
+        found = speeds(device, make(stiffness), start=start, rate=rate, duration=release.duration, press=press)
+        return math.isfinite(found[3]) and found[3] <= REST * found[0]
 
     if stable(high):
         return high
@@ -173,9 +180,11 @@ def chain_width(
     release = release or Release()
 
     def make(stiffness: float) -> Render:
-        return chain_renderer(chain, start=-release.force / stiffness, stiffness=stiffness, wall=wall, safety=safety)
+        start = 0.0 if wall else -release.force / stiffness
+        return chain_renderer(chain, start=start, stiffness=stiffness, wall=wall, safety=safety)
 
-    return largest_stable(make, device=device or BareDevice(), rate=chain.rate, release=release, low=1.0, high=high)
+    device = device or BareDevice()
+    return largest_stable(make, device=device, rate=chain.rate, release=release, low=1.0, high=high, wall=wall)
 
 
 def paper_width(
