@@ -38,7 +38,7 @@ class Chain:
 
     Attributes:
         asked: Force that was asked of safety in the last step [N].
-        complaint: Why the last step could not use the scene, or "".
+        complaint: What made the last fault, one line; "" since it was armed.
         safety, passivity, motion: Its parts.
     """
 
@@ -75,6 +75,7 @@ class Chain:
     def arm(self) -> None:
         """Allow force, from zero by the ramp; clears a fault. The watchdog begins to count anew."""
         self._scene_age = self._device_age = 0.0
+        self.complaint = ""
         self.safety.arm()
 
     def disarm(self) -> None:
@@ -130,7 +131,6 @@ class Chain:
         anchors = self._anchors
         if anew:
             anchors = {trap.index: trap.position for trap in scene.traps if trap.index in self.config.traps}
-        self.complaint = ""
         try:
             if len(anchors) < len(self.config.traps):
                 lacks = sorted(set(self.config.traps) - set(anchors))

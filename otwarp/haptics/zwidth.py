@@ -2,10 +2,10 @@
 
 The device is a mass with viscous damping, m·ẍ = F − b·ẋ, integrated exactly over each period in which F is held; no
 hand damps it. On a spring it is let go at rest where the spring pushes it with the starting force; on a wall it is let
-go at the surface, and a constant force of that size presses it in. A stiffness is stable if the vibration does not grow:
-the largest speed in the last quarter of the run is at most `REST` of the largest in the first. Colgate and Schenkel
-1997 (Journal of Robotic Systems 14(1), 37–47) give b > K·T/2 as the condition for a wall to be passive with any hand:
-K < 2b/T.
+go at the surface, and a constant force of that size presses it in. A stiffness is stable if the vibration does not
+grow: the largest speed in the last quarter of the run is at most `REST` of the largest in the first. Colgate and
+Schenkel 1997 (Journal of Robotic Systems 14(1), 37–47) give b > K·T/2 as the condition for a wall to be passive with
+any hand: K < 2b/T.
 """
 
 from __future__ import annotations
