@@ -116,6 +116,10 @@ class TableLaw:
         rho = math.hypot(x, y)
         c, s = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
         d2 = rho * rho + z * z
+        k, finest = self.scale, self.grids[0]
+        if d2 < (BLEND * finest.end) ** 2:
+            radial, turning, axial = self._level(finest, rho, z, c, s)
+            return k * (radial * c - turning * s), k * (radial * s + turning * c), k * axial
         radial = turning = axial = 0.0
         inner = 0.0
         for grid in self.grids:
@@ -134,26 +138,31 @@ class TableLaw:
             if d2 < (BLEND * grid.end) ** 2:
                 break
             inner = grid.end
-        k = self.scale
         return k * (radial * c - turning * s), k * (radial * s + turning * c), k * axial
 
     def _level(self, grid: Grid, rho: float, z: float, c: float, s: float) -> Vec3:
         """(Q_ρ, Q_φ, Q_z) of one level at azimuth with this cosine and sine."""
         u, v = rho / grid.spacing + 1.0, (z + grid.radius) / grid.spacing + 1.0
         i, j = int(u), int(v)
+        u, v, width = u - i, v - j, 3 * self.layers
         if self.cubic:
-            across, along, first = _cubic(u - i), _cubic(v - j), -1
+            sums = _cubic_sums(grid, i, j, u, v, width)
         else:
-            across, along, first = (1.0 - u + i, u - i), (1.0 - v + j, v - j), 0
-        node, width = grid.node, 3 * self.layers
-        sums = [0.0] * width
-        for b, row in enumerate(along, j + first):
-            n = (b * grid.columns + i + first) * width
-            for column in across:
-                weight = row * column
-                for k in range(width):
-                    sums[k] += weight * node[n + k]
-                n += width
+            node, n = grid.node, (j * grid.columns + i) * width
+            m = n + grid.columns * width
+            d = u * v
+            a, b, c0 = 1.0 - u - v + d, u - d, v - d
+            if width == 3:
+                # four nodes of three components, spelled out: this is what a servo period is made of
+                return (
+                    a * node[n] + b * node[n + 3] + c0 * node[m] + d * node[m + 3],
+                    a * node[n + 1] + b * node[n + 4] + c0 * node[m + 1] + d * node[m + 4],
+                    a * node[n + 2] + b * node[n + 5] + c0 * node[m + 2] + d * node[m + 5],
+                )
+            sums = [
+                a * node[n + k] + b * node[n + width + k] + c0 * node[m + k] + d * node[m + width + k]
+                for k in range(width)
+            ]
         if self.layers > 1:
             c2, s2 = c * c - s * s, 2.0 * c * s
             for k, factor in enumerate((c2, s2, c2)):
@@ -162,6 +171,19 @@ class TableLaw:
                 for k, factor in enumerate((s2, c2, s2)):
                     sums[k] += factor * sums[6 + k]
         return sums[0], sums[1], sums[2]
+
+
+def _cubic_sums(grid: Grid, i: int, j: int, u: float, v: float, width: int) -> list[float]:
+    """Sums of sixteen coefficients for the offsets u, v in cell i, j."""
+    node, across, sums = grid.node, _cubic(u), [0.0] * width
+    for b, row in enumerate(_cubic(v), j - 1):
+        n = (b * grid.columns + i - 1) * width
+        for column in across:
+            weight = row * column
+            for k in range(width):
+                sums[k] += weight * node[n + k]
+            n += width
+    return sums
 
 
 def _blend(d2: float, radius: float) -> float:

@@ -168,3 +168,14 @@ def test_bad_laws_are_named():
         IsotropicLaw(CURVE, axis=(0.0, 0.0, 2.0))
     with pytest.raises(InputError, match=r"hand\.traps has 3"):
         local_model(HandConfig(traps=(3,)), {0: (IsotropicLaw(CURVE),)})
+
+
+def test_a_cut_table_ends_where_optics_ends_it():
+    """A trap with a reach fades its table out earlier."""
+    table = made_up_table(BEAMS[0], "bilinear", 3).cut(2.4)
+    law = TableLaw.of(table)
+    points = probe_points(np.random.default_rng(9), 400, table.cutoff).astype(float)
+    expected = table.force(points) * BEAMS[0].force_scale / BEAMS[0].power
+    got = np.array([law.pull(0.0, 0.0, 0.0, [(float(x), float(y), float(z))]) for x, y, z in points])
+    assert np.abs(got - expected).max() < TABLE_ROUNDING * np.abs(expected).max()
+    assert law.pull(0.0, 0.0, 0.0, [(0.0, 3.01, 0.0)]) == (0.0, 0.0, 0.0)
