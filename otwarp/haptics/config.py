@@ -163,7 +163,8 @@ class HandConfig:
         axis_map: A, (3, 3) rows: scene = A·device. A rotation or a signed permutation.
         clutch: Whether button 1 lets go of the traps while it is held.
         absolute: Whether a trap follows the place of the hand, measured from where it was when it took hold, instead of
-            adding up its motions; the clutch and the speed limit then move nothing.
+            adding up its motions. Letting go of the clutch then brings the traps to the hand at once, and the traps'
+            speed limit is left to the simulation.
         chain, safety: Their own.
     """
 

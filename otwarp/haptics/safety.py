@@ -140,6 +140,7 @@ class Safety:
         if dx * dx + dy * dy + dz * dz > longest * longest:
             dx, dy, dz = _shortened(dx, dy, dz, longest)
             fx, fy, fz = u + dx, v + dy, w + dz
+        # both ends of a limited change are within the clamp, and so is what lies between, but for rounding
         size2 = fx * fx + fy * fy + fz * fz
         if size2 > peak:
             fx, fy, fz = _shortened(fx, fy, fz, config.clamp)

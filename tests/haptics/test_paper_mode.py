@@ -10,6 +10,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain import Chain
 from otwarp.haptics.config import IDENTITY, HandConfig, LowPass, SafetyConfig
 from otwarp.haptics.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.haptics.motion import Motion
 from otwarp.haptics.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
 from otwarp.haptics.presets import PAPER_CHAIN
 from otwarp.haptics.types import DeviceSample, SceneNow, SphereNow, TrapNow
@@ -76,6 +77,18 @@ def test_twist_is_smoothed_per_message():
     for _ in range(20):
         smoothed = twist.message((100.0, 0.0, -50.0))
     assert smoothed == pytest.approx((100.0 * (1.0 - 0.95**20), 0.0, -50.0 * (1.0 - 0.95**20)))
+
+
+def test_motion_of_the_chain_is_the_integral_of_the_smoothed_twist():
+    """The release smooths velocities and its simulator adds them up; we smooth the place: the same, from rest."""
+    motion, twist, place, before = Motion(paper_chain().config), PaperTwist(), 0.0, 0.0
+    motion.step(0.0, 0.0, 0.0, True)
+    for n in range(1, 400):
+        x = 0.01 * math.sin(0.02 * n)
+        place += twist.message(((x - before) * 1000.0, 0.0, 0.0))[0] * 1e-3
+        before = x
+        motion.step(x, 0.0, 0.0, True)
+        assert motion.commanded[0] == pytest.approx(place, abs=1e-15)
 
 
 def paper_chain(**changes) -> Chain:

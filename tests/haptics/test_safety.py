@@ -90,6 +90,8 @@ def test_what_dies_lets_go(what):
         assert out[-1].state == "disarmed"
     else:
         assert out[-1].state == "fault" and chain.complaint
+        # it decays from where it was, over the same 80 ms, rather than being dropped
+        assert sizes[0] > 0.95 * size(last) and 0.4 * size(last) < sizes[39] < 0.6 * size(last)
     assert not chain.safety.wanted
     # what comes back does not push before it is armed again
     back = drive(chain, lambda t: HAND, 50, start=420)
@@ -185,3 +187,54 @@ def test_no_input_gets_past(steps, paper):
         assert all(map(math.isfinite, (*now.position, now.time, now.energy)))
         assert all(math.isfinite(x) for _, place in now.traps for x in place)
         before = now.force
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(vector, st.tuples(*[st.floats(-20.0, 20.0)] * 3)),
+            st.sampled_from([0.0, 2e-4, PERIOD, 5e-3, 1.0]),
+            st.sampled_from([0.0, 0.0, 0.0, 0.03, 0.2]),
+            st.booleans(),
+            st.booleans(),
+        ),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_no_force_gets_past(steps):
+    """Safety alone, asked for anything, at once: the ramp is off, and most of what is asked is a jump."""
+    config = SafetyConfig(ramp_time=0.0)
+    safety = Safety(config, 1000.0)
+    safety.arm()
+    before = safety.force
+    for force, elapsed, age, allowed, arm in steps:
+        if arm:
+            safety.arm()
+        now = safety.step(force, elapsed=elapsed, age=age, allowed=allowed)
+        assert size(now) <= config.clamp
+        assert math.dist(now, before) <= config.slew * min(elapsed, PERIOD) * (1.0 + ROUNDING) + 1e-15
+        before = now
+
+
+def test_slew_limit_is_reached_and_not_passed():
+    """3 N at 1000 N/s take three periods; so does the way back when they are no longer asked for."""
+    safety = Safety(SafetyConfig(ramp_time=0.0), 1000.0)
+    safety.arm()
+    wanted = [(3.0, 0.0, 0.0)] * 4 + [(-3.0, 0.0, 0.0)] * 7
+    sizes = [safety.step(force, elapsed=PERIOD, age=0.0, allowed=True)[0] for force in wanted]
+    assert sizes == pytest.approx([1.0, 2.0, 3.0, 3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0, -3.0], abs=1e-12)
+
+
+def test_a_force_that_falls_does_not_follow_a_hand_that_pulls():
+    """After 20 ms without a state, asked for ten times the force: it falls all the same."""
+    safety = Safety(SafetyConfig(ramp_time=0.0), 1000.0)
+    safety.arm()
+    for _ in range(10):
+        before = safety.step((0.3, 0.0, 0.0), elapsed=PERIOD, age=0.0, allowed=True)[0]
+    for n in range(20, 100):
+        now = safety.step((3.0, 0.0, 0.0), elapsed=PERIOD, age=n * PERIOD, allowed=True)[0]
+        assert now < before or now == 0.0
+        before = now
+    assert before == 0.0
