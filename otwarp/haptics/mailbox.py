@@ -350,6 +350,11 @@ class SceneReader:
         self.refused = 0
         """States that were not finite."""
 
+    @property
+    def torn(self) -> int:
+        """Reads given up, see `Mailbox.read`."""
+        return self._box.torn
+
     def latest(self) -> SceneNow:
         """The newest finite state; the same object as before when there is none newer, beat 0 before the first."""
         new = self._box.read()
