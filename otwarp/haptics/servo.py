@@ -33,8 +33,11 @@ ROUNDING = 1.0 + 1e-9
 
 
 class ChainLike(Protocol):
-    """The signal chain of one hand, see `otwarp.haptics.chain`. It knows time by `sample.time`, and a simulation that
-    stands still by a `scene.beat` that does; it starts disarmed."""
+    """The signal chain of one hand, see `otwarp.haptics.chain`.
+
+    It starts disarmed, knows time by `sample.time`, and a simulation that stands still by a `scene.beat` that does. The
+    first beat is 1: before it, no chain is stepped.
+    """
 
     def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
         """One servo cycle: the force to render and the traps to move."""
@@ -89,6 +92,7 @@ class Hand:
         self._opening: Opening | None = None
         self._try_at = math.inf
         self._limit = 0.0
+        self._begun = False
         self._last = HandNow(0, 0.0, ZERO, ZERO, (), "disarmed", 0.0)
         self.status = HandStatus()
 
@@ -114,9 +118,11 @@ class Hand:
         self.status = replace(self.status, present=True, message=message)
 
     def arm(self) -> None:
-        """Allow force, if the device is there; clears a fault."""
+        """Allow force, if the device is there and the simulation has spoken; clears a fault."""
         if not self.status.present:
-            self._say(f"{self._device.info.name}: cannot be armed while it is away")
+            return
+        if not self._begun:
+            self._say(f"{self._device.info.name}: cannot be armed before the simulation has published a state")
             return
         if self._chain is None:
             self._chain = self._make_chain(self._device.info)
@@ -132,6 +138,7 @@ class Hand:
 
     def cycle(self, now: float, scene: SceneNow) -> None:
         """Read, step, write, publish."""
+        self._begun = scene.beat > 0
         if not self.status.present:
             self._look_for_it(now)
         state = self._feel(now, scene) if self.status.present else None
@@ -145,7 +152,10 @@ class Hand:
         device, chain = self._device, self._chain
         try:
             sample = device.read(now)
-            state = self._checked(chain, sample, scene) if chain is not None else None
+            if not self._begun:  # a chain would look in vain for its traps
+                state = replace(self._last, tick=self._last.tick + 1, time=now, position=sample.position)
+            else:
+                state = self._checked(chain, sample, scene) if chain is not None else None
             device.write(state.force if state is not None else ZERO)
         except Exception as error:  # `DeviceLost`, or whatever else a driver raises: it cannot be relied on any more
             self._lose(now, str(error) or type(error).__name__)
@@ -316,7 +326,7 @@ class Servo:
         was, self._obeyed = self._obeyed, orders
         for i, hand in enumerate(self._hands):
             if orders.disarm[i] != was.disarm[i]:  # wins over arming
-                hand.disarm("disarmed by order")
+                hand.disarm()
             elif orders.arm[i] != was.arm[i] and self._end_at == math.inf:
                 hand.arm()
         if orders.stop:

@@ -18,7 +18,7 @@ POINTER = RecordLayout(b"pointer", "3dQ")
 SILENCE = 0.5
 """Seconds without a word from the page after which its buttons count as released."""
 SPEED = 0.5
-"""Fastest that the hand follows the pointer [m/s]: a hand on a desk, so that a jump of the pointer is no jump of a trap."""
+"""Fastest that the hand follows the pointer [m/s]: that of a hand, so that a jump of the pointer is none of a trap."""
 LONGEST_STEP = 0.1
 """Seconds of movement that one reading may catch up."""
 
