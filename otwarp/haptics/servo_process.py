@@ -102,6 +102,11 @@ class ServoProcess:
         for name, value, (low, high) in (("rate", rate, RATES), ("spin", spin, (0.0, 1.0 / RATES[0]))):
             if not low <= value <= high:
                 raise InputError(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+        for hand in hands:
+            if b"__main__" in pickle.dumps(hand.chain):
+                raise InputError(
+                    f"chain = {hand.chain!r}: must be of a module that the servo can import, not of a script"
+                )
         specs = parse_devices([hand.device for hand in hands], [hand.pointer for hand in hands])
         for spec in specs:
             create_device(spec)  # a bad argument is told here, not by a process that ends

@@ -158,11 +158,15 @@ def test_a_device_that_is_not_there_is_one_clear_line(devices, says):
     assert "\n" not in str(error.value)
 
 
-def test_arguments_out_of_range_are_refused():
+def test_arguments_out_of_range_are_refused(monkeypatch):
     hand = HandSetup(HOLD, SpringChain)
     for bad in ({"rate": 1e6}, {"spin": -1.0}, {"spheres": -1}, {"traps": 10**9}):
         with pytest.raises(InputError, match=next(iter(bad))):
             ServoProcess([hand], **({"spheres": 1, "traps": 1} | bad))
+    local = type("Local", (SpringChain,), {"__module__": "__main__"})
+    monkeypatch.setattr(sys.modules["__main__"], "Local", local, raising=False)
+    with pytest.raises(InputError, match="not of a script"):
+        ServoProcess([HandSetup(HOLD, local)], spheres=1, traps=1)
     with pytest.raises(InputError, match="1 to 2"):
         ServoProcess([], spheres=1, traps=1)
     servo = ServoProcess([hand], spheres=1, traps=1)
