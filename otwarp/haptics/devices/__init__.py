@@ -1,0 +1,119 @@
+"""Devices by name: `mouse`, `virtual:<script>`, `replay:<file>`, … as typed after `--left` and `--right`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Literal
+
+from otwarp.errors import InputError
+from otwarp.haptics.types import Device
+
+MOST_HANDS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A row of the table of devices.
+
+    Attributes:
+        home: `module:function`, imported when used; the function takes a `DeviceSpec` and returns a `Device`.
+        argument: What comes after the colon: `required`, `optional` or `none`.
+        means: What the argument is, for messages.
+        several: Whether two hands may name the same one: software is made anew for each, hardware is not.
+    """
+
+    home: str
+    argument: Literal["required", "optional", "none"]
+    means: str
+    several: bool
+
+
+KINDS: dict[str, Kind] = {
+    "mouse": Kind("otwarp.haptics.devices.mouse:create", "none", "", True),
+    "virtual": Kind("otwarp.haptics.devices.virtual:create", "required", "a script, as circle,radius=0.02", True),
+    "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .csv or .jsonl", True),
+}
+"""One row per kind. A new device adds its file and its row."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSpec:
+    """One hand's device as asked for.
+
+    Attributes:
+        text: As typed.
+        kind: Row of `KINDS`.
+        argument: After the colon, or None.
+        hand: Index of the hand.
+        ordinal: How many hands before this one asked for the same kind without saying which: 1 takes the second
+            SpaceMouse that is found.
+        pointer: Name of the mailbox in which the page writes the pointer, for `mouse`.
+    """
+
+    text: str
+    kind: str
+    argument: str | None
+    hand: int = 0
+    ordinal: int = 0
+    pointer: str | None = None
+
+
+def parse_devices(texts: Sequence[str], pointers: Sequence[str | None] = ()) -> tuple[DeviceSpec, ...]:
+    """The devices of all hands, in their order.
+
+    Args:
+        texts: `kind` or `kind:argument` of each hand; quotes around the argument are taken off.
+        pointers: Names of the pointer mailboxes, for hands that are a `mouse`.
+
+    Raises:
+        InputError: Unknown kind, missing or superfluous argument, too many hands, or one device for two hands.
+    """
+    if not 1 <= len(texts) <= MOST_HANDS:
+        raise InputError(f"devices = {list(texts)!r}: must be 1 to {MOST_HANDS} of them")
+    specs: list[DeviceSpec] = []
+    for hand, text in enumerate(texts):
+        name, colon, rest = text.strip().partition(":")
+        kind, argument = KINDS.get(name), rest.strip().strip("\"'") or None
+        if kind is None:
+            raise InputError(f"device {text!r}: unknown kind {name!r}; must be one of {', '.join(sorted(KINDS))}")
+        if kind.argument == "required" and argument is None:
+            raise InputError(f"device {text!r}: must be {name}:<{kind.means}>")
+        if kind.argument == "none" and colon:
+            raise InputError(f"device {text!r}: {name} takes nothing after it")
+        same = [spec for spec in specs if spec.kind == name]
+        if argument is not None and not kind.several and any(spec.argument == argument for spec in same):
+            raise InputError(f"device {text!r}: both hands name it; each hand must have its own")
+        if not kind.several and same and (argument is None) != (same[0].argument is None):
+            raise InputError(f"devices {same[0].text!r} and {text!r}: name both or neither, lest they be the same one")
+        ordinal = sum(spec.argument is None for spec in same)
+        pointer = pointers[hand] if hand < len(pointers) else None
+        specs.append(DeviceSpec(text, name, argument, hand, ordinal, pointer))
+    return tuple(specs)
+
+
+def create_device(spec: DeviceSpec) -> Device:
+    """The device that a spec asks for, not opened.
+
+    Raises:
+        InputError: Its argument is bad.
+    """
+    module, function = KINDS[spec.kind].home.split(":")
+    return getattr(import_module(module), function)(spec)
+
+
+def parse_parameters(where: str, text: str, allowed: Sequence[str]) -> tuple[str, dict[str, str]]:
+    """`name,key=value,key=value` as (name, {key: value}).
+
+    Raises:
+        InputError: A word without `=`, a key that is not allowed or comes twice.
+    """
+    name, *words = (word.strip() for word in text.split(","))
+    found: dict[str, str] = {}
+    for word in words:
+        key, equals, value = (part.strip() for part in word.partition("="))
+        if not equals or key not in allowed or key in found:
+            raise InputError(f"{where}: {word!r} must be one of {', '.join(allowed)} with '=value', each once")
+        found[key] = value
+    return name, found

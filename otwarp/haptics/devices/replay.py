@@ -1,0 +1,154 @@
+"""Plays positions and buttons of a recording, without feeling anything.
+
+Two formats. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON
+lines: one object per line with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase,
+positions in metres. Numbers written by `repr` come back bit for bit.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+
+from otwarp.errors import InputError
+from otwarp.haptics.devices import DeviceSpec, parse_parameters
+from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+
+EDGE = 1e-9
+"""Seconds by which a sample may be early: differences of clock times round, and a sample must not slip by a cycle."""
+FARTHEST = 10.0
+"""Metres; no hand is farther from its device."""
+COLUMNS = ("time", "x", "y", "z")
+
+
+class ReplayDevice:
+    """A recording as a device: holds each sample until the time of the next, from its first `read` on.
+
+    After the last sample the hand stays where it was, lets go of all buttons, and is no longer fresh.
+
+    Args:
+        file: The recording, `.csv` or `.jsonl`.
+        name: As the user named it.
+        loop: Whether to start again at the end.
+    """
+
+    def __init__(self, file: Path, name: str = "replay", loop: bool = False):
+        self._file, self._loop = file, loop
+        self._info = DeviceInfo(name=name, kind="replay")
+        self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
+        self._start: float | None = None
+        self._at = 0
+        self._opened = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        """See `Device`."""
+        return self._info
+
+    def open(self) -> None:
+        """Read the recording.
+
+        Raises:
+            InputError: It is not there, or a line is not what it must be.
+        """
+        self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
+        for line, time, position, buttons in _samples(self._file):
+            where = f"{self._file}, line {line}"
+            if not math.isfinite(time) or (self._times and time <= self._times[-1]):
+                raise InputError(f"{where}: time = {time!r} must be a number above the one before")
+            if len(position) != 3 or not all(abs(x) <= FARTHEST for x in position):
+                raise InputError(f"{where}: position = {position!r} must be three numbers within ±{FARTHEST:g} m")
+            if not 0 <= buttons < 2**32:
+                raise InputError(f"{where}: buttons = {buttons!r} must be from 0 to 2^32 − 1")
+            self._times.append(time)
+            self._positions.extend(position)
+            self._buttons.append(buttons)
+        if not self._times:
+            raise InputError(f"{self._file}: holds no sample")
+        self._start, self._at, self._opened = None, 0, True
+
+    def read(self, time: float) -> DeviceSample:
+        """See `Device`."""
+        if not self._opened:
+            raise DeviceLost(f"{self._info.name} is not open")
+        times = self._times
+        if self._start is None:
+            self._start = time
+        played = time - self._start + times[0]
+        if self._loop and played > times[-1] + EDGE:
+            self._start, self._at, played = time, 0, times[0]
+        at, last = self._at, len(times) - 1
+        while at < last and times[at + 1] <= played + EDGE:
+            at += 1
+        self._at = at
+        over = at == last and played > times[last] + EDGE
+        x, y, z = self._positions[3 * at : 3 * at + 3]
+        return DeviceSample(time, (x, y, z), 0 if over else self._buttons[at], not over)
+
+    def write(self, force: Vec3 = ZERO) -> None:
+        """It feels nothing."""
+
+    def close(self) -> None:
+        """See `Device`."""
+        self._opened = False
+
+
+def _samples(file: Path) -> Iterator[tuple[int, float, list[float], int]]:
+    """(line, time, position, buttons) of a recording."""
+    readers = {".csv": _csv, ".jsonl": _jsonl}
+    reader = readers.get(file.suffix.lower())
+    if reader is None:
+        raise InputError(f"{file}: a recording must be one of {', '.join(readers)}")
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            yield from reader(file, lines)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: cannot be read ({error})") from None
+
+
+def _csv(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[float], int]]:
+    try:
+        rows = csv.DictReader(lines, strict=True)
+        if missing := [c for c in COLUMNS if c not in (rows.fieldnames or ())]:
+            raise InputError(f"{file}, line 1: header lacks {', '.join(missing)}; must name time,x,y,z[,buttons]")
+        for row in rows:
+            try:
+                time, *position = (float(row[c]) for c in COLUMNS)
+                buttons = int(row.get("buttons") or 0)
+            except (TypeError, ValueError):
+                raise InputError(f"{file}, line {rows.line_num}: must hold numbers for time,x,y,z[,buttons]") from None
+            yield rows.line_num, time, position, buttons
+    except csv.Error as error:
+        raise InputError(f"{file}: is not CSV ({error})") from None
+
+
+def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[float], int]]:
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            record = json.loads(line)
+            time, position = float(record["time"]), [float(x) for x in record["position"]]
+            buttons = int(record.get("buttons", 0))
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            raise InputError(
+                f'{file}, line {number}: must be {{"time": s, "position": [x, y, z], "buttons": bits}}'
+            ) from None
+        yield number, time, position, buttons
+
+
+def create(spec: DeviceSpec) -> ReplayDevice:
+    """`replay:FILE` or `replay:FILE,loop=1`."""
+    # a file's name may hold commas and equals signs; only this ending is an option
+    argument = spec.argument or ""
+    path, comma, option = argument.rpartition(",")
+    if comma and option.strip().startswith("loop="):
+        _, found = parse_parameters(f"device {spec.text!r}", f"replay,{option}", ("loop",))
+        if found["loop"] not in ("0", "1"):
+            raise InputError(f"device {spec.text!r}: loop = {found['loop']!r} must be 0 or 1")
+        return ReplayDevice(Path(path), spec.text, found["loop"] == "1")
+    return ReplayDevice(Path(argument), spec.text)

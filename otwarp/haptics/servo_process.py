@@ -1,0 +1,324 @@
+"""The servo in a process of its own, and the side of it that its parent holds.
+
+The child is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and
+with it whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order,
+by a signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well);
+in each case the chains let go, every device is told zero force, and only then it ends.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+from otwarp.errors import InputError
+from otwarp.haptics.clock import RealClock
+from otwarp.haptics.devices import DeviceSpec, create_device, parse_devices
+from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.platform import parent_is_gone, request_realtime
+from otwarp.haptics.servo import ChainLike, Hand, Servo
+from otwarp.haptics.servo_link import HandStatus, Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.types import DeviceInfo, HandNow, SceneNow
+
+RATES = (10.0, 5000.0)
+SWITCH = 2e-4
+"""Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
+START_WITHIN = 60.0
+"""Seconds in which the child must say that it runs; a cold disk and a busy machine take some."""
+STOP_WITHIN = 5.0
+"""Seconds in which it must have ended; then it is killed, and the device's own watchdog has to do the rest."""
+POLL = 0.005
+_LENGTH = struct.Struct("!Q")
+
+
+@dataclass(frozen=True, slots=True)
+class HandSetup:
+    """One hand as its parent wants it.
+
+    Attributes:
+        device: Such as `virtual:circle`, see `otwarp.haptics.devices`.
+        chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
+            of one with plain arguments.
+        pointer: Name of the page's mailbox, for `mouse`.
+    """
+
+    device: str
+    chain: Callable[[DeviceInfo], ChainLike]
+    pointer: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """All that the child must know."""
+
+    specs: tuple[DeviceSpec, ...]
+    chains: tuple[Callable[[DeviceInfo], ChainLike], ...]
+    names: dict[str, Any]
+    spheres: int
+    traps: int
+    rate: float
+    spin: float
+    realtime: bool
+    cpu: int | None
+
+
+class ServoProcess:
+    """A servo that runs from `start` to `stop`, or as a context manager; used by one thread.
+
+    Args:
+        hands: One or two.
+        spheres: Most trapped spheres of the scene.
+        traps: Most traps.
+        rate: Cycles per second [Hz].
+        spin: See `clock.RealClock` [s].
+        realtime: Whether to ask the system for punctuality.
+        cpu: Core to stay on, or None.
+
+    Raises:
+        InputError: A device or a number that cannot be.
+    """
+
+    def __init__(
+        self,
+        hands: Sequence[HandSetup],
+        *,
+        spheres: int,
+        traps: int,
+        rate: float = 1000.0,
+        spin: float = 0.0,
+        realtime: bool = True,
+        cpu: int | None = None,
+    ):
+        for name, value, (low, high) in (("rate", rate, RATES), ("spin", spin, (0.0, 1.0 / RATES[0]))):
+            if not low <= value <= high:
+                raise InputError(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+        for hand in hands:
+            if b"__main__" in pickle.dumps(hand.chain):
+                raise InputError(
+                    f"chain = {hand.chain!r}: must be of a module that the servo can import, not of a script"
+                )
+        specs = parse_devices([hand.device for hand in hands], [hand.pointer for hand in hands])
+        for spec in specs:
+            create_device(spec)  # a bad argument is told here, not by a process that ends
+        n = len(specs)
+        layouts = SceneLayout(spheres, traps), HandLayout(traps), OrdersLayout(n), StatusLayout(n)
+        self._scenes = Mailbox.create(layouts[0])
+        self._boxes = [Mailbox.create(layouts[1]) for _ in specs]
+        self._orders_box = Mailbox.create(layouts[2])
+        self._status_box = Mailbox.create(layouts[3])
+        self._orders = Orders(0, (0,) * n, (0,) * n)
+        self._status: ServoStatus | None = None
+        self._hands: list[HandNow | None] = [None] * n
+        names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
+        names |= {"hands": [box.name for box in self._boxes]}
+        chains = tuple(hand.chain for hand in hands)
+        self._order = _Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._over = False
+
+    @property
+    def names(self) -> dict[str, Any]:
+        """Names of the mailboxes: `scenes`, `orders`, `status`, and a list of them for `hands`."""
+        return dict(self._order.names)
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the child, once started."""
+        return self._process.pid if self._process else None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the child runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> ServoStatus:
+        """Start the child; returns when all devices are open and the loop runs, disarmed.
+
+        Raises:
+            InputError: A device is not there, or the child ended or said nothing; the line says why.
+        """
+        if self._process is not None or self._over:
+            raise InputError("servo: start may be called once, before stop")
+        message = pickle.dumps(self._order)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        command = [sys.executable, "-c", "from otwarp.haptics.servo_process import child; child()"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        pipe = self._pipe()
+        try:
+            pipe.write(_LENGTH.pack(len(message)) + message)
+            pipe.flush()
+        except OSError as error:
+            self.stop()
+            raise InputError(f"servo: its process ended at once ({error})") from None
+        end = time.monotonic() + START_WITHIN
+        while time.monotonic() < end:
+            gone = not self.alive  # asked first: what it said last is in the mailbox by then
+            self.heartbeat()
+            status = self.status()
+            if status is not None and status.state == "running":
+                return status
+            if gone:
+                break
+            time.sleep(POLL)
+        why = status.grants if (status := self.status()) is not None and status.state == "failed" else ""
+        code = self._process.poll()
+        self.stop()
+        raise InputError(why or f"servo: its process {'does not answer' if code is None else f'ended with {code}'}")
+
+    def publish(self, scene: SceneNow) -> None:
+        """Tell the servo a state of the simulation; counts as a heartbeat.
+
+        Raises:
+            InputError: More spheres or traps than it was made for; the servo was stopped.
+        """
+        if not self._over:
+            self._scenes.write(scene)
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        """Say that the parent lives; without it for `servo.PARENT_SILENCE` the hands disarm."""
+        self._tell(self._orders.next())
+
+    def arm(self, hand: int | None = None) -> None:
+        """Allow a hand, or all, to push."""
+        for i in self._which(hand):
+            self._tell(self._orders.next(arm=i))
+
+    def disarm(self, hand: int | None = None) -> None:
+        """Let the force of a hand, or of all, fall to zero."""
+        for i in self._which(hand):
+            self._tell(self._orders.next(disarm=i))
+
+    def hand(self, hand: int) -> HandNow | None:
+        """What a hand last published; None before the first, and the last of all after `stop`."""
+        self._which(hand)
+        new = None if self._over else self._boxes[hand].read()
+        if new is not None:
+            self._hands[hand] = new
+        return self._hands[hand]
+
+    def status(self) -> ServoStatus | None:
+        """What the servo last reported; None before the first, and the last of all after `stop`."""
+        new = None if self._over else self._status_box.read()
+        if new is not None:
+            self._status = new
+        return self._status
+
+    def stop(self) -> None:
+        """Let the forces fall, end the child and close the mailboxes; may be called more than once."""
+        if self._over:
+            return
+        process = self._process
+        if process is not None:
+            if process.poll() is None:
+                self._tell(self._orders.next(stop=True))
+                try:
+                    process.wait(STOP_WITHIN)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+            if process.stdin is not None:
+                try:
+                    process.stdin.close()
+                except OSError:  # it ended before it had read its order
+                    process.stdin = None
+            self.status()
+            for i in range(len(self._boxes)):
+                self.hand(i)
+        self._over = True
+        for box in (self._scenes, self._orders_box, self._status_box, *self._boxes):
+            box.close()
+
+    def __enter__(self) -> ServoProcess:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _which(self, hand: int | None) -> Sequence[int]:
+        n = len(self._boxes)
+        if hand is None:
+            return range(n)
+        if not 0 <= hand < n:
+            raise InputError(f"hand = {hand!r}: must be from 0 to {n - 1}")
+        return (hand,)
+
+    def _tell(self, orders: Orders) -> None:
+        if self._over:
+            raise InputError("servo: stopped; make another to go on")
+        self._orders = orders
+        self._orders_box.write(orders)
+
+    def _pipe(self) -> BinaryIO:
+        pipe = self._process.stdin if self._process else None
+        if pipe is None:
+            raise InputError("servo: not started")
+        return pipe  # type: ignore[return-value]
+
+
+def child() -> None:
+    """What the child does: take its order from stdin, run the servo, end with its devices at zero force."""
+    pipe = sys.stdin.buffer
+    size = pipe.read(_LENGTH.size)
+    if len(size) < _LENGTH.size:
+        return  # the parent died before it had said anything
+    order: _Order = pickle.loads(pipe.read(_LENGTH.unpack(size)[0]))
+    ended = threading.Event()
+    threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which stops the servo in order
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
+    os._exit(_serve(order, ended.is_set))
+
+
+def _serve(order: _Order, ended: Callable[[], bool]) -> int:
+    """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
+    n, names = len(order.specs), order.names
+    status = Mailbox.attach(StatusLayout(n), names["status"])
+    try:
+        orders = Mailbox.attach(OrdersLayout(n), names["orders"])
+        scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
+        hands = [
+            Hand(create_device(spec), chain, Mailbox.attach(HandLayout(order.traps), name), beside=True)
+            for spec, chain, name in zip(order.specs, order.chains, names["hands"], strict=True)
+        ]
+        gone = parent_is_gone()
+        grants = request_realtime(cpu=order.cpu) if order.realtime else ()
+        told = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
+        # nothing in the loop makes cycles of references, and a collection would take milliseconds
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        sys.setswitchinterval(SWITCH)
+        servo = Servo(
+            RealClock(order.spin),
+            hands,
+            scenes,
+            orders,
+            status,
+            rate=order.rate,
+            orphaned=lambda: ended() or gone(),
+            grants=told,
+        )
+    except InputError as error:
+        status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))
+        return 2
+    try:
+        servo.run()
+    except InputError:  # its last report says it
+        return 2
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0

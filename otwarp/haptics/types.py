@@ -1,0 +1,170 @@
+"""What the rooms of haptics tell each other: samples of a device, the scene near a hand, and what a hand commands.
+
+Device side in SI units (m, s, N), scene side in µm, s, mW, pN. Vectors are tuples of three floats: the servo makes a
+few hundred of them per millisecond, and NumPy's overhead per call would cost more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+Vec3 = tuple[float, float, float]
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceInfo:
+    """What a device can do.
+
+    Attributes:
+        name: Which one, as the user named it.
+        kind: `virtual`, `replay`, `mouse`, `spacemouse`, `dualsense`, `inverse3`, `openhaptics`, `forcedimension`,
+            `ros1`.
+        force: Largest force that it renders [N]; 0 for one that renders none.
+        continuous_force: Force that it can hold for ever [N].
+        absolute: Whether `DeviceSample.position` is a place of the hand; else it is the integral of a rate.
+        met_hardware: Whether this binding was ever run on the hardware; False says that a double stood in.
+    """
+
+    name: str
+    kind: str
+    force: float = 0.0
+    continuous_force: float = 0.0
+    absolute: bool = True
+    met_hardware: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSample:
+    """What a device says at one time.
+
+    Attributes:
+        time: On the servo's clock [s].
+        position: Of the hand, in the device's frame [m].
+        buttons: Bit 0 the dead-man switch, bit 1 the clutch, others as the device has them.
+        fresh: Whether the device spoke since the last sample.
+    """
+
+    time: float
+    position: Vec3
+    buttons: int = 0
+    fresh: bool = True
+
+
+@runtime_checkable
+class Device(Protocol):
+    """A haptic or a mere input device; all calls come from one thread, `read` and `write` never block."""
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it can do."""
+        ...
+
+    def open(self) -> None:
+        """Find it and start it.
+
+        Raises:
+            InputError: It is not there, or may not be used; one line.
+        """
+        ...
+
+    def read(self, time: float) -> DeviceSample:
+        """The latest sample.
+
+        Raises:
+            DeviceLost: It is gone; `open` may bring it back.
+        """
+        ...
+
+    def write(self, force: Vec3) -> None:
+        """Render a force [N] in the device's frame; devices without motors ignore it.
+
+        Raises:
+            DeviceLost: It is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop rendering and let go of it; may be called at any time, more than once."""
+        ...
+
+
+class DeviceLost(Exception):
+    """A device that was open does not answer any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrapLaw:
+    """Force law of a trap on one sphere at 1 mW, isotropic or with separate radial and axial curves.
+
+    Eq. 1 of the paper: K·d below `threshold`, A/d² + C up to `cutoff`, 0 beyond. Stiffness K [pN/µm/mW], A [pN·µm²/mW],
+    C [pN/mW], distances [µm]. A harmonic law has `threshold` = `cutoff`.
+    """
+
+    stiffness: float
+    threshold: float
+    inverse_square: float
+    constant: float
+    cutoff: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrapNow:
+    """A trap as it is: its index in the scene, focus [µm], power [mW]."""
+
+    index: int
+    position: Vec3
+    power: float
+
+
+@dataclass(frozen=True, slots=True)
+class SphereNow:
+    """A trapped sphere as the simulation last reported it: centre [µm], and the index of its body."""
+
+    position: Vec3
+    body: int
+
+
+@dataclass(frozen=True, slots=True)
+class SceneNow:
+    """What the simulation last published.
+
+    Attributes:
+        beat: Counts published states; one that stands still means a simulation that stands still.
+        time: Simulated time [s].
+        spheres: Trapped spheres.
+        traps: All traps, as the simulation has them.
+        contact_force: Largest contact force on any body [pN], for warnings.
+    """
+
+    beat: int
+    time: float
+    spheres: tuple[SphereNow, ...]
+    traps: tuple[TrapNow, ...]
+    contact_force: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HandNow:
+    """What the servo publishes of one hand.
+
+    Attributes:
+        tick: Counts servo cycles.
+        time: On the servo's clock [s].
+        position: Of the hand, device frame [m].
+        force: Commanded, device frame [N].
+        traps: Positions that the hand commands, by trap index [µm].
+        state: `disarmed`, `ramping`, `armed`, `decaying`, or `fault`.
+        energy: What the passivity observer has counted [J].
+        buttons: As the device has them.
+    """
+
+    tick: int
+    time: float
+    position: Vec3
+    force: Vec3
+    traps: tuple[tuple[int, Vec3], ...]
+    state: str
+    energy: float
+    buttons: int = 0

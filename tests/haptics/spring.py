@@ -1,0 +1,72 @@
+"""A small signal chain for tests of the servo: a spring to the first sphere, a ramp, a slew limit and a watchdog."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+from otwarp.haptics.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow
+
+STIFFNESS = 100.0
+"""N/m; 1 µm of scene is 1 mm of hand."""
+SLEW = 200.0
+"""N/s."""
+DECAY, DISARM, RAMP = 0.02, 0.1, 0.05
+
+
+class SpringChain:
+    def __init__(self, info: DeviceInfo):
+        self.info = info
+        self.state = "disarmed"
+        self.force = ZERO
+        self.gain = 0.0
+        self.beat, self.heard, self.time, self.tick = 0, 0.0, 0.0, 0
+
+    def arm(self) -> None:
+        self.state, self.gain, self.heard = "ramping", 0.0, self.time
+
+    def disarm(self) -> None:
+        if self.state != "disarmed":
+            self.state = "decaying"
+
+    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+        self.tick += 1
+        dt, self.time = (sample.time - self.time if self.tick > 1 else 0.001), sample.time
+        if scene.beat != self.beat:
+            self.beat, self.heard = scene.beat, sample.time
+        age = sample.time - self.heard
+        if age >= DISARM:
+            self.state = "disarmed"
+        elif age >= DECAY and self.state in ("ramping", "armed"):
+            self.state = "decaying"
+        rate = {"ramping": 1.0 / RAMP, "armed": 1.0 / RAMP, "decaying": -1.0 / (0.7 * (DISARM - DECAY))}
+        self.gain = min(1.0, max(0.0, self.gain + rate.get(self.state, -math.inf) * dt))
+        if self.state == "ramping" and self.gain == 1.0:
+            self.state = "armed"
+        if self.state == "decaying" and self.gain == 0.0:
+            self.state = "disarmed"
+        centre = scene.spheres[0].position if scene.spheres else ZERO
+        force = []
+        for x, c, f in zip(sample.position, centre, self.force, strict=True):
+            wish = -self.gain * STIFFNESS * (x - 1e-3 * c)
+            force.append(f + max(-SLEW * dt, min(SLEW * dt, wish - f)))
+        self.force = (force[0], force[1], force[2])
+        trap = (1e3 * sample.position[0], 1e3 * sample.position[1], 1e3 * sample.position[2])
+        traps = ((0, trap),)
+        return HandNow(self.tick, sample.time, sample.position, self.force, traps, self.state, 0.0, sample.buttons)
+
+
+class TellingChain(SpringChain):
+    """Writes down what its process has loaded."""
+
+    def __init__(self, file: str, info: DeviceInfo):
+        super().__init__(info)
+        self.file = file
+
+    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+        if self.tick == 20:
+            part = Path(self.file + ".part")
+            part.write_text("\n".join(sorted(sys.modules)))
+            part.rename(self.file)
+        return super().step(sample, scene)
