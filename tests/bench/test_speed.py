@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,6 +113,7 @@ def test_the_compiled_peer_draws_what_its_polynomials_should():
     assert abs(np.corrcoef(first.ravel() - np.repeat(peer.centre, 200_000), x)[0, 1] - 1.0) < 1e-6
     later = (peer.position - peer.centre[:, None]).ravel()
     assert abs(np.corrcoef(later, x)[0, 1]) < 5.0 / math.sqrt(n)
+    assert sys.float_info.min * 0.5 > 0.0, "the library made this process flush subnormal numbers to zero"
 
 
 CROWD, CROWD_STEPS = 4000, 300
