@@ -1,0 +1,95 @@
+"""What may be asked of the live loop, by the page, by ROS, or by a program; each is checked where it is carried out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from otwarp.haptics.types import Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class MoveTraps:
+    """Put traps somewhere: index → focus [µm]. Traps that a hand holds at the time stay with the hand."""
+
+    positions: Mapping[int, Vec3] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftTraps:
+    """Move traps by the same displacement [µm]."""
+
+    traps: tuple[int, ...]
+    by: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class SetPower:
+    """Power of traps [mW]; no traps named means all."""
+
+    power: float
+    traps: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SetGains:
+    """Gains of a hand; None leaves one as it is.
+
+    Attributes:
+        hand: `left` or `right`.
+        motion_gain: [µm/m].
+        force_gain: [N/pN].
+    """
+
+    hand: str
+    motion_gain: float | None = None
+    force_gain: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetSpeed:
+    """Simulated seconds per second: below 1 slow motion."""
+
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Stand still, or go on. A pause disarms the hands; going on leaves them so."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Begin anew with the scene as authored."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Start a recording in a file (None: one named by the time, in the session's folder), or end it."""
+
+    on: bool
+    file: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Let hands push; None for all."""
+
+    hand: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Disarm:
+    """Let the forces of hands fall; None for all."""
+
+    hand: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the session."""
+
+
+Command = MoveTraps | ShiftTraps | SetPower | SetGains | SetSpeed | Pause | Reset | Record | Arm | Disarm | Stop
