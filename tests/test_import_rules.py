@@ -22,7 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
     "study": ROOT | {"simulation"},
     "haptics": ROOT,
-    "teleop": ROOT | {"simulation", "haptics", "scene"},
+    "teleop": ROOT | {"simulation", "haptics", "scene", "record", "device"},
     "vision": ROOT | {"simulation", "hydrodynamics"},
     "ros": ROOT | {"teleop", "haptics"},
     "preview": ROOT | {"device", "scene"},
@@ -37,10 +37,12 @@ ALLOWED: dict[str, set[str]] = {
 """Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
+HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
 ONLY_IN = {"pxr": {"scene"}, "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli"}}
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
+LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
 """Packages that nobody may import at the top of a file."""
 
 
