@@ -1,0 +1,326 @@
+"""The live loop: hands and pages command traps, the simulation follows the wall's time, everybody is told.
+
+One tick: commands → hands → traps → as many steps as are due → readout → servo → outlets. The servo is a process of its
+own and does not wait for the loop; a loop that dies or stalls is a simulation that stands still, and its watchdog acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from otwarp.errors import InputError, SimulationError
+from otwarp.haptics.clock import Clock, RealClock, next_deadline
+from otwarp.haptics.types import SceneNow
+from otwarp.record.frame import SHAPES, Frame
+from otwarp.record.run import capture_frame
+from otwarp.scene.description import Scene
+from otwarp.simulation.simulation import Simulation
+from otwarp.teleop import commands as c
+from otwarp.teleop.frame import LiveFrame
+from otwarp.teleop.hand_plan import HandPlan
+from otwarp.teleop.hands import Hands, ServoFactory
+from otwarp.teleop.local_scene import LocalScene
+from otwarp.teleop.outlet import Outlet
+from otwarp.teleop.pace import Pace
+from otwarp.teleop.trap_commands import TrapCommands
+from otwarp.teleop.watch import Watch
+
+RATES = (10.0, 1000.0)
+"""Frames per second that the loop may aim at."""
+
+
+class Take(Protocol):
+    """A recording that is being written; nothing in it blocks."""
+
+    @property
+    def file(self) -> Path:
+        """Where it will be once it is closed."""
+        ...
+
+    def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
+        """A frame, and the state that was published to the servo with it."""
+        ...
+
+    def command(self, command: c.Command, wall: float) -> None:
+        """A command that was carried out."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file."""
+        ...
+
+
+TakeFactory = Callable[[str | None, "LiveLoop"], Take]
+"""Begins a recording in a file, or in one named by the time."""
+
+
+class LiveLoop:
+    """A session of one world.
+
+    Args:
+        scene: What is simulated.
+        plans: Hands with a device.
+        outlets: Who watches and commands.
+        make_servo: Makes the servo of the hands.
+        make_take: Begins a recording; None refuses to record.
+        clock: Of the loop; the servo's must show the same time.
+        rate: Frames per second [1/s].
+        speed: Simulated seconds per second.
+        seed, device: As `Simulation`.
+
+    Raises:
+        InputError: An argument out of range, or a scene that cannot be simulated.
+
+    Attributes:
+        sim: The simulation; a reset makes another.
+        local: What hands feel.
+        hands: Hands and their servo.
+        over: Whether the session has ended.
+        failure: Why the simulation stopped, or "".
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plans: Sequence[HandPlan] = (),
+        *,
+        outlets: Sequence[Outlet] = (),
+        make_servo: ServoFactory | None = None,
+        make_take: TakeFactory | None = None,
+        clock: Clock | None = None,
+        rate: float = 120.0,
+        speed: float = 1.0,
+        seed: int = 0,
+        device: str | None = None,
+    ):
+        if not RATES[0] <= rate <= RATES[1]:
+            raise InputError(f"rate is {rate!r}; allowed: {RATES[0]:g} to {RATES[1]:g} frames per second")
+        if plans and make_servo is None:
+            raise InputError("make_servo is None; allowed with hands: what makes their servo")
+        self.plans = tuple(plans)
+        self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
+        self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
+        self._outlets, self._make_take = tuple(outlets), make_take
+        self._due = [-np.inf] * len(self._outlets)
+        self.sim = self._make_sim()
+        moved = [trap for plan in plans for trap in plan.config.traps]
+        self.local = LocalScene.of(self.sim.model, moved)
+        self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
+        self._traps = TrapCommands(scene, moved)
+        self._watch = Watch(self.sim.model)
+        self._pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
+        self._beat = self._frames = 0
+        self._scene_now: SceneNow | None = None
+        self._take: Take | None = None
+        self._arm_soon = False
+        self._closed = False
+        self.over, self.failure = False, ""
+
+    @property
+    def clock(self) -> Clock:
+        """Of the loop."""
+        return self._clock
+
+    @property
+    def recording(self) -> Path | None:
+        """File that is being written."""
+        return self._take.file if self._take else None
+
+    def start(self, *, arm: bool = False) -> None:
+        """Compile, open the devices, take the first step, publish the first state.
+
+        Args:
+            arm: Whether to arm the hands as soon as they have hold of their traps.
+
+        Raises:
+            InputError: A device is not there.
+        """
+        self._traps.write(self.sim)
+        self.sim.step(1)
+        self._capture()  # compiles what reads out, before anything waits for it
+        self.hands.start()
+        self._pace.restart(self._clock.now())
+        self._arm_soon = arm
+        self.hands.publish(self._next_state(self._capture()))
+
+    def run(self, duration: float | None = None, *, arm: bool = False) -> None:
+        """Start, tick until told to stop or for `duration` seconds of the clock, and close.
+
+        Raises:
+            InputError: As `start`.
+            SimulationError: The simulation stopped, and nobody is there to reset it.
+        """
+        try:
+            self.start(arm=arm)
+            deadline = self._clock.now()
+            end = np.inf if duration is None else deadline + duration
+            while not self.over and self._clock.now() < end:
+                self.tick()
+                deadline, _ = next_deadline(deadline, 1.0 / self._rate, self._clock.now())
+                self._clock.sleep_until(deadline)
+        finally:
+            self.close()
+
+    def tick(self) -> LiveFrame:
+        """One turn of the loop; returns what was published."""
+        begun = self._clock.now()
+        self._obey()
+        self._traps.hold(self.hands.listen().items())
+        steps = self._step(begun)
+        frame = self._capture()
+        self._traps.note(frame.trap_position[0])
+        state = self._next_state(frame) if steps else None
+        self.hands.publish(state)
+        self._arm_when_held()
+        live = self._live(frame)
+        if self._take is not None:
+            self._take.frame(live, state)
+        for n, outlet in enumerate(self._outlets):
+            if begun >= self._due[n]:
+                self._due[n] = begun + outlet.interval
+                outlet.publish(live)
+        self._pace.worked(self._clock.now() - begun)
+        return live
+
+    def close(self) -> None:
+        """Zero forces, finish the recording, close the outlets; may be called more than once."""
+        if self._closed:
+            return
+        self._closed = self.over = True
+        try:
+            self.hands.stop()
+        finally:
+            self._end_take()
+            for outlet in self._outlets:
+                outlet.close()
+
+    def _step(self, now: float) -> int:
+        """Write what was commanded and take the steps that are due; how many."""
+        steps = 0 if self.failure else self._pace.due(now)
+        self._traps.write(self.sim)
+        try:
+            self.sim.step(steps)
+        except SimulationError as error:
+            if not self._outlets:
+                raise
+            self.failure = str(error)
+            self.hands.arm(on=False)
+            self._complain(f"{error}; reset to go on")
+            return 0
+        return steps
+
+    def _capture(self) -> Frame:
+        """The present state, in arrays of its own: outlets may keep them."""
+        frame = capture_frame(self.sim)
+        return dataclasses.replace(frame, **{name: np.array(getattr(frame, name)) for name in SHAPES})
+
+    def _next_state(self, frame: Frame) -> SceneNow:
+        self._beat += 1
+        return self.local.now(self._beat, frame)
+
+    def _live(self, frame: Frame) -> LiveFrame:
+        self._frames += 1
+        hands, pace = self.hands.frames, self._pace.report()
+        warnings = self._watch.warnings(frame, hands, pace)
+        forces = self.sim.readout.hand_force.numpy()
+        return LiveFrame(
+            beat=self._frames,
+            wall=self._clock.now(),
+            frame=frame,
+            hand_force=np.array(forces[0], dtype=float) if forces.size else np.zeros((2, 3)),
+            hands=hands,
+            servo=self.hands.status,
+            pace=pace,
+            warnings=(self.failure, *warnings) if self.failure else warnings,
+            recording=str(self.recording) if self._take else None,
+        )
+
+    def _arm_when_held(self) -> None:
+        """Arm once every hand has hold of its traps: before, the servo would refuse."""
+        if self._arm_soon and all(hand.now is not None and hand.now.traps for hand in self.hands.frames):
+            self._arm_soon = False
+            self.hands.arm()
+
+    def _obey(self) -> None:
+        """Carry out what was asked; a refusal is told to all outlets, and the session goes on."""
+        for outlet in self._outlets:
+            for command in outlet.commands():
+                try:
+                    self.do(command)
+                except (InputError, OSError) as error:
+                    self._complain(str(error))
+
+    def do(self, command: c.Command) -> None:
+        """Carry out a command now.
+
+        Raises:
+            InputError: It cannot be; nothing changed.
+        """
+        match command:
+            case c.MoveTraps(positions):
+                self._traps.move(positions)
+            case c.ShiftTraps(traps, by):
+                self._traps.shift(traps, by)
+            case c.SetPower(power, traps):
+                self._traps.set_power(self.sim, power, traps)
+            case c.SetGains(hand, motion_gain, force_gain):
+                self.hands.set_gains(hand, motion_gain, force_gain)
+            case c.SetSpeed(speed):
+                self._pace.set_speed(speed)
+            case c.Pause(on):
+                self._pause(on)
+            case c.Reset():
+                self._reset()
+            case c.Record(on, file):
+                self._record(on, file)
+            case c.Arm(hand):
+                self._arm(hand)
+            case c.Disarm(hand):
+                self._arm_soon = False
+                self.hands.arm(hand, on=False)
+            case c.Stop():
+                self.over = True
+        if self._take is not None:
+            self._take.command(command, self._clock.now())
+
+    def _arm(self, hand: str | None) -> None:
+        if self._pace.paused or self.failure:
+            raise InputError("arm: the simulation stands still; allowed: while it runs")
+        self.hands.arm(hand)
+
+    def _pause(self, on: bool) -> None:
+        if on:
+            self.hands.arm(on=False)
+        self._pace.pause(on, self._clock.now())
+
+    def _reset(self) -> None:
+        """Begin anew; the hands are disarmed, and take hold of their traps where the scene has them."""
+        self.hands.arm(on=False)
+        self.sim = self._make_sim()
+        self.failure = ""
+        self._traps.restart()
+        self._pace.restart(self._clock.now())
+        self._watch = Watch(self.sim.model)
+        self._traps.write(self.sim)
+        self.hands.publish(self._next_state(self._capture()))
+
+    def _record(self, on: bool, file: str | None) -> None:
+        self._end_take()
+        if on:
+            if self._make_take is None:
+                raise InputError("record: this session cannot; allowed: with the rosbags package")
+            self._take = self._make_take(file, self)
+
+    def _end_take(self) -> None:
+        take, self._take = self._take, None
+        if take is not None:
+            take.close()
+
+    def _complain(self, line: str) -> None:
+        for outlet in self._outlets:
+            outlet.complain(line)

@@ -1,0 +1,190 @@
+"""`run_session`: a scene, live, with hands, page and recording: the Python call behind `otwarp teleop`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.haptics.config import HapticsConfig
+from otwarp.haptics.devices import parse_devices
+from otwarp.haptics.devices.mouse import POINTER
+from otwarp.haptics.mailbox import Mailbox
+from otwarp.scene.description import Scene
+from otwarp.teleop.commands import Record
+from otwarp.teleop.hand_plan import HandPlan, plan_hands
+from otwarp.teleop.hands import ServoLike, servo_process
+from otwarp.teleop.live import LiveLoop, Take
+from otwarp.teleop.local_scene import LocalScene
+from otwarp.teleop.outlet import Outlet
+
+SERVO_RATE = 1000.0
+"""Cycles per second of the servo [Hz]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """Where the page is served.
+
+    Attributes:
+        host: Interface; loopback unless told otherwise.
+        port: First port that is tried.
+        token: What a browser must know, None to make one where it is needed.
+        browser: Whether to open a browser here.
+    """
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    token: str | None = None
+    browser: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions:
+    """What a session is, besides its scene.
+
+    Attributes:
+        devices: Hand → device.
+        config: Of the hands; None for the presets.
+        mode: `stable` or `paper`; only without `config`.
+        pairing: `release` or `older`; only without `config`.
+        motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
+        record: File that is recorded from the start.
+        arm: Whether hands are armed as soon as they hold their traps.
+        page: The page, None for none.
+        rate: Frames per second of the loop.
+        servo_rate: Cycles per second of the servo [Hz].
+        speed: Simulated seconds per second.
+        duration: Seconds of the clock after which it ends, None for when it is told to.
+        seed, device: As `Simulation`.
+    """
+
+    devices: Mapping[str, str] = field(default_factory=dict)
+    config: HapticsConfig | None = None
+    mode: str = "stable"
+    pairing: str = "release"
+    motion_gain: float | None = None
+    force_gain: float | None = None
+    record: str | None = None
+    arm: bool = False
+    page: PageOptions | None = None
+    rate: float = 120.0
+    servo_rate: float = SERVO_RATE
+    speed: float = 1.0
+    duration: float | None = None
+    seed: int = 0
+    device: str | None = None
+
+
+class Session:
+    """A live loop with its servo, page and recording, put together; a context manager.
+
+    Args:
+        scene: What is simulated.
+        options: How.
+        outlets: More who watch and command, beside the page.
+        say: Takes lines for the user.
+
+    Raises:
+        InputError: A device, a hand or a number that cannot be; nothing was started.
+
+    Attributes:
+        loop: The live loop.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        options: SessionOptions,
+        *,
+        outlets: Sequence[Outlet] = (),
+        say: Callable[[str], None] = print,
+    ):
+        o = self._options = options
+        plans = plan_hands(
+            scene,
+            o.devices,
+            config=o.config,
+            mode=o.mode,
+            pairing=o.pairing,
+            motion_gain=o.motion_gain,
+            force_gain=o.force_gain,
+            rate=o.servo_rate,
+        )
+        self._boxes = {plan.name: Mailbox.create(POINTER) for plan in plans if plan.device.strip() == "mouse"}
+        self._say, self._traps = say, len(scene.traps)
+        try:
+            if plans:  # a bad name is told before anything is compiled
+                parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
+            if self._boxes and o.page is None:
+                raise InputError(f"--{next(iter(self._boxes))} is 'mouse'; allowed with the page, which has the mouse")
+            self._page = self._open_page(scene, plans)
+            watching = (*outlets, self._page) if self._page else tuple(outlets)
+            self.loop = LiveLoop(
+                scene,
+                plans,
+                outlets=watching,
+                make_servo=self._make_servo,
+                make_take=self._make_take,
+                rate=o.rate,
+                speed=o.speed,
+                seed=o.seed,
+                device=o.device,
+            )
+        except BaseException:
+            self._close_boxes()
+            raise
+
+    def run(self) -> LiveLoop:
+        """Until the session is told to stop; returns the loop, closed.
+
+        Raises:
+            InputError: A device is not there, or the page's port is taken; nothing is armed.
+            SimulationError: The simulation stopped, and nobody is there to reset it.
+        """
+        o, loop = self._options, self.loop
+        try:
+            if self._page is not None:
+                self._say(f"page      {self._page.start()}")
+            if o.record is not None:
+                loop.do(Record(True, o.record))
+            loop.run(o.duration, arm=o.arm)
+        finally:
+            loop.close()
+            self._close_boxes()
+        return loop
+
+    def _pointer(self, plan: HandPlan) -> str | None:
+        box = self._boxes.get(plan.name)
+        return box.name if box else None
+
+    def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:
+        """The page, not started; None without one."""
+        page = self._options.page
+        if page is None:
+            return None
+        from otwarp.teleop.page.process import PageProcess
+
+        return PageProcess(
+            scene,
+            host=page.host,
+            port=page.port,
+            token=page.token,
+            browser=page.browser,
+            hands=[(plan.name, plan.config) for plan in plans],
+            pointers={name: box.name for name, box in self._boxes.items()},
+        )
+
+    def _make_servo(self, plans: Sequence[HandPlan], local: LocalScene) -> ServoLike:
+        pointers = {name: box.name for name, box in self._boxes.items()}
+        return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=self._options.servo_rate)
+
+    def _make_take(self, file: str | None, loop: LiveLoop) -> Take:
+        from otwarp.teleop.take import open_take
+
+        return open_take(file, loop)
+
+    def _close_boxes(self) -> None:
+        for box in self._boxes.values():
+            box.close()

@@ -1,0 +1,116 @@
+"""`TrapCommands`: what hands, gizmos and programs together command of the traps, written in one go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.haptics.types import Vec3
+from otwarp.scene.description import Scene
+from otwarp.simulation.simulation import Simulation
+
+FARTHEST = 1e6
+"""Micrometres from the origin beyond which no trap is put: a metre."""
+
+
+class TrapCommands:
+    """Positions [µm] and powers [mW] of all traps.
+
+    A trap that no hand has stays with its time samples, if it has any, until it is moved for the first time; a hand's
+    trap stands where it was authored at the start.
+
+    Args:
+        scene: Of the session.
+        hands: Traps that hands with a device move.
+    """
+
+    def __init__(self, scene: Scene, hands: Iterable[int]):
+        self._scene = scene
+        self._hands = frozenset(hands)
+        self._held: frozenset[int] = frozenset()
+        self._start()
+
+    def _start(self) -> None:
+        traps = self._scene.traps
+        self.position = np.array([t.position.at(0.0) for t in traps], dtype=float).reshape(-1, 3)
+        self.power = np.array([t.power.at(0.0)[0] for t in traps], dtype=float)
+        self._follows = np.array(
+            [
+                (t.position.animated and t.hand == "none" and n not in self._hands) + 2 * t.power.animated
+                for n, t in enumerate(traps)
+            ],
+            dtype=int,
+        )
+        self._changed = True
+
+    def restart(self) -> None:
+        """Command what the scene says, once more."""
+        self._held = frozenset()
+        self._start()
+
+    def hold(self, traps: Iterable[tuple[int, Vec3]]) -> None:
+        """What hands command now; no other may move these traps."""
+        held = dict(traps)
+        self._held = frozenset(held)
+        self.move(held, by_hand=True)
+
+    def move(self, positions: Mapping[int, Vec3], *, by_hand: bool = False) -> None:
+        """Put traps somewhere; those that a hand holds stay with it.
+
+        Raises:
+            InputError: A trap that is not there, or a place that is not finite; nothing is moved.
+        """
+        self._check(positions)
+        for place in positions.values():
+            if not all(math.isfinite(x) and abs(x) <= FARTHEST for x in place):
+                raise InputError(f"trap position is {tuple(place)!r}; allowed: finite, within ±{FARTHEST:g} µm")
+        for trap, place in positions.items():
+            if trap in self._held and not by_hand:
+                continue
+            self._follows[trap] &= 2
+            if tuple(self.position[trap]) != tuple(place):
+                self.position[trap] = place
+                self._changed = True
+
+    def shift(self, traps: Sequence[int], by: Vec3) -> None:
+        """Move traps by the same displacement [µm].
+
+        Raises:
+            InputError: As `move`.
+        """
+        self._check(traps)
+        moved = {trap: self.position[trap] + np.asarray(by, dtype=float) for trap in traps}
+        self.move({trap: (float(x), float(y), float(z)) for trap, (x, y, z) in moved.items()})
+
+    def set_power(self, sim: Simulation, power: float, traps: Sequence[int] = ()) -> None:
+        """Power of traps [mW], of all if none is named; written at once, for the simulation may refuse it.
+
+        Raises:
+            InputError: A trap that is not there, or a power that the time step cannot carry.
+        """
+        self._check(traps)
+        chosen = list(traps) or list(range(len(self.power)))
+        wanted, follows = self.power.copy(), self._follows.copy()
+        wanted[chosen] = power
+        follows[chosen] &= 1
+        sim.control.set(trap_power=wanted, follow=follows)
+        self.power, self._follows = wanted, follows
+
+    def write(self, sim: Simulation) -> None:
+        """Tell the simulation, if anything changed."""
+        if self._changed and len(self.position):
+            sim.control.set(trap_position=self.position, follow=self._follows)
+        self._changed = False
+
+    def note(self, position: np.ndarray) -> None:
+        """Where the traps that follow their time samples are, so that moving them begins there; (T, 3) [µm]."""
+        following = (self._follows & 1).astype(bool)
+        self.position[following] = position[following]
+
+    def _check(self, traps: Iterable[int]) -> None:
+        for trap in traps:
+            if not 0 <= trap < len(self.power):
+                raise InputError(f"trap is {trap!r}; allowed: 0 to {len(self.power) - 1}")
