@@ -17,6 +17,7 @@ COMMANDS = {
     "info": "Say what a scene holds, how it will be stepped, and why.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
+    "teleop": "Run a scene live: traps by mouse or by hand, felt and seen.",
     "forces": "Evaluate the optical force on a sphere exactly.",
     "mobility": "Say how the bodies of a scene diffuse, and how well that is known.",
     "decompose": "Turn a closed mesh into spheres.",

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from otwarp.cli import stop
 from otwarp.cli.options import device_option, json_option, scene_argument, seed_option
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.scene.description import Scene
-    from otwarp.teleop.live import LiveLoop
+    from otwarp.teleop.session import Session
 
-DEVICES = "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAMESPACE, virtual:…, replay:FILE"
+DEVICES = (
+    "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAMESPACE, virtual:…, replay:FILE"
+)
 
 
 @click.command()
@@ -32,7 +35,9 @@ DEVICES = "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension
     help="Reduce the scene to what this machine runs in real time, with that share of a core.",
 )
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second.")
-@click.option("--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain.")
+@click.option(
+    "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
+)
 @click.option(
     "--pairing",
     type=click.Choice(["release", "older"]),
@@ -50,7 +55,9 @@ DEVICES = "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension
 @click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token.")
 @click.option("--port", type=int, help="Port of the page; default: 8080 or the next that is free.")
 @click.option("--token", help="What a browser must know; made by itself where it is needed.")
-@click.option("--duration", type=float, metavar="SECONDS", help="End after so many seconds; default: Ctrl-C or the page.")
+@click.option(
+    "--duration", type=float, metavar="SECONDS", help="End after so many seconds; default: Ctrl-C or the page."
+)
 @seed_option
 @device_option
 @json_option
@@ -60,31 +67,31 @@ def teleop(scene: Path, as_json: bool, **options: Any) -> None:
     Without --left and --right every trap has a gizmo on the page, and nothing is felt. Hands move the traps whose
     ot:trap:hand names them.
     """
-    session, report = _session(scene, as_json, options)
-    loop = session.run()
-    _say_end(loop, report, as_json)
+    session = _session(scene, options, lambda line: click.echo(line, err=as_json))
+    report = session.run()
+    if as_json:
+        click.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        click.echo(report["text"])
+    stop.check()  # Ctrl-C is how a session ends; SIGTERM has its exit code
 
 
-def _session(scene: Path, as_json: bool, options: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
-    """A session that has not begun, and what was left out of its scene."""
+def _session(scene: Path, options: dict[str, Any], say: Callable[[str], None]) -> Session:
+    """A session that has not begun."""
     from otwarp.scene.description import Scene
     from otwarp.teleop.hand_plan import load_config
     from otwarp.teleop.session import PageOptions, Session, SessionOptions
 
     if options["duration"] is not None and not options["duration"] > 0.0:
         raise InputError(f"--duration is {options['duration']:g}; allowed: above 0 s")
-    devices = {hand: options[hand] for hand in ("left", "right") if options[hand] is not None}
     page = None
     if options["page"]:
         page = PageOptions(**{name: options[name] for name in ("host", "port", "token", "browser")})
-    kept = ("mode", "pairing", "motion_gain", "force_gain", "record", "arm", "rate", "servo_rate", "duration", "seed")
-    loaded, speed, report = _reduced(Scene.load(scene), options, as_json)
+    same = ("mode", "pairing", "motion_gain", "force_gain", "record", "arm", "budget", "rate", "servo_rate", "speed")
     asked = SessionOptions(
-        devices=devices,
+        devices={hand: options[hand] for hand in ("left", "right") if options[hand] is not None},
         config=load_config(options["config"]) if options["config"] else None,
         page=page,
-        device=options["device"],
-        speed=speed,
-        **{name: options[name] for name in kept},
+        **{name: options[name] for name in (*same, "duration", "seed", "device")},
     )
-    return Session(loaded, asked, say=lambda line: click.echo(line, err=as_json)), report
+    return Session(Scene.load(scene), asked, say=say)

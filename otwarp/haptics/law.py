@@ -181,12 +181,24 @@ class LocalModel:
         laws: For each trap of the scene that a hand moves, its law for each kind.
         kinds: Kind of each sphere, in the order of `SceneNow.spheres`; empty for kind 0 throughout.
         smoothing: α per servo period with which sphere positions follow what is published, 1 for at once.
+        prediction: Whether spheres are taken to go on between two published states as they did between the last two,
+            but no farther than the hand has carried its traps meanwhile. A sphere that follows its trap then does not
+            seem to lag by what the trap moved since the last state: at 120 states/s, 10 pN/µm and 5 µm/s that is 0.2 pN
+            on average, where the drag on a bead of 1 µm is 0.08 pN. A hand at rest feels no prediction, so neither a
+            kick nor thermal motion is carried on.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
     """
 
-    def __init__(self, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int] = (), *, smoothing: float = 1.0) -> None:
+    def __init__(
+        self,
+        laws: Mapping[int, Sequence[Law]],
+        kinds: Sequence[int] = (),
+        *,
+        smoothing: float = 1.0,
+        prediction: bool = False,
+    ) -> None:
         for trap, choices in laws.items():
             if not choices:
                 raise InputError(f"trap {trap} has no force law; allowed: one for each kind of sphere")
@@ -200,6 +212,10 @@ class LocalModel:
         self._traps: list[tuple[float, float, float, float, Law, int]] = []
         self._spheres: list[list[Vec3]] = []
         self._targets: list[list[Vec3]] = []
+        self.prediction = prediction
+        self._velocities: list[list[Vec3]] = []
+        self._periods = 0
+        self._carried: Vec3 | None = None
 
     def refresh(self, scene: SceneNow, traps: Mapping[int, Vec3]) -> bool:
         """See `ForceModel.refresh`.
@@ -230,23 +246,56 @@ class LocalModel:
             return False
         self._traps = rows
         same = [len(group) for group in targets] == [len(group) for group in self._spheres]
+        if self.prediction:
+            self._velocities = self._rates(targets) if same and self._periods else []
+            self._periods, self._carried = 0, None
         if self.smoothing == 1.0 or not same:
             self._spheres = targets
         self._targets = targets
         return True
+
+    def _rates(self, targets: list[list[Vec3]]) -> list[list[Vec3]]:
+        """How far each sphere went per servo period between the last two states [µm]."""
+        k = 1.0 / self._periods
+        return [
+            [(k * (u - x), k * (v - y), k * (w - z)) for (x, y, z), (u, v, w) in zip(before, now, strict=True)]
+            for before, now in zip(self._targets, targets, strict=True)
+        ]
 
     def force(self, x: float, y: float, z: float) -> Vec3:
         """See `ForceModel.force`."""
         if self._spheres is not self._targets:
             self._approach()
         fx = fy = fz = 0.0
-        spheres = self._spheres
+        spheres = self._ahead(x, y, z) if self.prediction else self._spheres
         for u, v, w, power, law, kind in self._traps:
             gx, gy, gz = law.pull(u + x, v + y, w + z, spheres[kind])
             fx += power * gx
             fy += power * gy
             fz += power * gz
         return fx, fy, fz
+
+    def _ahead(self, x: float, y: float, z: float) -> list[list[Vec3]]:
+        """The spheres where they have come to by now, with the hand's traps carried by x, y, z [µm]."""
+        self._periods += 1
+        if self._carried is None:
+            self._carried = (x, y, z)
+        if not self._velocities:
+            return self._spheres
+        a, b, c = self._carried
+        far = math.sqrt((x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2)
+        if not 0.0 < far < math.inf:
+            return self._spheres
+        n = float(self._periods)
+        out = []
+        for group, rates in zip(self._spheres, self._velocities, strict=True):
+            ahead = []
+            for (u, v, w), (p, q, r) in zip(group, rates, strict=True):
+                way = n * math.sqrt(p * p + q * q + r * r)
+                k = n if way <= far else n * far / way
+                ahead.append((u + k * p, v + k * q, w + k * r))
+            out.append(ahead)
+        return out
 
     def _approach(self) -> None:
         """Move the spheres one servo period on towards where they were last published."""
@@ -271,4 +320,5 @@ def local_model(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Se
             raise InputError(f"hand.traps has {trap}, which has no force law; allowed: {sorted(laws)}")
     slow = config.chain.pose_filter
     smoothing = slow.at(config.chain.rate).alpha if slow else 1.0
-    return LocalModel({trap: laws[trap] for trap in config.traps}, kinds, smoothing=smoothing)
+    chosen = {trap: laws[trap] for trap in config.traps}
+    return LocalModel(chosen, kinds, smoothing=smoothing, prediction=config.chain.pose_prediction)

@@ -26,8 +26,9 @@ published; 10 s is a guess on the cautious side."""
 TOUCH_QUANTUM = 5.5e-5
 """Nominal resolution of the Touch's position by its maker's data sheet [m]: about 450 dpi, 0.055 mm."""
 
-TOUCH_CHAIN = ChainConfig(passivity=PassivityConfig(), quantum=TOUCH_QUANTUM)
-"""Our chain for the Touch: nothing filtered, passivity controlled, velocity estimated within the encoder's noise."""
+TOUCH_CHAIN = ChainConfig(passivity=PassivityConfig(), quantum=TOUCH_QUANTUM, pose_prediction=True)
+"""Our chain for the Touch: nothing filtered, passivity controlled, velocity estimated within the encoder's noise,
+spheres predicted between states."""
 
 PAPER_CHAIN = ChainConfig(
     mode="paper",

@@ -158,7 +158,8 @@ class Control(_Bound):
         worlds, traps = self.model.worlds, len(self.model.scene.traps)
         given = {n: expand(n, v, worlds=worlds, traps=traps) for n, v in asked.items() if v is not None}
         bits = self._bits(given, follow)
-        if trap_power is not None or follow is not None:
+        # bit 1 says whose power counts: unless one of these changes, so does nothing that a step could not carry
+        if trap_power is not None or (follow is not None and np.any((bits ^ self.follow.numpy()) & 2)):
             power = given["trap_power"] if trap_power is not None else self.trap_power.numpy()
             peaks = [
                 t.power.values.max() if bit & 2 else p

@@ -33,6 +33,10 @@ from otwarp.teleop.watch import Watch
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
 
+GLIDE = 1e-3
+"""Simulated seconds after which a moving trap is put farther: a leap each frame would let its spheres catch up, and the
+force at the end of the frame would lack their drag."""
+
 
 class Take(Protocol):
     """A recording that is being written; nothing in it blocks."""
@@ -80,8 +84,11 @@ class LiveLoop:
         sim: The simulation; a reset makes another.
         local: What hands feel.
         hands: Hands and their servo.
+        pace: Simulated time against the clock's.
         over: Whether the session has ended.
         failure: Why the simulation stopped, or "".
+        frames, late: Frames so far, and how many of them were dropped because a tick took too long.
+        wall: Time that `run` has taken so far [s].
     """
 
     def __init__(
@@ -113,13 +120,14 @@ class LiveLoop:
         self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
         self._traps = TrapCommands(scene, moved)
         self._watch = Watch(self.sim.model)
-        self._pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
-        self._beat = self._frames = 0
-        self._scene_now: SceneNow | None = None
+        self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
+        self._beat = 0
         self._take: Take | None = None
         self._arm_soon = False
         self._closed = False
         self.over, self.failure = False, ""
+        self.frames = self.late = 0
+        self.wall = 0.0
 
     @property
     def clock(self) -> Clock:
@@ -144,7 +152,7 @@ class LiveLoop:
         self.sim.step(1)
         self._capture()  # compiles what reads out, before anything waits for it
         self.hands.start()
-        self._pace.restart(self._clock.now())
+        self.pace.restart(self._clock.now())
         self._arm_soon = arm
         self.hands.publish(self._next_state(self._capture()))
 
@@ -157,12 +165,14 @@ class LiveLoop:
         """
         try:
             self.start(arm=arm)
-            deadline = self._clock.now()
-            end = np.inf if duration is None else deadline + duration
+            begun = deadline = self._clock.now()
+            end = np.inf if duration is None else begun + duration
             while not self.over and self._clock.now() < end:
                 self.tick()
-                deadline, _ = next_deadline(deadline, 1.0 / self._rate, self._clock.now())
+                deadline, missed = next_deadline(deadline, 1.0 / self._rate, self._clock.now())
+                self.late += missed
                 self._clock.sleep_until(deadline)
+                self.wall = self._clock.now() - begun
         finally:
             self.close()
 
@@ -184,7 +194,7 @@ class LiveLoop:
             if begun >= self._due[n]:
                 self._due[n] = begun + outlet.interval
                 outlet.publish(live)
-        self._pace.worked(self._clock.now() - begun)
+        self.pace.worked(self._clock.now() - begun)
         return live
 
     def close(self) -> None:
@@ -200,11 +210,10 @@ class LiveLoop:
                 outlet.close()
 
     def _step(self, now: float) -> int:
-        """Write what was commanded and take the steps that are due; how many."""
-        steps = 0 if self.failure else self._pace.due(now)
-        self._traps.write(self.sim)
+        """Take the steps that are due while the traps glide to where they are commanded; how many."""
+        steps = 0 if self.failure else self.pace.due(now)
         try:
-            self.sim.step(steps)
+            self._advance(steps)
         except SimulationError as error:
             if not self._outlets:
                 raise
@@ -213,6 +222,16 @@ class LiveLoop:
             self._complain(f"{error}; reset to go on")
             return 0
         return steps
+
+    def _advance(self, steps: int) -> None:
+        """The steps stand for the time since the last tick, in which the hands went from there to here."""
+        part = max(1, round(GLIDE / self.sim.time_step)) if self._traps.changed else steps
+        done = 0
+        while done < steps:
+            part = min(part, steps - done)
+            done += part
+            self._traps.write(self.sim, done / steps)
+            self.sim.step(part)
 
     def _capture(self) -> Frame:
         """The present state, in arrays of its own: outlets may keep them."""
@@ -224,12 +243,12 @@ class LiveLoop:
         return self.local.now(self._beat, frame)
 
     def _live(self, frame: Frame) -> LiveFrame:
-        self._frames += 1
-        hands, pace = self.hands.frames, self._pace.report()
+        self.frames += 1
+        hands, pace = self.hands.frames, self.pace.report()
         warnings = self._watch.warnings(frame, hands, pace)
         forces = self.sim.readout.hand_force.numpy()
         return LiveFrame(
-            beat=self._frames,
+            beat=self.frames,
             wall=self._clock.now(),
             frame=frame,
             hand_force=np.array(forces[0], dtype=float) if forces.size else np.zeros((2, 3)),
@@ -271,7 +290,7 @@ class LiveLoop:
             case c.SetGains(hand, motion_gain, force_gain):
                 self.hands.set_gains(hand, motion_gain, force_gain)
             case c.SetSpeed(speed):
-                self._pace.set_speed(speed)
+                self.pace.set_speed(speed)
             case c.Pause(on):
                 self._pause(on)
             case c.Reset():
@@ -289,14 +308,14 @@ class LiveLoop:
             self._take.command(command, self._clock.now())
 
     def _arm(self, hand: str | None) -> None:
-        if self._pace.paused or self.failure:
+        if self.pace.paused or self.failure:
             raise InputError("arm: the simulation stands still; allowed: while it runs")
         self.hands.arm(hand)
 
     def _pause(self, on: bool) -> None:
         if on:
             self.hands.arm(on=False)
-        self._pace.pause(on, self._clock.now())
+        self.pace.pause(on, self._clock.now())
 
     def _reset(self) -> None:
         """Begin anew; the hands are disarmed, and take hold of their traps where the scene has them."""
@@ -304,7 +323,7 @@ class LiveLoop:
         self.sim = self._make_sim()
         self.failure = ""
         self._traps.restart()
-        self._pace.restart(self._clock.now())
+        self.pace.restart(self._clock.now())
         self._watch = Watch(self.sim.model)
         self._traps.write(self.sim)
         self.hands.publish(self._next_state(self._capture()))

@@ -34,13 +34,15 @@ class Pace:
 
     Attributes:
         slipped: Simulated time given up [s].
+        simulated: Simulated time since the start [s].
+        stood: Time of the clock in which it was paused [s].
     """
 
     def __init__(self, time_step: float, *, rate: float, speed: float = 1.0, now: float = 0.0):
         check_speed(speed)
         self._time_step, self._rate, self._speed = time_step, rate, speed
         self._last, self._debt, self._paused = now, 0.0, False
-        self.slipped = 0.0
+        self.slipped = self.simulated = self.stood = 0.0
         self._ticks: deque[tuple[float, float, float, float]] = deque()  # time, simulated, wanted, busy
 
     @property
@@ -64,6 +66,8 @@ class Pace:
 
     def pause(self, on: bool, now: float) -> None:
         """Stand still, or go on from here."""
+        if self._paused:
+            self.stood += max(now - self._last, 0.0)
         self._paused, self._last, self._debt = on, now, 0.0
 
     def restart(self, now: float) -> None:
@@ -75,6 +79,7 @@ class Pace:
         elapsed = max(now - self._last, 0.0)
         self._last = now
         if self._paused:
+            self.stood += elapsed
             return 0
         wanted = elapsed * self._speed
         self._debt += wanted
@@ -84,6 +89,7 @@ class Pace:
             self._debt = longest
         steps = int(self._debt / self._time_step)
         self._debt -= steps * self._time_step
+        self.simulated += steps * self._time_step
         self._note(now, steps * self._time_step, wanted)
         return steps
 

@@ -18,6 +18,7 @@ from otwarp.teleop.hands import ServoLike, servo_process
 from otwarp.teleop.live import LiveLoop, Take
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
+from otwarp.teleop.summary import summarize
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -53,6 +54,7 @@ class SessionOptions:
         record: File that is recorded from the start.
         arm: Whether hands are armed as soon as they hold their traps.
         page: The page, None for none.
+        budget: `auto`, `off`, or the share of a core that the simulation may take, as text; see `teleop.budget`.
         rate: Frames per second of the loop.
         servo_rate: Cycles per second of the servo [Hz].
         speed: Simulated seconds per second.
@@ -69,6 +71,7 @@ class SessionOptions:
     record: str | None = None
     arm: bool = False
     page: PageOptions | None = None
+    budget: str = "off"
     rate: float = 120.0
     servo_rate: float = SERVO_RATE
     speed: float = 1.0
@@ -91,6 +94,7 @@ class Session:
 
     Attributes:
         loop: The live loop.
+        budget: What was left out of the scene, None if nothing was asked to be.
     """
 
     def __init__(
@@ -114,11 +118,14 @@ class Session:
         )
         self._boxes = {plan.name: Mailbox.create(POINTER) for plan in plans if plan.device.strip() == "mouse"}
         self._say, self._traps = say, len(scene.traps)
+        self._recorded: str | None = None
+        self.budget: dict[str, Any] | None = None
         try:
             if plans:  # a bad name is told before anything is compiled
                 parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
             if self._boxes and o.page is None:
                 raise InputError(f"--{next(iter(self._boxes))} is 'mouse'; allowed with the page, which has the mouse")
+            scene, speed = self._reduced(scene)
             self._page = self._open_page(scene, plans)
             watching = (*outlets, self._page) if self._page else tuple(outlets)
             self.loop = LiveLoop(
@@ -128,7 +135,7 @@ class Session:
                 make_servo=self._make_servo,
                 make_take=self._make_take,
                 rate=o.rate,
-                speed=o.speed,
+                speed=speed,
                 seed=o.seed,
                 device=o.device,
             )
@@ -136,8 +143,8 @@ class Session:
             self._close_boxes()
             raise
 
-    def run(self) -> LiveLoop:
-        """Until the session is told to stop; returns the loop, closed.
+    def run(self) -> dict[str, Any]:
+        """Until the session is told to stop; returns its `summary.summarize`, with `budget` and `recording`.
 
         Raises:
             InputError: A device is not there, or the page's port is taken; nothing is armed.
@@ -150,14 +157,32 @@ class Session:
             if o.record is not None:
                 loop.do(Record(True, o.record))
             loop.run(o.duration, arm=o.arm)
+        except KeyboardInterrupt:
+            self._say("")  # after the ^C of the terminal
         finally:
             loop.close()
             self._close_boxes()
-        return loop
+        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded}
+        if self._recorded:
+            report["text"] += f"\nrecorded  {self._recorded}"
+        return report
 
     def _pointer(self, plan: HandPlan) -> str | None:
         box = self._boxes.get(plan.name)
         return box.name if box else None
+
+    def _reduced(self, scene: Scene) -> tuple[Scene, float]:
+        """What this machine runs in real time, and the speed at which it does."""
+        o = self._options
+        if o.budget == "off":
+            return scene, o.speed
+        from otwarp.teleop.budget import reduce_scene
+
+        reduced = reduce_scene(scene, device=o.device, budget=o.budget, speed=o.speed)
+        for line in reduced.report.lines:
+            self._say(line)
+        self.budget = reduced.report.json()
+        return reduced.scene, reduced.speed
 
     def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:
         """The page, not started; None without one."""
@@ -183,7 +208,9 @@ class Session:
     def _make_take(self, file: str | None, loop: LiveLoop) -> Take:
         from otwarp.teleop.take import open_take
 
-        return open_take(file, loop)
+        take = open_take(file, loop)
+        self._recorded = str(take.file)
+        return take
 
     def _close_boxes(self) -> None:
         for box in self._boxes.values():

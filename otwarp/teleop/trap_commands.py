@@ -44,6 +44,7 @@ class TrapCommands:
             ],
             dtype=int,
         )
+        self._told, self._told_follows = self.position.copy(), np.full(len(traps), -1)
         self._changed = True
 
     def restart(self) -> None:
@@ -99,16 +100,27 @@ class TrapCommands:
         sim.control.set(trap_power=wanted, follow=follows)
         self.power, self._follows = wanted, follows
 
-    def write(self, sim: Simulation) -> None:
-        """Tell the simulation, if anything changed."""
-        if self._changed and len(self.position):
-            sim.control.set(trap_position=self.position, follow=self._follows)
-        self._changed = False
+    @property
+    def changed(self) -> bool:
+        """Whether the simulation has yet to be told."""
+        return self._changed
+
+    def write(self, sim: Simulation, share: float = 1.0) -> None:
+        """Tell the simulation, if anything changed: a share of the way from what it was told before."""
+        if not self._changed or not len(self.position):
+            return
+        place = self._told + share * (self.position - self._told) if share < 1.0 else self.position.copy()
+        # said only where it matters, for it costs as much again
+        says = bool(np.any(self._follows)) or not np.array_equal(self._follows, self._told_follows)
+        sim.control.set(trap_position=place, follow=self._follows if says else None)
+        self._told_follows = self._follows.copy()
+        if share >= 1.0:
+            self._told, self._changed = place, False
 
     def note(self, position: np.ndarray) -> None:
         """Where the traps that follow their time samples are, so that moving them begins there; (T, 3) [µm]."""
         following = (self._follows & 1).astype(bool)
-        self.position[following] = position[following]
+        self.position[following] = self._told[following] = position[following]
 
     def _check(self, traps: Iterable[int]) -> None:
         for trap in traps:

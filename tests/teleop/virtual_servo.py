@@ -1,0 +1,126 @@
+"""A servo on the loop's own virtual clock: every wait of the loop runs the cycles that fall into it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+from otwarp.haptics.clock import VirtualClock
+from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.hands import make_chain
+from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.servo import Hand, Servo
+from otwarp.haptics.servo_link import Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.types import HandNow, SceneNow
+from otwarp.teleop.hand_plan import HandPlan
+from otwarp.teleop.local_scene import LocalScene
+
+PERIOD = 1e-3
+
+
+class LinkedClock(VirtualClock):
+    """Time passes by waiting; the servo lives through it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.servo: VirtualServo | None = None
+
+    def sleep_until(self, deadline: float) -> None:
+        while self.servo is not None and self.servo.running and self.servo.next <= deadline:
+            self._now = max(self._now, self.servo.next)
+            self.servo.cycle()
+        self._now = max(self._now, deadline)
+
+
+class VirtualServo:
+    """`ServoLike` in this process.
+
+    Attributes:
+        forces: Every force that was sent, per hand.
+    """
+
+    def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
+        n = len(plans)
+        self._clock = clock
+        self._scenes, self._orders_box = Mailbox.create(SceneLayout(len(local.kinds), traps)), None
+        self._orders_box = Mailbox.create(OrdersLayout(n))
+        self._status_box = Mailbox.create(StatusLayout(n))
+        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
+        self._orders = Orders(0, (0,) * n, (0,) * n)
+        specs = parse_devices([plan.device for plan in plans])
+        self._hands = [
+            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
+            for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
+        ]
+        self._servo = Servo(clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box)
+        self._seen: list[HandNow | None] = [None] * n
+        self.forces: list[list[HandNow]] = [[] for _ in plans]
+        self.next = 0.0
+        self.running = False
+        clock.servo = self
+
+    def cycle(self) -> None:
+        self._servo.cycle()
+        self.next += PERIOD
+        for n in range(len(self._boxes)):
+            now = self.hand(n)
+            if now is not None:
+                self.forces[n].append(now)
+
+    def start(self) -> ServoStatus:
+        for hand in self._hands:
+            hand.open()
+        self.running, self.next = True, self._clock.now() + PERIOD
+        self._servo.cycle()
+        status = self.status()
+        assert status is not None
+        return status
+
+    @property
+    def alive(self) -> bool:
+        return self.running
+
+    def publish(self, scene: SceneNow) -> None:
+        self._scenes.write(scene)
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        self._tell(self._orders.next())
+
+    def arm(self, hand: int | None = None) -> None:
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(arm=n))
+
+    def disarm(self, hand: int | None = None) -> None:
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(disarm=n))
+
+    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        self._tell(self._orders.next(gains=(hand, motion_gain, force_gain)))
+
+    def hand(self, hand: int) -> HandNow | None:
+        new = self._boxes[hand].read()
+        if new is not None:
+            self._seen[hand] = new
+        return self._seen[hand]
+
+    def status(self) -> ServoStatus | None:
+        return self._status_box.read() or self._last_status()
+
+    def stop(self) -> None:
+        if self.running:
+            self.running = False
+            for hand in self._hands:
+                hand.release(self._clock.now())
+            for n in range(len(self._boxes)):
+                self.hand(n)
+        self._clock.servo = None
+
+    def _last_status(self) -> ServoStatus:
+        return ServoStatus(
+            self._servo.tick, self._clock.now(), "running", 0, 0.0, 0, 0, tuple(h.status for h in self._hands)
+        )
+
+    def _tell(self, orders: Orders) -> None:
+        self._orders = orders
+        self._orders_box.write(orders)
