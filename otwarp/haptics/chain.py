@@ -10,11 +10,15 @@ is `Chain.asked`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.chain_state import snapshot
 from otwarp.haptics.config import HandConfig, PassivityConfig
 from otwarp.haptics.coupling import VirtualCoupling
 from otwarp.haptics.filters import VectorFilter
+from otwarp.haptics.gains import checked_gains
 from otwarp.haptics.law import ForceModel
 from otwarp.haptics.motion import Motion, VelocityEstimate
 from otwarp.haptics.paper_mode import PaperRenderer
@@ -54,9 +58,7 @@ class Chain:
         low_pass = chain.force_filter
         self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and chain.mode == "stable" else None
         self._paper = PaperRenderer(config, model) if chain.mode == "paper" else None
-        # −G_hand·Aᵀ for the force on the spheres; the release's force is that on the hand already
-        sign = 1.0 if self._paper else -config.force_gain
-        self._back = tuple(sign * config.axis_map[j][i] for i in range(3) for j in range(3))
+        self._back = self._to_hand(config.force_gain)
         self._limited = chain.passivity is not None
         self._moves = self._limited or chain.damping > 0.0
         self._damping = chain.damping
@@ -81,6 +83,41 @@ class Chain:
     def disarm(self) -> None:
         """Let the force fall to zero, and leave it there until `arm`."""
         self.safety.disarm()
+
+    def set_gains(self, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """Gains from the next step on; None for as configured.
+
+        Traps stay where they are and follow further motion with the new gain. The force goes to its new value within
+        the slew limit, and passivity control goes on counting: it bounds what a force may give back whatever made it.
+
+        Args:
+            motion_gain: [µm/m].
+            force_gain: [N/pN].
+
+        Raises:
+            InputError: Out of the range of `HandConfig`; nothing has changed.
+        """
+        motion_gain, force_gain = checked_gains(motion_gain, force_gain)
+        config = self.config
+        self.motion.set_gain(config.motion_gain if motion_gain is None else motion_gain)
+        force_gain = config.force_gain if force_gain is None else force_gain
+        self._back = self._to_hand(force_gain)
+        if self._paper:
+            self._paper.set_gain(force_gain)
+
+    def _to_hand(self, gain: float) -> tuple[float, ...]:
+        """−G_hand·Aᵀ for the force on the spheres; the release's force is that on the hand already."""
+        sign, rows = 1.0 if self._paper else -gain, self.config.axis_map
+        return tuple(sign * rows[j][i] for i in range(3) for j in range(3))
+
+    @property
+    def moved(self) -> Vec3:
+        """How far the traps are commanded from where the hand took hold of them [µm]."""
+        return self.motion.commanded
+
+    def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
+        """All that it remembers, see `chain_state.snapshot`; `scene` is the one of its last step."""
+        return snapshot(self, scene)
 
     def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
         """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""

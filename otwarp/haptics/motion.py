@@ -72,23 +72,37 @@ class Motion:
     simulation is told. In absolute mode the traps follow the place of the hand from where it took hold.
     """
 
-    __slots__ = ("_absolute", "_filter", "_hand", "_limit", "_map", "carried", "commanded")
+    __slots__ = ("_absolute", "_axes", "_filter", "_hand", "_last", "_limit", "_map", "_origin", "carried", "commanded")
 
     def __init__(self, config: HandConfig) -> None:
-        gain, chain = config.motion_gain, config.chain
-        self._map = tuple(gain * entry for row in config.axis_map for entry in row)
+        chain = config.chain
+        self._axes = config.axis_map
+        self._map = self._scaled(config.motion_gain)
         self._absolute = config.absolute
         self._limit = chain.trap_speed / chain.rate
         low_pass = chain.motion_filter
         self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and low_pass.alpha < 1.0 else None
         self._hand: Vec3 | None = None
+        self._last: Vec3 = (0.0, 0.0, 0.0)
+        self._origin: Vec3 = (0.0, 0.0, 0.0)
         self.carried: Vec3 = (0.0, 0.0, 0.0)
         self.commanded: Vec3 = (0.0, 0.0, 0.0)
+
+    def _scaled(self, gain: float) -> tuple[float, ...]:
+        return tuple(gain * entry for row in self._axes for entry in row)
+
+    def set_gain(self, gain: float) -> None:
+        """Another motion gain [µm/m] from the next motion on; what was carried so far stays where it is."""
+        if self._absolute and self._hand is not None:
+            # the place for where the hand is now belongs to it under both gains
+            self._origin = self._place(*self._last)
+            self._hand = self._last
+        self._map = self._scaled(gain)
 
     def reset(self) -> None:
         """Take hold anew: nothing carried yet."""
         self._hand = None
-        self.carried = self.commanded = (0.0, 0.0, 0.0)
+        self._origin = self.carried = self.commanded = (0.0, 0.0, 0.0)
         if self._filter:
             self._filter.value = (0.0, 0.0, 0.0)
 
@@ -96,20 +110,31 @@ class Motion:
         """Carry the traps to where the hand at x, y, z [m] takes them, if it holds them; returns `carried` [µm]."""
         if self._hand is None:
             self._hand = (x, y, z)
-        u, v, w = self._hand
-        if holds:
-            u, v, w = x - u, y - v, z - w
-            a, b, c, d, e, f, g, h, i = self._map
-            p, q, r = a * u + b * v + c * w, d * u + e * v + f * w, g * u + h * v + i * w
-            if not self._absolute:
-                p, q, r = self._slowed(p, q, r)
+        if self._absolute:
+            self._last = (x, y, z)
+            if holds:
+                self.carried = self._place(x, y, z)
+        else:
+            if holds:
+                p, q, r = self._slowed(*self._moved(x, y, z))
                 u, v, w = self.carried
-                p, q, r = u + p, v + q, w + r
-            self.carried = (p, q, r)
-        if not self._absolute:
+                self.carried = (u + p, v + q, w + r)
             self._hand = (x, y, z)
         self.commanded = self._filter.step(*self.carried) if self._filter else self.carried
         return self.carried
+
+    def _moved(self, x: float, y: float, z: float) -> Vec3:
+        """What the way from `_hand` to x, y, z [m] is to the traps [µm]."""
+        u, v, w = self._hand or (x, y, z)
+        u, v, w = x - u, y - v, z - w
+        a, b, c, d, e, f, g, h, i = self._map
+        return a * u + b * v + c * w, d * u + e * v + f * w, g * u + h * v + i * w
+
+    def _place(self, x: float, y: float, z: float) -> Vec3:
+        """Where absolute motion puts the traps for a hand at x, y, z [m]."""
+        p, q, r = self._moved(x, y, z)
+        u, v, w = self._origin
+        return u + p, v + q, w + r
 
     def _slowed(self, p: float, q: float, r: float) -> Vec3:
         """A step [µm] no longer than the traps' speed limit allows."""

@@ -59,10 +59,11 @@ class PaperForce:
         distance_damping: D.
 
     Attributes:
+        gain: As given; a change counts from the next message on.
         force: Last force sent, in the scene's axes [N].
     """
 
-    __slots__ = ("_damping", "_filter", "_gain", "_last", "_robot", "_trap", "force", "pull")
+    __slots__ = ("_damping", "_filter", "_last", "_robot", "_trap", "force", "gain", "pull")
 
     def __init__(
         self,
@@ -73,7 +74,7 @@ class PaperForce:
         distance_damping: float = 0.0,
     ) -> None:
         self.pull = pull or curve_of(RELEASE_LAW)
-        self._gain, self._damping = gain, distance_damping
+        self.gain, self._damping = gain, distance_damping
         self._filter = VectorFilter(alpha)
         self._trap: Vec3 | None = None
         self._robot: Vec3 | None = None
@@ -103,7 +104,7 @@ class PaperForce:
         self._last = (distance, time)
         k = raw / distance
         fx, fy, fz = self._filter.step(k * x, k * y, k * z)
-        self.force = (self._gain * fx, self._gain * fy, self._gain * fz)
+        self.force = (self.gain * fx, self.gain * fy, self.gain * fz)
         return self.force
 
 
@@ -137,7 +138,7 @@ class PaperRenderer:
         law = model.laws.get(config.traps[0], (None,))[0] if isinstance(model, LocalModel) and config.traps else None
         if not isinstance(law, IsotropicLaw):
             raise InputError(f"chain.mode is 'paper' with traps {config.traps}; allowed: a first trap of isotropic law")
-        self._law, self._hand = law, config
+        self._law, self._hand, self._gain = law, config, config.force_gain
         self._node = self._restarted()
         self._robot = -1
 
@@ -145,7 +146,11 @@ class PaperRenderer:
         chain: ChainConfig = self._hand.chain
         # per message, whatever the rate of messages: that is the point of this mode
         alpha = (chain.force_filter or LowPass(alpha=RELEASE_ALPHA, rate=2.0 * RELEASE_RATE)).alpha
-        return PaperForce(gain=self._hand.force_gain, alpha=alpha, distance_damping=chain.distance_damping)
+        return PaperForce(gain=self._gain, alpha=alpha, distance_damping=chain.distance_damping)
+
+    def set_gain(self, gain: float) -> None:
+        """Another G_hand [N per raw unit], from the next message on."""
+        self._gain = self._node.gain = gain
 
     def reset(self) -> None:
         """Take hold anew."""

@@ -6,50 +6,30 @@ A function of a clock, devices, chains and mailboxes only, so that tests run it 
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.clock import Clock, next_deadline
-from otwarp.haptics.mailbox import Mailbox, SceneReader
-from otwarp.haptics.servo_link import HandStatus, Orders, ServoStatus
+from otwarp.haptics.mailbox import STATES, Mailbox, SceneReader
+from otwarp.haptics.rendering import ChainLike, Rendering
+from otwarp.haptics.ring import BACK, DISARMED, ENDING, FAILED, FRESH, LOST, PRESENT, SAMPLED, SILENT, STEPPED, Ring
+from otwarp.haptics.servo_link import HandStatus, Orders, ServoStatus, Start
 from otwarp.haptics.types import ZERO, Device, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
 
 REOPEN_AFTER = 0.5
 """Seconds from the loss of a device to the first attempt to open it again, and from one attempt to the next."""
 PARENT_SILENCE = 1.0
 """Seconds without orders after which all hands disarm; longer than a scene takes to pause, shorter than a shrug."""
-ENDING = 0.2
+LAST_CYCLES = 0.2
 """Seconds that the chains have to bring their forces to zero before they are cut; their watchdogs need 0.1 s."""
 STATUS_EVERY = 10
 """Cycles between two reports to the parent."""
 WINDOW = 1.0
 """Seconds over which the worst lateness is kept."""
-ROUNDING = 1.0 + 1e-9
-"""A force scaled to the limit of its device may exceed it by rounding."""
-
-
-class ChainLike(Protocol):
-    """The signal chain of one hand, see `otwarp.haptics.chain`.
-
-    It starts disarmed, knows time by `sample.time`, and a simulation that stands still by a `scene.beat` that does. The
-    first beat is 1: before it, no chain is stepped.
-    """
-
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
-        """One servo cycle: the force to render and the traps to move."""
-        ...
-
-    def arm(self) -> None:
-        """Allow force, by a ramp."""
-        ...
-
-    def disarm(self) -> None:
-        """Let the force fall to zero."""
-        ...
 
 
 class Opening:
@@ -74,26 +54,36 @@ class Opening:
 
 
 class Hand:
-    """One hand in the servo: its device, its chain, its mailbox.
+    """One hand in the servo: its device, its chain, its mailbox, its ring.
 
     Args:
         device: Not opened yet.
-        make_chain: The chain for a device; called again after the device was away and after a fault, so that nothing
-            remembered of the hand's motion carries over the gap.
+        make_chain: See `Rendering`.
         box: Takes a `HandNow` each cycle.
         beside: Whether to re-open the device in a thread, see `Opening`.
+        ring: Takes a record of each cycle while `record` says so.
+        starts: Takes what the chain remembered when a recording began.
     """
 
     def __init__(
-        self, device: Device, make_chain: Callable[[DeviceInfo], ChainLike], box: Mailbox[HandNow], beside: bool = False
+        self,
+        device: Device,
+        make_chain: Callable[[DeviceInfo], ChainLike],
+        box: Mailbox[HandNow],
+        beside: bool = False,
+        *,
+        ring: Ring | None = None,
+        starts: Mailbox[Start] | None = None,
     ):
-        self._device, self._make_chain, self._box, self._beside = device, make_chain, box, beside
-        self._chain: ChainLike | None = None
+        self._device, self._box, self._beside = device, box, beside
+        self._rendering = Rendering(make_chain)
+        self._ring, self._starts, self._recording = ring, starts, False
         self._opening: Opening | None = None
         self._try_at = math.inf
-        self._limit = 0.0
         self._begun = False
         self._last = HandNow(0, 0.0, ZERO, ZERO, (), "disarmed", 0.0)
+        self._sample: DeviceSample | None = None
+        self._flags = 0
         self.status = HandStatus()
 
     @property
@@ -112,9 +102,8 @@ class Hand:
 
     def _welcome(self, message: str) -> None:
         """A device that has just been opened: a chain of its own, disarmed."""
-        self._limit = self._device.info.force
         self._device.write(ZERO)
-        self._chain = self._make_chain(self._device.info)
+        self._rendering.make(self._device.info)
         self.status = replace(self.status, present=True, message=message)
 
     def arm(self) -> None:
@@ -122,23 +111,40 @@ class Hand:
         if not self.status.present:
             return
         if not self._begun:
-            self._say(f"{self._device.info.name}: cannot be armed before the simulation has published a state")
+            self._say("cannot be armed before the simulation has published a state")
             return
-        if self._chain is None:
-            self._chain = self._make_chain(self._device.info)
-        self._chain.arm()
+        self._rendering.arm()
         self._say("")
 
-    def disarm(self, message: str = "") -> None:
+    def disarm(self, message: str = "", action: int = DISARMED) -> None:
         """Let the force fall."""
-        if self._chain is not None:
-            self._chain.disarm()
+        self._rendering.disarm(action)
         if message and self.status.present:
-            self._say(message)
+            self.status = replace(self.status, message=message)
 
-    def cycle(self, now: float, scene: SceneNow) -> None:
+    def set_gains(self, motion_gain: float | None, force_gain: float | None) -> None:
+        """Gains from now on [µm/m, N/pN], also of chains made later; None for as configured."""
+        try:
+            self._rendering.set_gains(motion_gain, force_gain)
+        except InputError as error:
+            self._say(str(error))
+
+    def record(self, take: int, tick: int, scene: SceneNow) -> None:
+        """Record from this cycle on, as the take of this number, with all that the chain remembers now; 0 ends it."""
+        self._recording = take > 0 and self._ring is not None
+        if not self._recording or self._starts is None:
+            return
+        self._rendering.actions()  # what they did is in the snapshot
+        try:
+            self._starts.write(Start(take, tick, json.dumps(self._rendering.snapshot(scene), separators=(",", ":"))))
+        except Exception as error:  # told, and the take replays from the next chain on; the hand goes on regardless
+            self._starts.write(Start(take, tick, ""))
+            self._say(f"the start of the recording cannot be told: {error}")
+
+    def cycle(self, now: float, scene: SceneNow, tick: int = 0) -> None:
         """Read, step, write, publish."""
         self._begun = scene.beat > 0
+        self._sample, self._flags = None, 0
         if not self.status.present:
             self._look_for_it(now)
         state = self._feel(now, scene) if self.status.present else None
@@ -146,49 +152,52 @@ class Hand:
             state = replace(self._last, tick=self._last.tick + 1, time=now, force=ZERO, state="fault")
         self._last = state
         self._box.write(state)
+        if self._recording and self._ring is not None:
+            try:
+                self._ring.push(self._told(tick, now, scene.beat, state))
+            except Exception:  # whatever a driver calls a sample, its hand goes on
+                self._ring.miss()
 
     def _feel(self, now: float, scene: SceneNow) -> HandNow | None:
         """A cycle of a device that is there; None when it is lost or the chain failed."""
-        device, chain = self._device, self._chain
+        device, rendering = self._device, self._rendering
         try:
-            sample = device.read(now)
+            sample = self._sample = device.read(now)
             if not self._begun:  # a chain would look in vain for its traps
                 state = replace(self._last, tick=self._last.tick + 1, time=now, position=sample.position)
             else:
-                state = self._checked(chain, sample, scene) if chain is not None else None
+                stepped = rendering.chain is not None
+                state = rendering.step(sample, scene)
+                if stepped:
+                    self._flags |= STEPPED if state is not None else STEPPED | FAILED
+                if rendering.said:
+                    self._say(rendering.said)
             device.write(state.force if state is not None else ZERO)
         except Exception as error:  # `DeviceLost`, or whatever else a driver raises: it cannot be relied on any more
             self._lose(now, str(error) or type(error).__name__)
             return None
         return state
 
-    def _checked(self, chain: ChainLike, sample: DeviceSample, scene: SceneNow) -> HandNow | None:
-        """A step of the chain, within the device's limit; None if it raised or its numbers are not finite."""
-        try:
-            state = chain.step(sample, scene)
-            x, y, z = state.force
-            size = math.sqrt(x * x + y * y + z * z)
-            total = size
-            for _, (tx, ty, tz) in state.traps:
-                total += tx + ty + tz
-        except Exception as error:  # a defect of a chain must not leave a force on
-            return self._fail(f"{type(error).__name__}: {error}")
-        if not math.isfinite(total):
-            return self._fail(f"force ({x:g}, {y:g}, {z:g}) N or traps {state.traps} not finite")
-        limit = self._limit
-        if size > limit * ROUNDING and limit > 0.0:  # a device without motors ignores what it is told
-            k = limit / size
-            self._say(f"{self._device.info.name}: force of {size:.3g} N held to the limit of {limit:g} N")
-            return replace(state, force=(k * x, k * y, k * z))
-        return state
-
-    def _fail(self, why: str) -> None:
-        self._chain = None
-        self._say(f"{self._device.info.name}: chain at fault, arm again: {why}")
+    def _told(self, tick: int, now: float, beat: int, state: HandNow) -> tuple[float, ...]:
+        """This cycle in the order of `ring.CYCLE`."""
+        sample, rendering, flags = self._sample, self._rendering, self._flags
+        at, position, buttons = math.nan, (math.nan, math.nan, math.nan), 0
+        if sample is not None:
+            at, position, buttons = sample.time, sample.position, sample.buttons & 0xFFFFFFFFFFFFFFFF
+            flags |= SAMPLED | FRESH if sample.fresh else SAMPLED
+        if self.status.present:
+            flags |= PRESENT
+        chain, (motion, force) = rendering.chain, rendering.gains
+        asked, moved = (chain.asked, chain.moved) if chain is not None else (ZERO, ZERO)
+        gains = math.nan if motion is None else motion, math.nan if force is None else force
+        limits, code = (rendering.limit, rendering.continuous), STATES.index(state.state)
+        head = (tick, now, at, *position, buttons, flags, beat, rendering.actions(), *gains, *limits)
+        return (*head, *state.force, *asked, state.energy, code, *moved)
 
     def _lose(self, now: float, why: str) -> None:
         name = self._device.info.name
-        self._chain = None
+        self._flags |= LOST
+        self._rendering.drop()
         self._try_at = now + REOPEN_AFTER
         self.status = HandStatus(False, self.status.losses + 1, f"{name}: lost, disarmed ({why})")
 
@@ -207,12 +216,16 @@ class Hand:
             return
         try:
             self._welcome(f"{self._device.info.name}: back; arm it to feel it again")
+            self._flags |= BACK
         except Exception as error:  # lost again at once, or another device that its chain refuses
-            self._say(f"{self._device.info.name}: back, but {error}")
+            self._rendering.drop()
+            self._say(f"back, but {error}")
 
     def _say(self, message: str) -> None:
-        if message != self.status.message:
-            self.status = replace(self.status, message=message)
+        """A line about the device, or none."""
+        line = f"{self._device.info.name}: {message}" if message else ""
+        if line != self.status.message:
+            self.status = replace(self.status, message=line)
 
     def release(self, now: float) -> None:
         """Zero force, say so, let go of the device."""
@@ -222,7 +235,7 @@ class Hand:
                 try:
                     last()
                 except Exception as error:  # it must not keep the other hand from being released
-                    self._say(f"{self._device.info.name}: {error}")
+                    self._say(str(error))
         self._last = replace(self._last, tick=self._last.tick + 1, time=now, force=ZERO, state="disarmed")
         self._box.write(self._last)
 
@@ -299,19 +312,19 @@ class Servo:
         self._listen(now)
         scene = self._scenes.latest()
         for hand in self._hands:
-            hand.cycle(now, scene)
+            hand.cycle(now, scene, self.tick)
         if self.tick % STATUS_EVERY == 1:
             if self._orphaned():
                 self.end(now)
             self._report(now)
 
     def end(self, now: float | None = None) -> None:
-        """Disarm all hands and stop once their forces are zero, or after `ENDING`."""
+        """Disarm all hands and stop once their forces are zero, or after `LAST_CYCLES`."""
         if self._end_at == math.inf:
-            self._end_at = (self._clock.now() if now is None else now) + ENDING
+            self._end_at = (self._clock.now() if now is None else now) + LAST_CYCLES
             self._state = "ending"
             for hand in self._hands:
-                hand.disarm()
+                hand.disarm(action=ENDING)
 
     def _listen(self, now: float) -> None:
         """Obey the parent; disarm when it has been silent for too long."""
@@ -320,11 +333,14 @@ class Servo:
             if now - self._heard > PARENT_SILENCE and not self._silent:
                 self._silent = True
                 for hand in self._hands:
-                    hand.disarm(f"disarmed: no orders for {PARENT_SILENCE:g} s")
+                    hand.disarm(f"disarmed: no orders for {PARENT_SILENCE:g} s", SILENT)
             return
         self._heard, self._silent = now, False
         was, self._obeyed = self._obeyed, orders
         for i, hand in enumerate(self._hands):
+            if orders.take != was.take:
+                hand.record(orders.take, self.tick, self._scenes.scene)
+            hand.set_gains(*(orders.gains[i] if orders.gains else (None, None)))
             if orders.disarm[i] != was.disarm[i]:  # wins over arming
                 hand.disarm()
             elif orders.arm[i] != was.arm[i] and self._end_at == math.inf:

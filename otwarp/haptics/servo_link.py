@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
+from otwarp.errors import InputError
+from otwarp.haptics.gains import Gains
 from otwarp.haptics.mailbox import RecordLayout
 
 TEXT = 160
 """Bytes of a line about one hand."""
 GRANTS = 480
 """Bytes of what the operating system gave."""
+START, START_SPHERE, START_TRAP = 16384, 256, 512
+"""Bytes for what a chain remembers, and for each sphere and trap of its scene: a number takes up to 24 of them."""
 RUNS = ("starting", "running", "ending", "stopped", "failed")
 """What `ServoStatus.state` may be, in the order of their codes."""
 
@@ -22,15 +27,19 @@ class Orders:
         beat: Counts orders; the servo disarms when it stands still.
         arm, disarm: How often each hand was armed and disarmed.
         stop: Whether to end.
+        gains: Motion gain [µm/m] and force gain [N/pN] of each hand, None for as configured; empty for all so.
+        take: Number of the recording that runs, 0 for none.
     """
 
     beat: int
     arm: tuple[int, ...]
     disarm: tuple[int, ...]
     stop: bool = False
+    gains: tuple[Gains, ...] = ()
+    take: int = 0
 
     def next(self, *, arm: int | None = None, disarm: int | None = None, stop: bool = False) -> Orders:
-        """The next orders: one more beat, and a hand armed or disarmed."""
+        """The next orders: one more beat, and a hand armed or disarmed; all else as it was."""
         return replace(
             self,
             beat=self.beat + 1,
@@ -83,23 +92,85 @@ class ServoStatus:
 
 
 class OrdersLayout:
-    """`Orders` in a mailbox, for a number of hands."""
+    """`Orders` in a mailbox, for a number of hands; a gain that is as configured is NaN."""
 
     kind = b"orders"
 
     def __init__(self, hands: int):
-        self._record = RecordLayout(self.kind, f"2Q{2 * hands}Q")
+        self._record = RecordLayout(self.kind, f"3Q{2 * hands}Q{2 * hands}d")
+        self._hands = hands
         self.capacities, self.size = (hands, 0), self._record.size
 
     def pack(self, buffer: bytearray, value: Orders) -> None:
         """See `mailbox.Layout`."""
-        self._record.pack(buffer, (value.beat, value.stop, *value.arm, *value.disarm))
+        gains = value.gains or ((None, None),) * self._hands
+        flat = [math.nan if gain is None else gain for pair in gains for gain in pair]
+        self._record.pack(buffer, (value.beat, value.stop, value.take, *value.arm, *value.disarm, *flat))
 
     def unpack(self, buffer: bytearray) -> Orders:
         """See `mailbox.Layout`."""
-        beat, stop, *counts = self._record.unpack(buffer)
-        half = len(counts) // 2
-        return Orders(beat, tuple(counts[:half]), tuple(counts[half:]), bool(stop))
+        n = self._hands
+        beat, stop, take, *rest = self._record.unpack(buffer)
+        flat = [None if gain != gain else gain for gain in rest[2 * n :]]
+        gains = tuple(zip(flat[::2], flat[1::2], strict=True)) if any(gain is not None for gain in flat) else ()
+        return Orders(beat, tuple(rest[:n]), tuple(rest[n : 2 * n]), bool(stop), gains, take)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What a hand's chain remembered when a recording began.
+
+    Attributes:
+        take: Number of the recording.
+        tick: Its first cycle.
+        text: `Rendering.snapshot` as JSON; "" if it was too long for its mailbox.
+    """
+
+    take: int
+    tick: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """What came out of a hand's ring, see `servo_process.ServoProcess.drain`.
+
+    Attributes:
+        records: `ring.CYCLE`, one after another; `ring.cycles_of` reads them.
+        lost: How many of this recording are missing so far, because they were not fetched in time.
+        start: What the chain remembered before the first record of this recording; None until it is known.
+    """
+
+    records: bytes = b""
+    lost: int = 0
+    start: Start | None = None
+
+
+class StartLayout:
+    """`Start` in a mailbox.
+
+    Args:
+        spheres, traps: Most that a scene may hold; they are part of what is remembered.
+    """
+
+    kind = b"start"
+
+    def __init__(self, spheres: int, traps: int):
+        self._room = START + START_SPHERE * spheres + START_TRAP * traps
+        self._record = RecordLayout(self.kind, f"3Q{self._room}s")
+        self.capacities, self.size = (spheres, traps), self._record.size
+
+    def pack(self, buffer: bytearray, value: Start) -> None:
+        """See `mailbox.Layout`."""
+        data = value.text.encode()
+        if len(data) > self._room:
+            raise InputError(f"start of a recording: {len(data)} bytes; must be at most {self._room}")
+        self._record.pack(buffer, (value.take, value.tick, len(data), data))
+
+    def unpack(self, buffer: bytearray) -> Start:
+        """See `mailbox.Layout`."""
+        take, tick, size, data = self._record.unpack(buffer)
+        return Start(take, tick, data[:size].decode())
 
 
 class StatusLayout:

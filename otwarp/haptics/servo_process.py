@@ -9,6 +9,7 @@ in each case the chains let go, every device is told zero force, and only then i
 from __future__ import annotations
 
 import gc
+import math
 import os
 import pickle
 import signal
@@ -18,16 +19,28 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 from otwarp.errors import InputError
 from otwarp.haptics.clock import RealClock
 from otwarp.haptics.devices import DeviceSpec, create_device, parse_devices
+from otwarp.haptics.gains import checked_gains
 from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
 from otwarp.haptics.platform import parent_is_gone, request_realtime
-from otwarp.haptics.servo import ChainLike, Hand, Servo
-from otwarp.haptics.servo_link import HandStatus, Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.rendering import ChainLike
+from otwarp.haptics.ring import CYCLE, SECONDS, Ring
+from otwarp.haptics.servo import Hand, Servo
+from otwarp.haptics.servo_link import (
+    Cycles,
+    HandStatus,
+    Orders,
+    OrdersLayout,
+    ServoStatus,
+    Start,
+    StartLayout,
+    StatusLayout,
+)
 from otwarp.haptics.types import DeviceInfo, HandNow, SceneNow
 
 RATES = (10.0, 5000.0)
@@ -116,11 +129,18 @@ class ServoProcess:
         self._boxes = [Mailbox.create(layouts[1]) for _ in specs]
         self._orders_box = Mailbox.create(layouts[2])
         self._status_box = Mailbox.create(layouts[3])
-        self._orders = Orders(0, (0,) * n, (0,) * n)
+        self._rings = [Ring.create(math.ceil(SECONDS * rate)) for _ in specs]
+        self._start_boxes = [Mailbox.create(StartLayout(spheres, traps)) for _ in specs]
+        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
+        self._starts: list[Start | None] = [None] * n
+        self._lost = [0] * n
+        self._takes = 0
+        self._rest: list[Cycles] = [Cycles()] * n
         self._status: ServoStatus | None = None
         self._hands: list[HandNow | None] = [None] * n
         names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
-        names |= {"hands": [box.name for box in self._boxes]}
+        names |= {"hands": [box.name for box in self._boxes], "rings": [ring.name for ring in self._rings]}
+        names |= {"starts": [box.name for box in self._start_boxes]}
         chains = tuple(hand.chain for hand in hands)
         self._order = _Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
         self._process: subprocess.Popen[bytes] | None = None
@@ -128,7 +148,7 @@ class ServoProcess:
 
     @property
     def names(self) -> dict[str, Any]:
-        """Names of the mailboxes: `scenes`, `orders`, `status`, and a list of them for `hands`."""
+        """Names of the mailboxes: `scenes`, `orders`, `status`, and lists of them: `hands`, `rings`, `starts`."""
         return dict(self._order.names)
 
     @property
@@ -199,6 +219,51 @@ class ServoProcess:
         for i in self._which(hand):
             self._tell(self._orders.next(disarm=i))
 
+    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """Change gains of a hand in mid-run [µm/m, N/pN]; None leaves one as it is.
+
+        The force follows within the slew limit, traps do not jump, and chains that are made later have them too.
+
+        Raises:
+            InputError: No such hand, or a gain out of the range of `HandConfig`.
+        """
+        self._which(hand)
+        new = checked_gains(motion_gain, force_gain)
+        was = self._orders.gains
+        pair = tuple(old if gain is None else float(gain) for old, gain in zip(was[hand], new, strict=True))
+        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
+
+    def record(self, on: bool) -> None:
+        """Begin a recording of all hands, from any moment on, or end it; `drain` has what it holds."""
+        for i, ring in enumerate(self._rings):
+            if on:
+                ring.drain()
+                self._starts[i], self._lost[i] = None, ring.lost
+        self._takes += on
+        self._tell(replace(self._orders.next(), take=self._takes if on else 0))
+
+    def drain(self, hand: int) -> Cycles:
+        """The cycles of a hand since the last call, while a recording runs and once after it; never blocks.
+
+        To be called at least every `ring.SECONDS`. After `stop` it has the last ones.
+        """
+        self._which(hand)
+        if self._over:
+            rest, self._rest[hand] = self._rest[hand], Cycles(b"", self._rest[hand].lost, self._rest[hand].start)
+            return rest
+        start, ring = self._starts[hand], self._rings[hand]
+        new = self._start_boxes[hand].read()
+        if new is not None and new.take == self._takes:
+            start = self._starts[hand] = new
+        if start is None:
+            return Cycles()  # the records wait for it
+        records = ring.drain()
+        # what an earlier recording left comes first
+        skip = 0
+        while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:
+            skip += CYCLE.size
+        return Cycles(records[skip:], ring.lost - self._lost[hand], start)
+
     def hand(self, hand: int) -> HandNow | None:
         """What a hand last published; None before the first, and the last of all after `stop`."""
         self._which(hand)
@@ -235,8 +300,10 @@ class ServoProcess:
             self.status()
             for i in range(len(self._boxes)):
                 self.hand(i)
+                self._rest[i] = self.drain(i)
         self._over = True
-        for box in (self._scenes, self._orders_box, self._status_box, *self._boxes):
+        boxes = (self._scenes, self._orders_box, self._status_box, *self._boxes, *self._rings, *self._start_boxes)
+        for box in boxes:
             box.close()
 
     def __enter__(self) -> ServoProcess:
@@ -289,9 +356,17 @@ def _serve(order: _Order, ended: Callable[[], bool]) -> int:
     try:
         orders = Mailbox.attach(OrdersLayout(n), names["orders"])
         scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
+        start = StartLayout(order.spheres, order.traps)
         hands = [
-            Hand(create_device(spec), chain, Mailbox.attach(HandLayout(order.traps), name), beside=True)
-            for spec, chain, name in zip(order.specs, order.chains, names["hands"], strict=True)
+            Hand(
+                create_device(spec),
+                chain,
+                Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
+                beside=True,
+                ring=Ring.attach(names["rings"][i]),
+                starts=Mailbox.attach(start, names["starts"][i]),
+            )
+            for i, (spec, chain) in enumerate(zip(order.specs, order.chains, strict=True))
         ]
         gone = parent_is_gone()
         grants = request_realtime(cpu=order.cpu) if order.realtime else ()

@@ -10,7 +10,7 @@ from dataclasses import replace
 from otwarp.haptics.chain import Chain
 from otwarp.haptics.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
 from otwarp.haptics.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.types import DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
 AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)
@@ -32,6 +32,11 @@ def make_chain(config: HandConfig, *, split: bool = False) -> Chain:
     """A chain that is not armed yet."""
     law = SplitLaw(RADIAL, AXIAL) if split else IsotropicLaw(RADIAL)
     return Chain(config, local_model(config, {0: (law,)}))
+
+
+def chain_for(config: HandConfig, info: DeviceInfo) -> Chain:
+    """As a servo makes it, in another process."""
+    return make_chain(config)
 
 
 def scene_at(beat: int, time: float, sphere: Vec3 | None = (0.0, 0.0, 0.0), trap: Vec3 = (0.0, 0.0, 0.0)) -> SceneNow:

@@ -23,6 +23,15 @@ class SpringChain:
         self.gain = 0.0
         self.beat, self.heard, self.time, self.tick = 0, 0.0, 0.0, 0
 
+    asked = moved = ZERO
+    gains = (None, None)
+
+    def set_gains(self, motion_gain=None, force_gain=None) -> None:
+        self.gains = (motion_gain, force_gain)
+
+    def snapshot(self, scene):
+        return {"force": self.force, "state": self.state, "gain": self.gain}
+
     def arm(self) -> None:
         self.state, self.gain, self.heard = "ramping", 0.0, self.time
 

@@ -113,3 +113,35 @@ def test_takes_hold_anew_when_the_simulation_is_reset():
         chain, lambda t: (0.1 * t, 0.0, 0.0), 1, start=100, scene=lambda n, t: scene_at(n, 0.0, trap=(5.0, 0.0, 0.0))
     )
     assert now.traps == ((0, (5.0, 0.0, 0.0)),)
+
+
+def carried(motion: Motion, places, holds=lambda n: True):
+    return [motion.step(x, 0.0, 0.0, holds(n)) for n, x in enumerate(places)]
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_another_gain_moves_no_trap_and_scales_what_comes(absolute):
+    motion = Motion(hand_config(axis_map=IDENTITY, absolute=absolute, motion_gain=100.0))
+    before = carried(motion, [0.0, 0.01, 0.02])[-1]
+    motion.set_gain(400.0)
+    assert motion.step(0.02, 0.0, 0.0, True) == before == (2.0, 0.0, 0.0)
+    assert motion.step(0.03, 0.0, 0.0, True)[0] == pytest.approx(6.0, rel=1e-12)
+    motion.set_gain(100.0)
+    assert motion.step(0.0, 0.0, 0.0, True)[0] == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_gain_set_while_the_clutch_is_held_leaves_an_absolute_trap_to_come_to_the_hand():
+    motion = Motion(hand_config(axis_map=IDENTITY, absolute=True, motion_gain=100.0))
+    motion.step(0.0, 0.0, 0.0, True)
+    assert carried(motion, [0.01, 0.03], lambda n: False)[-1] == (0.0, 0.0, 0.0)
+    motion.set_gain(200.0)
+    assert motion.step(0.03, 0.0, 0.0, False) == (0.0, 0.0, 0.0)
+    # the place of the hand is worth what it was when the gain changed
+    assert motion.step(0.03, 0.0, 0.0, True)[0] == pytest.approx(3.0, rel=1e-12)
+    assert motion.step(0.04, 0.0, 0.0, True)[0] == pytest.approx(5.0, rel=1e-12)
+
+
+def test_a_gain_set_before_anything_was_held_counts_from_the_start():
+    motion = Motion(hand_config(axis_map=IDENTITY, absolute=True, motion_gain=100.0))
+    motion.set_gain(50.0)
+    assert carried(motion, [0.5, 0.51])[-1][0] == pytest.approx(0.5, rel=1e-12)

@@ -16,9 +16,11 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import HandLayout, Mailbox
-from otwarp.haptics.servo_link import StatusLayout
+from otwarp.haptics.ring import CYCLE, ENDING, GAINS, actions_of, cycles_of
+from otwarp.haptics.servo_link import Cycles, StatusLayout
 from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import ZERO, SceneNow, SphereNow
+from tests.haptics.setups import chain_for, hand_config, scene_at
 from tests.haptics.spring import SpringChain, TellingChain
 
 EVENTUALLY = 60.0
@@ -39,7 +41,7 @@ def until(condition, each=lambda: None):
         time.sleep(0.002)
 
 
-def publishing(servo: ServoProcess, arm: bool = True):
+def publishing(servo: ServoProcess, arm: bool = True, scene=scene):
     """Publishes the next state at each call, and keeps the hands armed: a busy machine may let the watchdog act."""
     beat = 0
 
@@ -173,3 +175,41 @@ def test_arguments_out_of_range_are_refused(monkeypatch):
     with pytest.raises(InputError, match="hand = 1: must be from 0 to 0"):
         servo.arm(1)
     servo.stop()
+
+
+def test_gains_and_recordings_pass_between_the_processes():
+    config = hand_config()
+    with ServoProcess([HandSetup(HOLD, partial(chain_for, config))], spheres=1, traps=1) as servo:
+        publish = publishing(servo, scene=lambda beat: scene_at(beat, 0.001 * beat))
+        until(lambda: servo.hand(0) is not None and servo.hand(0).state == "armed", publish)
+        assert servo.drain(0) == Cycles()
+        records, lost = b"", 0
+
+        def fetch():
+            nonlocal records, lost
+            publish()
+            cycles = servo.drain(0)
+            records, lost = records + cycles.records, lost + cycles.lost
+
+        servo.record(True)
+        until(lambda: len(records) > 50 * CYCLE.size, fetch)
+        servo.set_gains(0, force_gain=0.2)
+        servo.set_gains(0, motion_gain=30.0)
+        until(lambda: cycles_of(records)[-1].motion_gain == 30.0, fetch)
+        first = servo.drain(0).start
+        servo.record(False)
+        until(lambda: not servo.drain(0).records, publish)
+        servo.record(True)
+        until(lambda: servo.drain(0).start is not None, publish)
+        for bad in ((2, 1.0, 1.0), (0, -1.0, None), (0, None, "strong")):
+            with pytest.raises(InputError):
+                servo.set_gains(*bad)
+    cycles, last = cycles_of(records), servo.drain(0)
+    assert lost == 0
+    assert [c.tick for c in cycles] == list(range(first.tick, first.tick + len(cycles)))
+    assert cycles[-1].force_gain == 0.2
+    assert sum(GAINS in actions_of(c.actions) for c in cycles) in (1, 2)  # a later order may overtake
+    assert last.start.take == 2 > first.take
+    assert any(ENDING in actions_of(c.actions) for c in cycles_of(last.records))
+    assert servo.drain(0).records == b""
+    assert json.loads(first.text)["chain"]["safety"]
