@@ -31,7 +31,7 @@ REMEMBERED: dict[str, tuple[str, ...]] = {
     "_paper._node._filter": ("value",),
 }
 """Part of a chain → its attributes that change after it was made; parts that a chain lacks are skipped. Kept apart:
-the chain's `_anchors`, the windows of its velocity estimate, and the model's spheres."""
+the chain's `_anchors`, the windows of its velocity estimate, the model's spheres and their prediction."""
 
 
 def snapshot(chain: Chain, scene: SceneNow) -> dict[str, Any]:
@@ -47,6 +47,7 @@ def snapshot(chain: Chain, scene: SceneNow) -> dict[str, Any]:
     state["scene"] = scene_to_json(scene)
     # None: as the scene has them; else they are on their way there
     state["spheres"] = None if model._spheres is model._targets else model._spheres
+    state["prediction"] = [model._periods, model._carried, model._velocities]
     return state
 
 
@@ -70,9 +71,11 @@ def restore(chain: Chain, state: Mapping[str, Any]) -> None:
         chain._anchors = anchors
         if anchors:
             chain.model.refresh(scene_from_json(state["scene"]), anchors)
+        model: Any = chain.model
         if state["spheres"] is not None:
-            model: Any = chain.model
-            model._spheres = [[_tuples(place) for place in group] for group in state["spheres"]]
+            model._spheres = _groups(state["spheres"])
+        periods, carried, velocities = state["prediction"]
+        model._periods, model._carried, model._velocities = periods, _tuples(carried), _groups(velocities)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"start of a recording: does not fit its configuration ({error})") from None
 
@@ -97,6 +100,11 @@ def _part(chain: Chain, name: str) -> Any:
     for step in name.split(".") if name else ():
         part = getattr(part, step) if part is not None else None
     return part
+
+
+def _groups(value: Any) -> list[list[Any]]:
+    """Vectors of the spheres of each kind."""
+    return [[_tuples(vector) for vector in group] for group in value]
 
 
 def _tuples(value: Any) -> Any:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 from otwarp.haptics.clock import VirtualClock
 from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.gains import checked_gains
 from otwarp.haptics.hands import make_chain
 from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
 from otwarp.haptics.servo import Hand, Servo
@@ -46,7 +48,7 @@ class VirtualServo:
         self._orders_box = Mailbox.create(OrdersLayout(n))
         self._status_box = Mailbox.create(StatusLayout(n))
         self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
-        self._orders = Orders(0, (0,) * n, (0,) * n)
+        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
         specs = parse_devices([plan.device for plan in plans])
         self._hands = [
             Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
@@ -96,7 +98,9 @@ class VirtualServo:
             self._tell(self._orders.next(disarm=n))
 
     def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
-        self._tell(self._orders.next(gains=(hand, motion_gain, force_gain)))
+        new, was = checked_gains(motion_gain, force_gain), self._orders.gains
+        pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
+        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
 
     def hand(self, hand: int) -> HandNow | None:
         new = self._boxes[hand].read()
