@@ -1,0 +1,153 @@
+"""Who may see and use the page: it moves light that moves things, so strangers may not.
+
+viser checks nobody. Every request, websocket handshakes included, is judged here before viser sees it:
+
+- On loopback the `Host` must be a loopback name: a web page whose name was made to point to this machine (DNS
+  rebinding) still names itself.
+- A request with an `Origin` must come from this very page: other pages in the same browser may open websockets to
+  anywhere, but cannot lie about where they come from.
+- With a token, the request must carry it: once in the address, afterwards in a cookie.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import re
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from urllib.parse import parse_qs, quote, urlsplit
+
+from otwarp.errors import InputError
+
+SHORTEST_TOKEN = 16
+_TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
+HEADERS = (
+    ("Content-Security-Policy", "frame-ancestors 'none'"),
+    ("X-Frame-Options", "DENY"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cache-Control", "no-store"),
+)
+"""Of every answer: not inside another page (which could make users click what they do not see), and the token stays."""
+
+Fields = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """HTTP status (200 lets pass), why not, and the cookie to set."""
+
+    status: int
+    reason: str = ""
+    cookie: str | None = None
+
+    @property
+    def passes(self) -> bool:
+        """Whether viser may answer."""
+        return self.status == 200
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """The rules of one page.
+
+    Attributes:
+        loopback: Whether it listens on loopback alone.
+        token: Secret to be presented, None for none.
+        port: Of the page; names its cookie, since browsers do not keep cookies of two ports apart.
+    """
+
+    loopback: bool
+    token: str | None
+    port: int
+
+    @property
+    def cookie_name(self) -> str:
+        """Name of the cookie that holds the token."""
+        return f"otwarp-{self.port}"
+
+    def judge(self, target: str, headers: Fields) -> Verdict:
+        """Judge a request.
+
+        Args:
+            target: Path and query of the request line.
+            headers: All header fields, repeated ones included.
+        """
+        hosts = _values(headers, "host")
+        if len(hosts) != 1:
+            return Verdict(400, "one Host, please")
+        if self.loopback and not is_loopback_name(_hostname(hosts[0])):
+            return Verdict(403, "this page answers to loopback names alone")
+        origins = _values(headers, "origin")
+        if origins and (len(origins) > 1 or not _same_origin(origins[0], hosts[0])):
+            return Verdict(403, "this page takes no orders from other pages")
+        if self.token is None:
+            return Verdict(200)
+        given = parse_qs(urlsplit(target).query).get("token", [])
+        if len(given) == 1 and _equal(given[0], self.token):
+            cookie = f"{self.cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+            return Verdict(200, cookie=cookie)
+        if any(_equal(value, self.token) for value in _cookies(headers, self.cookie_name)):
+            return Verdict(200)
+        return Verdict(403, "open the address that otwarp printed, with its token")
+
+
+def choose_token(token: str | None, loopback: bool) -> str | None:
+    """The token that a page must have: the one given, a random one where others could reach it, or none.
+
+    Raises:
+        InputError: One that is short enough to be guessed, or does not fit in an address.
+    """
+    if token is None:
+        return None if loopback else secrets.token_urlsafe(24)
+    if len(token) < SHORTEST_TOKEN or not _TOKEN.fullmatch(token):
+        raise InputError(
+            f"token = {'*' * len(token)!r}: must be {SHORTEST_TOKEN} or more letters, digits, '-', '.', '_' or '~'"
+        )
+    return token
+
+
+def address(host: str, port: int, token: str | None) -> str:
+    """What the user opens."""
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/" + (f"?token={quote(token)}" if token else "")
+
+
+def is_loopback_name(name: str) -> bool:
+    """Whether a name of a `Host` field always means this machine."""
+    if name.lower().rstrip(".") == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
+def _values(headers: Fields, name: str) -> list[str]:
+    return [value.strip() for key, value in headers if key.lower() == name]
+
+
+def _hostname(host: str) -> str:
+    """A `Host` field without its port; empty if it is none."""
+    if host.startswith("["):
+        inside, bracket, rest = host[1:].partition("]")
+        return inside if bracket and (not rest or re.fullmatch(r":\d*", rest)) else ""
+    name, _, port = host.partition(":")
+    return name if not port or port.isdigit() else ""
+
+
+def _same_origin(origin: str, host: str) -> bool:
+    scheme, _, rest = origin.partition("://")
+    return scheme in ("http", "https") and rest.lower() == host.lower()
+
+
+def _cookies(headers: Fields, name: str) -> list[str]:
+    pairs = [pair.strip().partition("=") for field in _values(headers, "cookie") for pair in field.split(";")]
+    return [value for key, _, value in pairs if key == name]
+
+
+def _equal(a: str, b: str) -> bool:
+    """Compare in a time that does not tell how much of it was right."""
+    return hmac.compare_digest(a.encode("utf-8", "surrogatepass"), b.encode("utf-8", "surrogatepass"))

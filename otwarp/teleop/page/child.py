@@ -1,0 +1,251 @@
+"""The page's process: viser, and one thread that does everything in the order in which it comes.
+
+Frames of the session, drags and clicks are put into one queue; nobody else touches the scene, so nothing needs a lock.
+It ends when its stdin ends: by order, or because its session is gone.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.haptics.devices.mouse import POINTER
+from otwarp.haptics.mailbox import Mailbox
+from otwarp.haptics.types import Vec3
+from otwarp.teleop.commands import Command
+from otwarp.teleop.page.controls import Controls, gizmo_position
+from otwarp.teleop.page.gizmos import Gizmos
+from otwarp.teleop.page.latency import Latency
+from otwarp.teleop.page.listening import access_for, guarded_server, listen
+from otwarp.teleop.page.messages import (
+    Asked,
+    Complaint,
+    Failed,
+    Order,
+    PageFrame,
+    Ready,
+    Shown,
+    Visitors,
+    receive,
+    send,
+)
+from otwarp.teleop.page.plots import Plots
+from otwarp.teleop.page.pointer import Pointer
+from otwarp.teleop.page.readout import News
+from otwarp.teleop.page.scene_view import BACKGROUND, SceneView
+
+if TYPE_CHECKING:
+    import viser
+
+TICK = 0.05
+"""Seconds after which the loop looks around though nothing came: pointers must be written."""
+TRAP_HANDLE, HAND_HANDLE = 0.045, 0.075
+"""Size of handles over the distance of the camera."""
+NOTICE = 8.0
+"""Seconds for which a notification stays."""
+RATE_OVER = 2.0
+"""Seconds over which the page's frame rate is counted."""
+PICTURE = 2000
+"""Most pixels of a side of a screenshot."""
+
+
+class Page:
+    """Everything of one page.
+
+    Args:
+        server: viser's, with access guarded.
+        order: What the session wants.
+        tell: Sends a message to the session.
+    """
+
+    def __init__(self, server: viser.ViserServer, order: Order, tell: Callable[[object], None]):
+        self._server, self._tell = server, tell
+        self._inbox: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._clients: set[int] = set()
+        self._shown: deque[float] = deque()
+        self._news = News()
+        drawing = order.drawing
+        boxes = {hand: Mailbox.attach(POINTER, name) for hand, name in order.pointers.items()}
+        self._pointers = {hand: Pointer(box.write, order.axis_maps[hand]) for hand, box in boxes.items()}
+        gui = server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(40, 150, 200))
+        gui.set_panel_label(f"otwarp · {drawing.title}")
+        self._view = SceneView(server, drawing)
+        self._size = math.dist(drawing.camera.position, drawing.camera.look_at)
+        self._gizmos = Gizmos(drawing.traps, self._pointers, self._handle)
+        self._controls = Controls(
+            server,
+            drawing,
+            self._view,
+            self._gizmos,
+            post=self._inbox.put,
+            ask=self._ask,
+            tell=self._notify,
+            clock=time.monotonic,
+            screenshot=self._screenshot,
+        )
+        gui.main_panel.dock_right()
+        side = gui.add_panel()
+        side.dock_left()
+        side.set_width(330)
+        self._plots = Plots(gui, side.add_tab("Last 20 s"), drawing)
+        self._latency = Latency(server, time.monotonic)
+        server.on_client_connect(self._connected)
+        server.on_client_disconnect(self._disconnected)
+
+    def run(self, pipe: BinaryIO) -> None:
+        """Serve until the pipe ends."""
+        threading.Thread(target=self._listen, args=(pipe,), daemon=True, name="page-frames").start()
+        while True:
+            try:
+                work = self._inbox.get(timeout=TICK)
+                if work is None:
+                    return
+                work()
+            except queue.Empty:
+                pass
+            now = time.monotonic()
+            for pointer in self._pointers.values():
+                pointer.tick(now, bool(self._clients))
+
+    def _listen(self, pipe: BinaryIO) -> None:
+        """Thread: what the session says becomes work."""
+        while True:
+            try:
+                message = receive(pipe)
+            except (EOFError, OSError, ValueError):
+                self._inbox.put(None)
+                return
+            if isinstance(message, PageFrame):
+                self._inbox.put(lambda frame=message: self._show(frame))
+            elif isinstance(message, Complaint):
+                self._inbox.put(lambda line=message.line: self._notify(line))
+
+    def _show(self, frame: PageFrame) -> None:
+        """Put a frame on all screens, then ask for the next."""
+        now = time.monotonic()
+        self._shown.append(now)
+        while self._shown and now - self._shown[0] > RATE_OVER:
+            self._shown.popleft()
+        with self._server.atomic():
+            self._view.update(frame, now)
+            self._gizmos.update(frame, now)
+        self._server.flush()
+        self._latency.shown(frame.stamp)
+        self._plots.update(frame, now)
+        rate = len(self._shown) / RATE_OVER
+        self._controls.update(frame, now, rate, self._latency.delay, len(self._clients))
+        for line in self._news.of(frame.warnings, now):
+            self._notify(line, "Warning", "red")
+        self._tell(Shown(frame.beat))
+
+    def _ask(self, command: Command) -> None:
+        self._tell(Asked(command))
+
+    def _notify(self, line: str, title: str = "otwarp", colour: Any = "orange") -> None:
+        for client in self._server.get_clients().values():
+            client.add_notification(title, line, auto_close_seconds=NOTICE, color=colour)
+
+    def _handle(self, name: str, position: Vec3, whole: bool) -> Any:
+        """A transform control whose drags become work."""
+        handle = self._server.scene.add_transform_controls(
+            f"/handles/{name}",
+            scale=(HAND_HANDLE if whole else TRAP_HANDLE) * self._size,
+            line_width=3.0 if whole else 2.0,
+            disable_rotations=True,
+            disable_sliders=not whole,
+            depth_test=False,
+            opacity=0.95 if whole else 0.8,
+            position=position,
+            translation_limits=((-1e6, 1e6),) * 3,
+        )
+
+        async def dragged(event: Any) -> None:
+            place, client, phase = gizmo_position(event), int(event.client_id or 0), event.phase
+            self._inbox.put(lambda: self._dragged(name, client, phase, place))
+
+        handle.on_update(dragged)
+        return handle
+
+    def _dragged(self, name: str, client: int, phase: str, place: Vec3) -> None:
+        for command in self._gizmos.drag(name, client, phase, place, time.monotonic()):
+            self._ask(command)
+
+    async def _connected(self, client: Any) -> None:
+        self._inbox.put(lambda: self._visit(client.client_id, True))
+
+    async def _disconnected(self, client: Any) -> None:
+        self._inbox.put(lambda: self._visit(client.client_id, False))
+
+    def _visit(self, client: int, here: bool) -> None:
+        if here:
+            self._clients.add(client)
+        else:
+            self._clients.discard(client)
+            self._gizmos.release(client, time.monotonic())
+        self._tell(Visitors(len(self._clients)))
+
+    def _screenshot(self, client: Any) -> None:
+        """Picture of the scene as that window shows it, downloaded there; runs in a thread of viser's."""
+        if client is None:
+            return
+        import imageio.v3 as iio
+
+        height, width = client.camera.image_height, client.camera.image_width
+        k = min(1.0, PICTURE / max(height, width, 1))
+        try:
+            image = client.get_render(int(k * height), int(k * width), transport_format="png", timeout=10.0)
+        except (RuntimeError, TimeoutError) as error:
+            client.add_notification("Screenshot", str(error), auto_close_seconds=NOTICE, color="red")
+            return
+        clear = image[..., 3:].astype(float) / 255.0
+        flat = image[..., :3] * clear + np.array(BACKGROUND[0]) * (1.0 - clear)
+        png = io.BytesIO()
+        iio.imwrite(png, flat.astype(np.uint8), extension=".png")
+        name = time.strftime("otwarp_%Y%m%d_%H%M%S.png")
+        client.send_file_download(name, png.getvalue(), save_immediately=True)
+
+
+def child() -> None:
+    """What the child does: take its order from stdin, listen, serve, end."""
+    pipe, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    with open(os.devnull, "wb") as nowhere:  # viser prints its own address, which is not the one to open
+        os.dup2(nowhere.fileno(), 1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which closes the page in order
+    lock = threading.Lock()
+
+    def tell(message: object) -> None:
+        """Send to the session; one that has gone is noticed by the end of stdin."""
+        try:
+            with lock:
+                send(out, message)
+        except (OSError, ValueError):
+            return
+
+    try:
+        order: Order = receive(pipe)
+    except EOFError:
+        return  # the parent died before it had said anything
+    try:
+        listening = listen(order.host, order.port)
+        access = access_for(listening, order.token)
+        server = guarded_server(listening, access, f"otwarp · {order.drawing.title}")
+        page = Page(server, order, tell)
+    except InputError as error:
+        tell(Failed(str(error)))
+        os._exit(2)
+    tell(Ready(access.port, access.token))
+    page.run(pipe)
+    os._exit(0)  # viser's threads may wait for browsers that are gone
