@@ -41,8 +41,8 @@ CLOSE = 0.85
 TRIALS = 3
 """Measurements between the fewest bodies and all of them."""
 
-WORTH = 0.95
-"""Load over the former one up to which leaving cells out is worth it where nothing fits; less is noise."""
+WORTH = 0.9
+"""Load over the former one up to which a loss is worth it where nothing fits: less gain is noise, or too dear."""
 
 LONGER = 1.02
 """Time step over the former one that makes a lower accuracy worth trying."""
@@ -118,9 +118,7 @@ def reduce_scene(
         raise InputError(f"speed is {speed!r}; allowed: above 0 and finite")
     if budget == "off":
         return Reduced(scene=scene, report=BudgetReport.off(scene, speed))
-    search = _Search(
-        share=_share(budget), speed=speed, rate=rate, device=device, measure=measure, say=progress or _silent
-    )
+    search = _Search(_share(budget), speed, rate, device, measure, progress or _silent)
     before = search.try_(scene, f"all {_bodies(len(scene.bodies))}")
     chosen, after = Thinned(scene=scene, kept=tuple(range(len(scene.bodies))), frozen=(), left=()), before
     reach = None
@@ -130,13 +128,12 @@ def reduce_scene(
     reduced = chosen.scene
     if not search.fits(after):
         reduced, after = _coarser(search, reduced, after)
-    fits = search.fits(after)
     report = BudgetReport(
         budget=budget,
         share=search.share,
         rate=rate,
         speed_asked=speed,
-        speed=speed if fits else round_down(after.speed(search.share, rate)),
+        speed=speed if search.fits(after) else round_down(after.speed(search.share, rate)),
         bodies=len(scene.bodies),
         kept=len(chosen.kept),
         frozen=tuple(scene.bodies[i].name for i in chosen.frozen),
@@ -180,7 +177,7 @@ def _nearest(reach: Reach | None, chosen: Thinned) -> float | None:
     return float(reach.gap[out].min()) if reach is not None and out else None
 
 
-@dataclass(kw_only=True)
+@dataclass
 class _Search:
     """Measures candidates and keeps the account of it."""
 
@@ -305,12 +302,11 @@ def _coarser(search: _Search, scene: Scene, cost: Cost) -> tuple[Scene, Cost]:
         return scene, cost
     coarse = _at_accuracy(scene, WORST_ERROR)
     found = search.try_(coarse, f"the same at an error of {100.0 * WORST_ERROR:g} %")
-    if (
-        found.time_step < LONGER * cost.time_step
-        or found.error > WORST_ERROR
-        or search.load(found) >= search.load(cost)
-    ):
+    if found.time_step < LONGER * cost.time_step or found.error > WORST_ERROR:
         search.log.append(f"the accuracy stays: a lower one brings nothing, what limits the step is {found.chosen_by}")
+        return scene, cost
+    if not search.fits(found) and search.load(found) > WORTH * search.load(cost):
+        search.log.append("the accuracy stays: a lower one brings too little")
         return scene, cost
     if search.fits(found) and cost.error > 0.0:
         # errors grow as a power of the step; what of the load goes with the number of steps has to shrink to the share
