@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks import crowd, forces, integrators, precision, realtime, speed, stability, startup, terms
+from benchmarks import budget, crowd, forces, integrators, precision, realtime, speed, stability, startup, terms
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
@@ -16,6 +16,7 @@ BENCHMARKS = {
     "speed": speed.measure,
     "crowd": crowd.measure,
     "stability": stability.measure,
+    "budget": budget.measure,
 }
 
 
