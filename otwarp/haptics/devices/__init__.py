@@ -34,6 +34,8 @@ KINDS: dict[str, Kind] = {
     "mouse": Kind("otwarp.haptics.devices.mouse:create", "none", "", True),
     "virtual": Kind("otwarp.haptics.devices.virtual:create", "required", "a script, as circle,radius=0.02", True),
     "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .csv or .jsonl", True),
+    "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False),
+    "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False),
 }
 """One row per kind. A new device adds its file and its row."""
 
