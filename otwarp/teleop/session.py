@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -153,7 +154,10 @@ class Session:
         o, loop = self._options, self.loop
         try:
             if self._page is not None:
-                self._say(f"page      {self._page.start()}")
+                url = self._page.start()
+                self._say(f"page      {url}")
+                if o.page is not None and o.page.browser:
+                    webbrowser.open(url)
             if o.record is not None:
                 loop.do(Record(True, o.record))
             loop.run(o.duration, arm=o.arm)
@@ -174,15 +178,17 @@ class Session:
     def _reduced(self, scene: Scene) -> tuple[Scene, float]:
         """What this machine runs in real time, and the speed at which it does."""
         o = self._options
-        if o.budget == "off":
-            return scene, o.speed
-        from otwarp.teleop.budget import reduce_scene
+        from otwarp.teleop.budget import parse_budget, reduce_scene
 
-        reduced = reduce_scene(scene, device=o.device, budget=o.budget, speed=o.speed)
-        for line in reduced.report.lines:
+        if parse_budget(o.budget) == "off":
+            return scene, o.speed
+
+        wanted = parse_budget(o.budget)
+        reduced = reduce_scene(scene, device=o.device, budget=wanted, speed=o.speed, rate=o.rate, progress=self._say)
+        for line in reduced.report.lines():
             self._say(line)
-        self.budget = reduced.report.json()
-        return reduced.scene, reduced.speed
+        self.budget = reduced.report.to_json()
+        return reduced.scene, reduced.report.speed
 
     def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:
         """The page, not started; None without one."""
@@ -196,9 +202,9 @@ class Session:
             host=page.host,
             port=page.port,
             token=page.token,
-            browser=page.browser,
-            hands=[(plan.name, plan.config) for plan in plans],
             pointers={name: box.name for name, box in self._boxes.items()},
+            axis_maps={plan.name: plan.config.axis_map for plan in plans},
+            ended=self._say,
         )
 
     def _make_servo(self, plans: Sequence[HandPlan], local: LocalScene) -> ServoLike:
