@@ -34,6 +34,7 @@ KINDS: dict[str, Kind] = {
     "mouse": Kind("otwarp.haptics.devices.mouse:create", "none", "", True),
     "virtual": Kind("otwarp.haptics.devices.virtual:create", "required", "a script, as circle,radius=0.02", True),
     "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .csv or .jsonl", True),
+    "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False),
 }
 """One row per kind. A new device adds its file and its row."""
 
