@@ -1,9 +1,10 @@
 """The paper's topics: names, types, rates, units, and the way between its scene units and ours.
 
 After the public release `Zongcai23/ot-haptic-feedback-digital-twin` (its launch files, `force_pub.py` and tutorial 3).
-Its simulator publishes positions in scene units; its device nodes publish millimetres and mm/s in the device's axes; its
-force node takes the difference of two published positions for the direction of the force, which the device node renders
-as it comes. So the published axes must be the device's for the force to pull the right way: `axis_map` turns them.
+Its simulator publishes positions in scene units; its device nodes publish millimetres and mm/s in the device's axes;
+its force node takes the difference of two published positions for the direction of the force, which the device node
+renders as it comes. So the published axes must be the device's for the force to pull the right way: `axis_map` turns
+them.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 Listens to `pose` (geometry_msgs/PoseStamped, millimetres, the device's axes), `joy` and `button`; publishes
 `force_feedback` (geomagic_control/DeviceFeedback, N). Buttons: the grey one is bit 0, the white one bit 1.
 
-The driver node of the public release adds 1 N·s/m of damping when a force arrives, and renders the last force for ever:
-if this process is killed, nobody tells it to stop. Its pose and force pass through TCP, a fraction of a millisecond each
-way on one machine.
+The driver node of the public release adds 1 N·s/m of damping when a force arrives, and renders the last force for
+ever: if this process is killed, nobody tells it to stop.
 
 Never run on the hardware: tested against a node that publishes as the driver does.
 """
@@ -112,7 +111,7 @@ class Ros1Device:
         except BaseException:
             node.close()
             raise
-        self._node, self._heard, self._buttons = node, None, self._buttons
+        self._node, self._heard = node, None
 
     def _joy(self, message: Any) -> None:
         """Buttons as they are, with every pose."""
@@ -159,8 +158,9 @@ class Ros1Device:
             node.close()
 
 
-def find_devices() -> tuple[DeviceInfo, ...]:
-    """Devices that the master knows: namespaces with a `pose` of the right type; none if there is no master."""
+def find_devices() -> tuple[str, ...]:
+    """One line per device, which begins with the text to ask for it by: namespaces with a `pose` of the right type that
+    the master knows; none if there is no master."""
     names = import_module(f"{HOME}.names")
     rpc = import_module(f"{HOME}.rpc")
     try:
@@ -168,11 +168,11 @@ def find_devices() -> tuple[DeviceInfo, ...]:
     except (InputError, rpc.NoAnswer, rpc.Refused):
         return ()
     found = [
-        topic.removesuffix("/pose")
-        for topic, kind in (pair for pair in topics if isinstance(pair, list) and len(pair) == 2)
-        if isinstance(topic, str) and topic.endswith("/pose") and topic != "/pose" and kind == POSE
+        pair[0].removesuffix("/pose")
+        for pair in (topics if isinstance(topics, list) else ())
+        if isinstance(pair, list) and pair[1:] == [POSE] and str(pair[0]).endswith("/pose") and pair[0] != "/pose"
     ]
-    return tuple(Ros1Device(namespace).info for namespace in sorted(found))
+    return tuple(f"ros1:{namespace}  (publishes {POSE})" for namespace in sorted(set(found)))
 
 
 def create(spec: DeviceSpec) -> Ros1Device:

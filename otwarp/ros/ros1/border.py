@@ -1,4 +1,4 @@
-"""The simulator's end of the paper's ROS 1 contract: what a live loop publishes, and how far the hands move its traps."""
+"""The simulator's end of the paper's ROS 1 contract: what a live loop publishes, and how far the hands move traps."""
 
 from __future__ import annotations
 

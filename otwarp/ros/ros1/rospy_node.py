@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,9 @@ from otwarp.ros.ros1.messages import MessageType, message_type
 from otwarp.ros.ros1.node import check_master
 from otwarp.ros.ros1.sending import QUEUE
 from otwarp.ros.ros1.wire import Malformed
+
+FLUSH = 0.05
+"""Seconds before topics are taken back: rospy does not tell whether its queues are empty."""
 
 _starting = threading.Lock()
 _master: str | None = None
@@ -151,7 +155,9 @@ class RospyNode:
         return made
 
     def close(self) -> None:
-        """See `RosNode`."""
+        """See `RosNode`; what is queued has `FLUSH` to leave."""
+        if not self._closed and any(isinstance(topic, RospyPublisher) and topic.connections for topic in self._topics):
+            time.sleep(FLUSH)
         self._closed = True
         for topic in self._topics:
             topic.close()
