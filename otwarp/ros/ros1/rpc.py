@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import time
 import xmlrpc.client
@@ -18,11 +19,17 @@ MOST_BODY = 1 << 20
 CHUNK = 1 << 16
 
 
-class NoAnswer(Exception):
+class _OneLine(Exception):
+    def __init__(self, text: str) -> None:
+        # part of it is what the other side says
+        super().__init__("".join(c if c.isprintable() else " " for c in text).strip())
+
+
+class NoAnswer(_OneLine):
     """Nobody there, too late, or no XML-RPC; one line."""
 
 
-class Refused(Exception):
+class Refused(_OneLine):
     """The other side answered that it will not, and why; one line."""
 
 
@@ -76,7 +83,7 @@ def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT) -> An
         values, _ = parse(answer)
         code, text, value = values[0]
     except (OSError, http.client.HTTPException, UnicodeError) as error:
-        raise NoAnswer(f"{method} of {uri}: {error or type(error).__name__}") from None
+        raise NoAnswer(f"{method} of {uri}: {str(error)[:120] or type(error).__name__}") from None
     except xmlrpc.client.Fault as fault:
         raise NoAnswer(f"{method} of {uri}: fault {str(fault.faultString)[:120]}") from None
     except (Malformed, ValueError, TypeError, IndexError, KeyError) as error:
@@ -91,10 +98,11 @@ def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT) -> An
 def _post(where: tuple[str, int], body: bytes, timeout: float) -> bytes:
     """The body of the answer to an HTTP POST."""
     deadline = time.monotonic() + timeout
-    connection = http.client.HTTPConnection(*where, timeout=timeout)
-    try:
+    with contextlib.ExitStack() as opened:
+        connection = http.client.HTTPConnection(*where, timeout=timeout)
+        opened.callback(connection.close)
         connection.request("POST", "/", body, {"Content-Type": "text/xml"})
-        response = connection.getresponse()
+        response = opened.enter_context(connection.getresponse())
         if response.status != 200:
             raise http.client.HTTPException(f"HTTP status {response.status}")
         answer = bytearray()
@@ -105,5 +113,3 @@ def _post(where: tuple[str, int], body: bytes, timeout: float) -> bytes:
             if time.monotonic() > deadline:
                 raise TimeoutError("timed out")
         return bytes(answer)
-    finally:
-        connection.close()
