@@ -100,7 +100,7 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
         self.methods, self.journal = methods, journal
         self._places = threading.BoundedSemaphore(MOST_CALLERS)
         super().__init__((address, 0), _Calls)
-        self._thread = threading.Thread(target=self.serve_forever, args=(0.1,), name="ros1-slave", daemon=True)
+        self._thread = threading.Thread(target=self.serve_forever, args=(0.05,), name="ros1-slave", daemon=True)
         self._thread.start()
 
     def process_request(self, request: Any, client_address: Any) -> None:
