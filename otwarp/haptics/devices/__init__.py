@@ -36,6 +36,7 @@ KINDS: dict[str, Kind] = {
     "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .csv or .jsonl", True),
     "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False),
     "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False),
+    "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False),
 }
 """One row per kind. A new device adds its file and its row."""
 

@@ -1,0 +1,174 @@
+"""ROS as an outlet of a live session: states out as topics, hands' and controllers' motions in as commands."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from otwarp.haptics.types import Vec3
+from otwarp.ros.twin import Twin
+from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps
+from otwarp.teleop.frame import LiveFrame
+
+if TYPE_CHECKING:
+    from otwarp.ros.ros1.border import Ros1Border
+    from otwarp.ros.ros1.interface import RosNode
+    from otwarp.ros.ros2.border import Ros2Border
+    from otwarp.ros.ros2.node import Ros2Node
+
+LINES = 20
+"""Refused commands that are told on the terminal; a controller may repeat its mistake at 60 Hz."""
+
+
+class Ros1Outlet:
+    """The paper's ROS 1 contract, see `otwarp.ros.ros1.border`.
+
+    Args:
+        node: Closed with the outlet.
+        border: On that node, with `time.perf_counter` or `clock` as its clock.
+        twin: What the topics mean.
+        say: Takes lines for the user.
+        clock: Of the border.
+    """
+
+    interval = 0.0  # the border has a rate of its own
+
+    def __init__(
+        self,
+        node: RosNode,
+        border: Ros1Border,
+        twin: Twin,
+        *,
+        say: Callable[[str], None] = print,
+        clock: Callable[[], float] = time.perf_counter,
+    ):
+        self._node, self._border, self._twin, self._clock = node, border, twin, clock
+        self._say = _Sayer(say)
+        self._warned = False
+
+    def publish(self, live: LiveFrame) -> None:
+        """See `Outlet`."""
+        if not self._node.alive:
+            self._warn_once("ros1: the node was shut down through ROS; the session goes on without it")
+            return
+        now = self._twin.now(live)
+        self._border.publish(self._clock(), now.centres, now.robots, now.obstacles)
+
+    def commands(self) -> Sequence[Command]:
+        """See `Outlet`: how far the hands' twists move each group."""
+        moved = self._border.commands(self._clock())
+        return [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, moved, strict=True) if any(by)]
+
+    def complain(self, line: str) -> None:
+        """See `Outlet`."""
+        self._say(line)
+
+    def close(self) -> None:
+        """See `Outlet`."""
+        self._node.close()
+
+    def _warn_once(self, line: str) -> None:
+        if not self._warned:
+            self._warned = True
+            self._say(line)
+
+
+class Ros2Outlet:
+    """The ROS 2 border of the twin and of the RL companion, see `otwarp.ros.ros2.border`.
+
+    Args:
+        node: Closed with the outlet.
+        border: On that node.
+        twin: What the topics mean.
+        say: Takes lines for the user.
+        clock: Monotonic [s].
+    """
+
+    interval = 0.0
+
+    def __init__(
+        self,
+        node: Ros2Node,
+        border: Ros2Border,
+        twin: Twin,
+        *,
+        say: Callable[[str], None] = print,
+        clock: Callable[[], float] = time.perf_counter,
+    ):
+        self._node, self._border, self._twin, self._clock = node, border, twin, clock
+        self._foci: np.ndarray | None = None
+        self._say = _Sayer(say)
+
+    def publish(self, live: LiveFrame) -> None:
+        """See `Outlet`."""
+        now = self._twin.now(live)
+        self._foci = live.frame.trap_position[0]
+        hit = [force for touched, force in now.hits if touched]
+        self._border.publish(
+            self._clock(),
+            traps=now.traps,
+            robots=now.robots,
+            cell=now.cell,
+            obstacles=now.obstacles,
+            contact_force=now.cell_force,
+            cell_lost=now.cell_lost,
+            collision=bool(hit),
+            collision_force=max(hit, default=0.0),
+            hits=now.hits,
+            time=now.time,
+        )
+
+    def commands(self) -> Sequence[Command]:
+        """See `Outlet`: a reset, motions of the pair as one, motions of each group."""
+        asked = self._border.commands(self._clock())
+        if asked.reset:
+            return [Reset()]
+        out: list[Command] = []
+        if asked.angle and self._foci is not None:
+            pair = [t for group in self._twin.groups for t in group]
+            out.append(MoveTraps(dict(zip(pair, turned(self._foci[pair], self._middle(), asked.angle), strict=True))))
+        x, y = asked.shift
+        for group, (u, v, w) in zip(self._twin.groups, asked.hands, strict=True):
+            by = (x + u, y + v, w)
+            if any(by):
+                out.append(ShiftTraps(group, by))
+        return out
+
+    def complain(self, line: str) -> None:
+        """See `Outlet`."""
+        self._say(line)
+
+    def close(self) -> None:
+        """See `Outlet`."""
+        self._node.close()
+
+    def _middle(self) -> np.ndarray:
+        """Midpoint of the two groups [µm]."""
+        assert self._foci is not None
+        return np.mean([self._foci[list(group)].mean(axis=0) for group in self._twin.groups], axis=0)
+
+
+def turned(foci: np.ndarray, middle: np.ndarray, angle: float) -> list[Vec3]:
+    """(n, 3) foci turned about the vertical through `middle` [µm] by `angle` [rad], counter-clockwise from above."""
+    c, s = math.cos(angle), math.sin(angle)
+    out = []
+    for x, y, z in foci:
+        u, v = float(x - middle[0]), float(y - middle[1])
+        out.append((float(middle[0]) + c * u - s * v, float(middle[1]) + s * u + c * v, float(z)))
+    return out
+
+
+class _Sayer:
+    """Says the first lines, then that it will say no more."""
+
+    def __init__(self, say: Callable[[str], None]):
+        self._say, self._left = say, LINES
+
+    def __call__(self, line: str) -> None:
+        if self._left > 0:
+            self._left -= 1
+            self._say(line if self._left else f"{line} (no more of these are shown)")

@@ -1,0 +1,36 @@
+"""What went wrong on the wire: one line each, the newest hundred, and a count of every kind."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, deque
+
+MOST_LINES = 100
+LONGEST_LINE = 240
+
+
+class Journal:
+    """Bounded record of events; safe from any thread.
+
+    Attributes:
+        counts: How often each kind of event came: `connection`, `malformed`, `md5`, `dropped`, `callback`, `master`,
+            `rpc`, `refused`.
+        lines: The newest events, one line each.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.lines: deque[str] = deque(maxlen=MOST_LINES)
+        self._lock = threading.Lock()
+
+    def count(self, kind: str, times: int = 1) -> None:
+        """Count an event that is not worth a line."""
+        with self._lock:
+            self.counts[kind] += times
+
+    def note(self, kind: str, text: str) -> None:
+        """Count an event and keep its line; what a peer put into it is shortened and printable."""
+        line = "".join(c if c.isprintable() else " " for c in text)[:LONGEST_LINE]
+        with self._lock:
+            self.counts[kind] += 1
+            self.lines.append(f"{kind}: {line}")

@@ -1,0 +1,326 @@
+"""A node of ROS 1 that needs no ROS: it registers with a master, publishes, subscribes, and comes back after restarts.
+
+    with Node("otwarp") as node:
+        out = node.publisher("/robot01", "tf2_msgs/TFMessage")
+        node.subscribe("/GeomagicLeft/smoothed_twist", "geometry_msgs/Twist", print)
+        out.publish(message)
+
+After the ROS wiki, `ROS/Master_API`, `ROS/Slave_API`, `ROS/TCPROS`. IPv4, TCPROS only; no services, no parameters.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import time
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.ros.ros1 import names
+from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.messages import message_type
+from otwarp.ros.ros1.names import MASTER, global_name, own_host
+from otwarp.ros.ros1.receiving import Callback, Subscription
+from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
+from otwarp.ros.ros1.sending import QUEUE, Publisher, TopicServer
+from otwarp.ros.ros1.slave import SlaveServer
+from otwarp.ros.ros1.wire import MOST_MESSAGE
+
+POLL = 1.0
+"""Seconds between two looks whether the master still knows this node."""
+MASTER_TIMEOUT = 3.0
+"""Seconds that the master may take for an answer."""
+LINGER = 0.2
+"""Seconds that `close` gives to messages which are still queued."""
+
+
+class Node:
+    """A node.
+
+    Args:
+        name: Of the node, unique in the graph: the master shuts down an older one of that name.
+        master_uri: Default `ROS_MASTER_URI`, else this machine's.
+        host: Name or address under which others reach this node and on which alone it listens; see `names.own_host`.
+        poll: Seconds between two looks at the master.
+        most: Largest message accepted [bytes].
+
+    Attributes:
+        journal: What went wrong, bounded.
+        uri: Of its slave server.
+        master_there: Whether the master answered last time.
+
+    Raises:
+        InputError: A bad name, URI or host, no `rosbags`, or a master that does not answer.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        master_uri: str | None = None,
+        host: str | None = None,
+        *,
+        poll: float = POLL,
+        most: int = MOST_MESSAGE,
+    ) -> None:
+        self.name = global_name("node", name)
+        self.master = names.master_uri(master_uri)
+        self.host, address = own_host(host, self.master)
+        self.journal = Journal()
+        self.master_there = True
+        self._poll, self._most = poll, most
+        self._lock = threading.RLock()
+        self._publishers: dict[str, Publisher] = {}
+        self._subscriptions: dict[str, list[Subscription]] = {}
+        self._stopped = threading.Event()
+        check_master(self.master, self.name)
+        try:
+            self._topics = TopicServer(address, self.name, lambda topic: self._publishers.get(topic), self.journal)
+            try:
+                self._slave = SlaveServer(address, self._methods(), self.journal)
+            except BaseException:
+                self._topics.close()
+                raise
+        except OSError as error:
+            raise InputError(f"host is {self.host!r}: cannot listen there ({error.strerror})") from None
+        self.uri = f"http://{self.host}:{self._slave.server_address[1]}/"
+        self._watcher = threading.Thread(target=self._watch, name="ros1-master", daemon=True)
+        self._watcher.start()
+
+    @property
+    def alive(self) -> bool:
+        """False once it was closed, or shut down through ROS."""
+        return not self._stopped.is_set()
+
+    def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = QUEUE) -> Publisher:
+        """Publish a topic.
+
+        Args:
+            topic: Its name.
+            type_name: As `geometry_msgs/Twist`.
+            latch: Whether a new subscriber gets the last message at once.
+            queue: Messages that wait for a subscriber before the oldest is dropped, and counted.
+
+        Raises:
+            InputError: A bad name or type, a topic that is published already, or a master that is gone.
+        """
+        topic, kind = global_name("topic", topic), message_type(type_name)
+        publisher = Publisher(
+            topic, kind, latch=latch, queue=queue, journal=self.journal, release=self._release_publisher
+        )
+        with self._lock:
+            self._check_alive()
+            if topic in self._publishers:
+                raise InputError(f"topic is {topic!r}; allowed: one that this node does not publish yet")
+            self._publishers[topic] = publisher
+        try:
+            self._register_publisher(publisher)
+        except (NoAnswer, Refused) as error:
+            publisher.close()
+            raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
+        return publisher
+
+    def subscribe(self, topic: str, type_name: str, callback: Callback | None = None) -> Subscription:
+        """Listen to a topic.
+
+        Args:
+            topic: Its name.
+            type_name: As `geometry_msgs/Twist`.
+            callback: Takes each message, in a thread of its own; None keeps only the newest.
+
+        Raises:
+            InputError: A bad name or type, or a master that is gone.
+        """
+        topic, kind = global_name("topic", topic), message_type(type_name)
+        subscription = Subscription(
+            topic,
+            kind,
+            callback,
+            caller=self.name,
+            most=self._most,
+            journal=self.journal,
+            release=self._release_subscription,
+        )
+        with self._lock:
+            self._check_alive()
+            self._subscriptions.setdefault(topic, []).append(subscription)
+        try:
+            self._register_subscription(topic, kind.name)
+        except (NoAnswer, Refused) as error:
+            subscription.close()
+            raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
+        return subscription
+
+    def close(self) -> None:
+        """Send what is queued for at most `LINGER`, take all registrations back and stop; may be called again."""
+        with self._lock:
+            if self._stopped.is_set():
+                return
+            self._stopped.set()
+            publishers = list(self._publishers.values())
+            subscriptions = [s for several in self._subscriptions.values() for s in several]
+        if threading.current_thread() is not self._watcher:
+            self._watcher.join(MASTER_TIMEOUT)  # lest it register what is taken back here
+        deadline = time.monotonic() + LINGER
+        for publisher in publishers:
+            publisher.flush(deadline - time.monotonic())
+        for one in (*subscriptions, *publishers):
+            one.close()
+        self._topics.close()
+        self._slave.close()
+
+    def __enter__(self) -> Node:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _check_alive(self) -> None:
+        if self._stopped.is_set():
+            raise InputError(f"node {self.name} is closed")
+
+    # what the master is told
+
+    def _ask(self, method: str, *arguments: Any) -> Any:
+        return call(self.master, method, self.name, *arguments, timeout=MASTER_TIMEOUT)
+
+    def _register_publisher(self, publisher: Publisher) -> None:
+        self._ask("registerPublisher", publisher.topic, publisher.type.name, self.uri)
+
+    def _register_subscription(self, topic: str, type_name: str) -> None:
+        publishers = self._ask("registerSubscriber", topic, type_name, self.uri)
+        if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
+            raise NoAnswer("registerSubscriber: no list of URIs")
+        self._heard_of(topic, publishers)
+
+    def _heard_of(self, topic: str, publishers: list[str]) -> None:
+        with self._lock:
+            subscriptions = list(self._subscriptions.get(topic, ()))
+        for subscription in subscriptions:
+            subscription.publishers(publishers)
+
+    def _release_publisher(self, publisher: Publisher) -> None:
+        with self._lock:
+            if self._publishers.get(publisher.topic) is publisher:
+                del self._publishers[publisher.topic]
+        self._tell("unregisterPublisher", publisher.topic)
+
+    def _release_subscription(self, subscription: Subscription) -> None:
+        with self._lock:
+            several = self._subscriptions.get(subscription.topic, [])
+            if subscription in several:
+                several.remove(subscription)
+            if several:
+                return
+            self._subscriptions.pop(subscription.topic, None)
+        self._tell("unregisterSubscriber", subscription.topic)
+
+    def _tell(self, method: str, topic: str) -> None:
+        """Take a registration back, if the master is there: one that is gone has forgotten it."""
+        if self.master_there:
+            try:
+                self._ask(method, topic, self.uri)
+            except (NoAnswer, Refused) as error:
+                self.master_there = False
+                self.journal.note("master", str(error))
+
+    def _watch(self) -> None:
+        """Register anew with a master that has restarted."""
+        while not self._stopped.wait(self._poll):
+            try:
+                known = self._ask("lookupNode", self.name)
+            except Refused:
+                known = None
+            except NoAnswer as error:
+                if self.master_there:
+                    self.master_there = False
+                    self.journal.note("master", f"gone: {error}")
+                continue
+            if known == self.uri and self.master_there:
+                continue
+            if known not in (None, self.uri):
+                self.journal.note("master", f"another node took the name {self.name}")
+                continue
+            with self._lock:
+                nothing = not (self._publishers or self._subscriptions)
+            self.master_there = nothing or self._register_all()
+
+    def _register_all(self) -> bool:
+        """Whether the master took all registrations."""
+        with self._lock:
+            publishers = list(self._publishers.values())
+            topics = [(topic, several[0].type.name) for topic, several in self._subscriptions.items() if several]
+        self.journal.note("master", f"registering {len(publishers)} publishers, {len(topics)} subscriptions anew")
+        try:
+            for publisher in publishers:
+                self._register_publisher(publisher)
+            for topic, type_name in topics:
+                self._register_subscription(topic, type_name)
+        except (NoAnswer, Refused) as error:
+            self.journal.note("master", str(error))
+            return False
+        return True
+
+    # what others may ask of this node
+
+    def _methods(self) -> dict[str, Any]:
+        def _shutdown(caller: str, reason: str = "") -> list[Any]:
+            _strings(caller, reason)
+            self.journal.note("master", f"shut down by {caller}: {reason}")
+            threading.Thread(target=self.close, name="ros1-close", daemon=True).start()
+            return [1, "", 0]
+
+        def _publisher_update(caller: str, topic: str, publishers: list[str]) -> list[Any]:
+            if not isinstance(publishers, list):
+                raise TypeError("no list of URIs")
+            _strings(caller, topic, *publishers)
+            self._heard_of(topic, publishers)
+            return [1, "", 0]
+
+        def _request_topic(caller: str, topic: str, protocols: list[Any]) -> list[Any]:
+            _strings(caller, topic)
+            if not isinstance(protocols, list):
+                raise TypeError("no list of protocols")
+            if topic not in self._publishers:
+                return [0, f"{self.name} does not publish {topic[:80]}", []]
+            if not any(isinstance(p, list) and p[:1] == ["TCPROS"] for p in protocols):
+                return [0, "only TCPROS", []]
+            return [1, "", ["TCPROS", self.host, self._topics.port]]
+
+        def _topics(kind: str) -> list[list[str]]:
+            with self._lock:
+                if kind == "pub":
+                    return [[p.topic, p.type.name] for p in self._publishers.values()]
+                return [[topic, several[0].type.name] for topic, several in self._subscriptions.items() if several]
+
+        return {
+            "shutdown": _shutdown,
+            "publisherUpdate": _publisher_update,
+            "requestTopic": _request_topic,
+            "getPublications": lambda caller: [1, "", _topics("pub")],
+            "getSubscriptions": lambda caller: [1, "", _topics("sub")],
+            "getMasterUri": lambda caller: [1, "", self.master],
+            "getPid": lambda caller: [1, "", os.getpid()],
+            "getBusStats": lambda caller: [1, "", [[], [], []]],
+            "getBusInfo": lambda caller: [1, "", []],
+            "paramUpdate": lambda caller, key, value: [1, "", 0],
+        }
+
+
+def check_master(uri: str, caller: str = "/otwarp") -> None:
+    """See that a master answers.
+
+    Raises:
+        InputError: None does; one line that names `ROS_MASTER_URI` and its value.
+    """
+    with contextlib.suppress(Refused):
+        try:
+            call(uri, "getPid", caller, timeout=MASTER_TIMEOUT)
+        except NoAnswer as error:
+            raise InputError(f"{MASTER} is {uri!r}: no ROS master answers there ({error})") from None
+
+
+def _strings(*values: object) -> None:
+    for value in values:
+        if not isinstance(value, str):
+            raise TypeError(f"{type(value).__name__} where a string belongs")

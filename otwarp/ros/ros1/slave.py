@@ -1,0 +1,133 @@
+"""The XML-RPC server of a node: master and other nodes tell it of publishers and ask it for topics."""
+
+from __future__ import annotations
+
+import socket
+import socketserver
+import threading
+import xmlrpc.client
+from collections.abc import Callable, Mapping
+from http.server import BaseHTTPRequestHandler
+from typing import Any
+
+from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.rpc import MOST_BODY, parse
+from otwarp.ros.ros1.wire import Malformed
+
+PATIENCE = 5.0
+"""Seconds that a caller may take for each piece of its call."""
+MOST_CALLERS = 32
+"""Calls that are served at the same time; more are hung up on."""
+
+Method = Callable[..., list[Any]]
+
+
+def answer(methods: Mapping[str, Method], body: bytes, journal: Journal) -> bytes:
+    """XML of the answer to the XML of a call; a bad call gets a fault or a code of −1, never an exception.
+
+    Args:
+        methods: By name; each takes the caller's name and its arguments and returns `[code, text, value]`, and raises
+            `TypeError` or `ValueError` for arguments that are not what they must be.
+        body: As received.
+        journal: Where bad calls are noted.
+    """
+    try:
+        arguments, name = parse(body)
+    except (Malformed, xmlrpc.client.Fault) as error:
+        journal.note("rpc", f"bad call ({error})")
+        return _xml(xmlrpc.client.Fault(1, "no XML-RPC call"))
+    method = methods.get(name or "")
+    if method is None:
+        journal.note("rpc", f"call of unknown method {str(name)[:60]!r}")
+        return _xml(xmlrpc.client.Fault(1, "unknown method"))
+    try:
+        return _xml((method(*arguments),))
+    except (TypeError, ValueError) as error:
+        journal.note("rpc", f"{name} with wrong arguments ({error})")
+        return _xml(([-1, "wrong arguments", 0],))
+
+
+def _xml(value: Any) -> bytes:
+    return xmlrpc.client.dumps(value, methodresponse=True).encode()
+
+
+class _Calls(BaseHTTPRequestHandler):
+    """One call: HTTP/1.0, so that the connection ends with it."""
+
+    server: SlaveServer
+    timeout = PATIENCE
+
+    def do_POST(self) -> None:
+        """Answer a call."""
+        try:
+            size = int(self.headers.get("Content-Length", ""))
+        except ValueError:
+            size = -1
+        if not 0 <= size <= MOST_BODY:
+            self.server.journal.note("rpc", f"call of {self.headers.get('Content-Length')!r} bytes")
+            self.send_error(411 if size < 0 else 413)
+            return
+        body = self.rfile.read(size)
+        if len(body) < size:
+            self.server.journal.note("rpc", f"call of {size} bytes ended after {len(body)}")
+            return
+        reply = answer(self.server.methods, body, self.server.journal)
+        self.send_response(200)
+        self.send_header("Content-Type", "text/xml")
+        self.send_header("Content-Length", str(len(reply)))
+        self.end_headers()
+        self.wfile.write(reply)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing: what matters is in the journal."""
+
+
+class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
+    """Serves calls until closed, each in a thread.
+
+    Args:
+        address: To listen on, this one only.
+        methods: See `answer`.
+        journal: Where bad calls are noted.
+    """
+
+    daemon_threads = True
+    block_on_close = False
+    allow_reuse_address = True
+    request_queue_size = 64
+
+    def __init__(self, address: str, methods: Mapping[str, Method], journal: Journal) -> None:
+        self.methods, self.journal = methods, journal
+        self._places = threading.BoundedSemaphore(MOST_CALLERS)
+        super().__init__((address, 0), _Calls)
+        self._thread = threading.Thread(target=self.serve_forever, args=(0.05,), name="ros1-slave", daemon=True)
+        self._thread.start()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve it if there is a place."""
+        if not self._places.acquire(blocking=False):
+            self.journal.note("refused", f"more than {MOST_CALLERS} calls at once")
+            self.shutdown_request(request)
+            return
+        try:
+            super().process_request(request, client_address)
+        except BaseException:
+            self._places.release()
+            raise
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve it and give the place back."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._places.release()
+
+    def handle_error(self, request: socket.socket | tuple[bytes, socket.socket], client_address: Any) -> None:
+        """A caller that hung up or was too slow."""
+        self.journal.count("rpc")
+
+    def close(self) -> None:
+        """Stop listening."""
+        self.shutdown()
+        self.server_close()
+        self._thread.join(PATIENCE)
