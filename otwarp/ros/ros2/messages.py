@@ -8,9 +8,15 @@ keyless.
 
 # No `from __future__ import annotations` here: cyclonedds reads the annotations as types, not as strings.
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import float32, float64, int32, uint32
+
+if TYPE_CHECKING:
+    sequence = list
+else:
+    from cyclonedds.idl.types import sequence
 
 
 @dataclass
@@ -125,7 +131,7 @@ class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStam
 class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
     """Transforms; the border sends exactly one in each."""
 
-    transforms: list[TransformStamped] = field(default_factory=list)
+    transforms: sequence[TransformStamped] = field(default_factory=list)
 
 
 @dataclass
@@ -133,10 +139,10 @@ class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
     """Names, angles, speeds and efforts of joints."""
 
     header: Header = field(default_factory=Header)
-    name: list[str] = field(default_factory=list)
-    position: list[float64] = field(default_factory=list)
-    velocity: list[float64] = field(default_factory=list)
-    effort: list[float64] = field(default_factory=list)
+    name: sequence[str] = field(default_factory=list)
+    position: sequence[float64] = field(default_factory=list)
+    velocity: sequence[float64] = field(default_factory=list)
+    effort: sequence[float64] = field(default_factory=list)
 
 
 @dataclass
@@ -144,8 +150,8 @@ class Joy(IdlStruct, typename="sensor_msgs.msg.dds_.Joy_"):
     """Axes and buttons of a joystick."""
 
     header: Header = field(default_factory=Header)
-    axes: list[float32] = field(default_factory=list)
-    buttons: list[int32] = field(default_factory=list)
+    axes: sequence[float32] = field(default_factory=list)
+    buttons: sequence[int32] = field(default_factory=list)
 
 
 TOPIC_TYPES: tuple[type[IdlStruct], ...] = (

@@ -72,8 +72,8 @@ class Publisher:
     Attributes:
         topic: Its full ROS 2 name.
         sent: Messages given to DDS.
-        dropped: Messages that a reliable writer had no room for, since a reader that stands still holds too much of
-            what was sent before; a few hundred kilobytes, which the messages of the border never reach.
+        dropped: Messages that a reliable writer had no room for. Cyclone may say so rather than wait; with the bounded
+            histories used here we have not seen it.
     """
 
     def __init__(self, writer: Any, topic: str, kind: type):

@@ -3,13 +3,14 @@
 // usage: echo_peer DOMAIN
 // Hears geometry_msgs Twist on rt/twist_to_peer (reliable reader) and tf2_msgs TFMessage on rt/tf_to_peer (best-effort
 // reader), prints each as decoded, and sends it on to rt/twist_from_peer (best-effort writer) and rt/tf_from_peer
-// (reliable writer), decoded and encoded anew by Fast CDR. Says "match N" when its matches change. Ends when its
-// standard input does.
+// (reliable writer), decoded and encoded anew by Fast CDR. Says "match N" when its matches change. A line of hexadecimal
+// digits on its standard input is sent as it is, as the payload of a TFMessage. Ends when its standard input does.
 
 #include <cstdio>
 #include <functional>
 #include <iostream>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -52,7 +53,12 @@ struct Transform {
 
 struct TF {
     std::vector<Transform> transforms;
+    std::string raw;  // if not empty, sent instead
     void write(Cdr& out) const {
+        if (!raw.empty()) {
+            out.serializeArray(raw.data(), raw.size());
+            return;
+        }
         out << static_cast<uint32_t>(transforms.size());
         for (const auto& t : transforms) {
             out << t.sec << t.nanosec << t.frame << t.child;
@@ -152,6 +158,7 @@ struct ReaderEnd : DataReaderListener {
 };
 
 struct Ends {
+    DataWriter* writer;
     std::unique_ptr<DataWriterListener> sends;
     std::unique_ptr<DataReaderListener> hears;
 };
@@ -173,6 +180,7 @@ Ends echo(DomainParticipant* node, const char* label, const char* type, bool rel
     ends.sends.reset(new WriterEnd);
     auto* out = node->create_topic(topic + "_from_peer", type, TOPIC_QOS_DEFAULT);
     auto* writer = node->create_publisher(PUBLISHER_QOS_DEFAULT)->create_datawriter(out, wqos, ends.sends.get());
+    ends.writer = writer;
     ends.hears.reset(new ReaderEnd<T>(label, writer));
     auto* in = node->create_topic(topic + "_to_peer", type, TOPIC_QOS_DEFAULT);
     node->create_subscriber(SUBSCRIBER_QOS_DEFAULT)->create_datareader(in, rqos, ends.hears.get());
@@ -199,7 +207,12 @@ int main(int argc, char** argv) {
     Ends tf = echo<TF>(node, "tf", "tf2_msgs::msg::dds_::TFMessage_", false);
     std::printf("ready\n");
     std::fflush(stdout);
-    for (std::string line; std::getline(std::cin, line);) {}
+    for (std::string line; std::getline(std::cin, line);) {
+        TF message;
+        for (size_t i = 0; i + 1 < line.size(); i += 2)
+            message.raw += static_cast<char>(std::stoi(line.substr(i, 2), nullptr, 16));
+        if (!message.raw.empty()) tf.writer->write(&message);
+    }
     node->delete_contained_entities();
     factory->delete_participant(node);
     return 0;
