@@ -1,0 +1,26 @@
+"""ROS 2 through Cyclone DDS: ROS 2 names, types and QoS on the wire, no ROS 2 installation.
+
+Importing this package needs nothing; making a `Ros2Node` needs `cyclonedds` (`pip install 'otwarp[ros2]'`).
+"""
+
+from __future__ import annotations
+
+from otwarp.ros.ros2.border import Ros2Border, Ros2Commands
+from otwarp.ros.ros2.config import Ros2Config
+from otwarp.ros.ros2.motion import move_pair
+from otwarp.ros.ros2.node import Publisher, Ros2Node, Subscription, load_messages
+from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA, QoS
+
+__all__ = [
+    "RELIABLE",
+    "SENSOR_DATA",
+    "Publisher",
+    "QoS",
+    "Ros2Border",
+    "Ros2Commands",
+    "Ros2Config",
+    "Ros2Node",
+    "Subscription",
+    "load_messages",
+    "move_pair",
+]
