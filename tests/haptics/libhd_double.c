@@ -65,7 +65,7 @@ static Device *of(HHD handle) { return handle < (HHD)count && devices[handle].op
 void double_reset(void) {
     memset(devices, 0, sizeof devices);
     count = mistakes = open_delay_ms = most_scheduled = ticks = stalled = 0;
-    current = INVALID;
+    current = thief = INVALID;
     depth = 0;
 }
 
