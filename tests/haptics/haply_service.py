@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import Server, ServerConnection, serve
 
 PATIENCE = 20.0
@@ -111,6 +112,8 @@ class HaplyService:
                 with self._changed:
                     self.messages += 1
                     self._changed.notify_all()
+        except ConnectionClosed:
+            pass  # the client left without waiting for its answer
         finally:
             self._connections.remove(connection)
 

@@ -29,9 +29,11 @@ from otwarp.haptics.devices.inverse3_messages import (
 )
 from otwarp.haptics.mailbox import HandLayout, Mailbox
 from otwarp.haptics.servo import REOPEN_AFTER, Hand
+from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import ZERO, Device, DeviceLost, SceneNow
 from tests.haptics.haply_service import HaplyService
 from tests.haptics.spring import SpringChain
+from tests.haptics.test_servo_process import publishing, until
 
 
 class Clock:
@@ -367,6 +369,18 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(service, clock):
         service.turns(3)
         assert service.forces["049D"][-1] == ZERO  # disarmed
         hand.release(servo_clock.now())
+
+
+def test_the_servo_process_serves_two_hands(service):
+    """The whole way, in the servo's own process."""
+    hands = [HandSetup(f"haply:{service.address}/{device}", SpringChain) for device in service.devices]
+    with ServoProcess(hands, spheres=1, traps=1) as servo:
+        publish = publishing(servo)
+        for forces in service.forces.values():
+            until(lambda forces=forces: forces and forces[-1] != ZERO, publish)
+        assert all(hand.present for hand in servo.status().hands)
+    for forces in service.forces.values():
+        service.wait_for(lambda forces=forces: forces[-1] == ZERO)
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,10 @@ from otwarp.haptics.devices.libhd import OVERRIDE, library_path
 from otwarp.haptics.devices.openhaptics import OpenHapticsDevice
 from otwarp.haptics.mailbox import HandLayout, Mailbox
 from otwarp.haptics.servo import REOPEN_AFTER, Hand
+from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import ZERO, Device, DeviceLost, SceneNow, Vec3
 from tests.haptics.spring import SpringChain
+from tests.haptics.test_servo_process import publishing, until
 
 SOURCE = Path(__file__).with_name("libhd_double.c")
 EXACT = 1e-12
@@ -435,6 +437,24 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(double, clock):
         assert double.force(0) == ZERO  # disarmed
         hand.release(servo_clock.now())
     assert not double.open(0)
+
+
+def test_the_servo_process_serves_two_hands(library, monkeypatch):
+    """The whole way, in the servo's own process, which a test cannot reach into: it sees the hands' mailboxes."""
+    monkeypatch.setenv(OVERRIDE, library)
+    monkeypatch.setenv("LIBHD_DOUBLE_DEVICES", f"{LEFT},{RIGHT}")
+    hands = [HandSetup(f'openhaptics:"{name}"', SpringChain) for name in (LEFT, RIGHT)]
+    with ServoProcess(hands, spheres=1, traps=1) as servo:
+        publish = publishing(servo)
+        for hand, x in ((0, 0.01), (1, 0.02)):
+            until(lambda hand=hand: (now := servo.hand(hand)) is not None and now.force[0] < 0.0, publish)
+            assert servo.hand(hand).position[0] == pytest.approx(x, rel=EXACT)
+        assert all(hand.present for hand in servo.status().hands)
+    assert [servo.hand(hand).force for hand in (0, 1)] == [ZERO, ZERO]
+    absent = ServoProcess([HandSetup("openhaptics:Nobody's", SpringChain)], spheres=1, traps=1)
+    with pytest.raises(InputError, match="cannot be opened: HD_DEVICE_FAULT"):
+        absent.start()
+    absent.stop()
 
 
 def test_an_interpreter_that_ends_with_a_device_open_ends_well(library):
