@@ -151,6 +151,24 @@ def test_unplugged_it_is_lost_and_found_again(device, dhd):
     assert device.read(0.0).fresh and dhd.robots[0].force == ZERO
 
 
+def test_the_one_that_comes_back_is_the_same_whatever_its_place(dhd, clock):
+    first, second = (ForceDimensionDevice(index=index, clock=clock) for index in (0, 1))
+    first.open()
+    second.open()
+    lost = dhd.robots[0]
+    lost.plugged = False
+    first._service._thread.join()
+    with pytest.raises(InputError, match="serial number 10742 cannot be opened"):
+        first.open()  # place 0 is the other's now
+    dhd.turn(dhd.robots[1], 3)
+    assert second.read(0.0).fresh
+    lost.plugged = True
+    first.open()
+    dhd.turn(lost, 3)
+    for one in (first, second):
+        one.close()
+
+
 def test_a_defect_of_the_package_is_a_loss(device, dhd):
     dhd.robots[0].position = ()  # type: ignore[assignment]
     device._service._thread.join()

@@ -196,6 +196,19 @@ def test_a_device_that_is_not_listed_any_more_is_lost(device, service):
     assert device.read(0.0).fresh
 
 
+def test_the_one_that_comes_back_is_the_same(service, clock):
+    device = Inverse3Device(service.address, clock=clock)
+    device.open()
+    kept, link = service.devices.pop("049D"), device._link
+    link._thread.join()
+    with pytest.raises(InputError, match="no Inverse3 '049D'"):  # not the other one, which is free
+        device.open()
+    service.devices["049D"] = kept
+    device.open()
+    assert device._link._device == "049D"
+    device.close()
+
+
 def test_a_device_that_is_not_ready_is_not_fresh_and_cannot_be_opened(device, service):
     service.devices["049D"]["status"]["ready"] = False
     service.turns(3)

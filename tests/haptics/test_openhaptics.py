@@ -310,6 +310,14 @@ def test_an_error_of_a_device_that_is_still_there_leaves_no_force_on(double, clo
     assert double.force(1) == (0.0, 1.0, 0.0)
 
 
+def test_a_scheduler_that_does_not_call_back_is_one_clear_line(double, clock, monkeypatch):
+    monkeypatch.setattr(openhaptics, "ANSWER_WITHIN", 0.02)
+    double.stall(1)
+    with pytest.raises(InputError, match="the scheduler of OpenHaptics does not serve it"):
+        opened(LEFT, clock)
+    assert not double.running() and not double.open(0)
+
+
 def test_a_warm_motor_is_no_loss(double, clock):
     device = opened(LEFT, clock)
     double.fail(0, WARM_MOTORS)

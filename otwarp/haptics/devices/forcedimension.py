@@ -124,6 +124,9 @@ class ForceDimensionDevice:
                 dhd.close(number)
                 raise InputError(f"device {self._name!r}: forces cannot be enabled: {why}")
             self._force = largest_force(dhd, number)
+            # places change when a device is unplugged; the one that comes back must be the same
+            if self._serial is None and (serial := dhd.getSerialNumber(number)) > 0:
+                self._serial = serial
             _open.add(number)
         self._service = Service(dhd, number, Exchange(self._name, self._clock))
         self._service.start()

@@ -112,7 +112,7 @@ class Inverse3Device:
             socket.close()
             raise
         link.start()
-        self._link = link
+        self._link, self._device = link, device  # after a loss, the same one must come back
 
     def _choose(self, inventory: Inventory) -> str:
         """Id of the device to take."""
