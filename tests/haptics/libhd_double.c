@@ -35,7 +35,7 @@ typedef struct {
     char name[64], serial[32];
     int plugged, open, enabled, framed;
     double position[3], force[3], applied[3], peak, nominal[2];
-    int buttons, error, error_once, frames, says_forces;
+    int buttons, error_once, error_handle, frames, says_forces;
 } Device;
 
 static Device devices[DEVICES];
@@ -101,7 +101,8 @@ void double_move(int i, double x, double y, double z, int buttons) {
 }
 
 void double_plug(int i, int plugged) { devices[i].plugged = plugged; }
-void double_fail(int i, int code) { devices[i].error_once = code; }
+/* an error in the next frame of i, which names the device `handle` */
+void double_fail(int i, int code, int handle) { devices[i].error_handle = handle, devices[i].error_once = code; }
 void double_delay(int ms) { open_delay_ms = ms; }
 void double_stall(int yes) { stalled = yes; }
 void double_steal(int i) { thief = i; }
@@ -110,6 +111,13 @@ int double_stolen(void) { return thief == INVALID; }
 void double_force(int i, double *out) {
     pthread_mutex_lock(&lock);
     memcpy(out, devices[i].applied, 3 * sizeof(double));
+    pthread_mutex_unlock(&lock);
+}
+
+/* what it was told last, whether its motors were on or not */
+void double_told(int i, double *out) {
+    pthread_mutex_lock(&lock);
+    memcpy(out, devices[i].force, 3 * sizeof(double));
     pthread_mutex_unlock(&lock);
 }
 
@@ -195,7 +203,7 @@ void hdBeginFrame(HHD h) {
     if (d->framed) mistakes++, fail(ILLEGAL_BEGIN, h);
     d->framed = 1;
     if (!d->plugged) fail(COMM_ERROR, h);
-    if (d->error_once) fail(d->error_once, h), d->error_once = 0;
+    if (d->error_once) fail(d->error_once, d->error_handle), d->error_once = 0;
 }
 
 void hdEndFrame(HHD h) {

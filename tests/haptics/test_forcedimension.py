@@ -21,10 +21,16 @@ from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_dev
 from otwarp.haptics.mailbox import HandLayout, Mailbox
 from otwarp.haptics.servo import REOPEN_AFTER, Hand
 from otwarp.haptics.types import ZERO, Device, DeviceLost, SceneNow
-from tests.haptics.dhd_double import FUNCTIONS, Dhd, Robot
+from tests.haptics.dhd_double import FUNCTIONS, PATIENCE, Dhd, Robot
 from tests.haptics.spring import SpringChain
 
 INSTALLED = importlib.util.find_spec("forcedimension_core") is not None
+
+
+def ended(talker) -> None:
+    """Wait for the end of the thread that talks to the device."""
+    talker._thread.join(PATIENCE)
+    assert not talker._thread.is_alive()
 
 
 class Clock:
@@ -128,7 +134,7 @@ def test_two_devices_have_a_thread_each(dhd, clock):
     with pytest.raises(InputError, match="each hand must have its own"):
         again.open()
     dhd.robots[0].plugged = False
-    first._service._thread.join()
+    ended(first._service)
     with pytest.raises(DeviceLost):
         first.read(0.0)
     dhd.turn(dhd.robots[1], 3)
@@ -139,7 +145,7 @@ def test_two_devices_have_a_thread_each(dhd, clock):
 
 def test_unplugged_it_is_lost_and_found_again(device, dhd):
     dhd.robots[0].plugged = False
-    device._service._thread.join()
+    ended(device._service)
     for call in (lambda: device.read(0.0), lambda: device.write(ZERO)):
         with pytest.raises(DeviceLost, match=r"communication error$"):
             call()
@@ -157,7 +163,7 @@ def test_the_one_that_comes_back_is_the_same_whatever_its_place(dhd, clock):
     second.open()
     lost = dhd.robots[0]
     lost.plugged = False
-    first._service._thread.join()
+    ended(first._service)
     with pytest.raises(InputError, match="serial number 10742 cannot be opened"):
         first.open()  # place 0 is the other's now
     dhd.turn(dhd.robots[1], 3)
@@ -171,7 +177,7 @@ def test_the_one_that_comes_back_is_the_same_whatever_its_place(dhd, clock):
 
 def test_a_defect_of_the_package_is_a_loss(device, dhd):
     dhd.robots[0].position = ()  # type: ignore[assignment]
-    device._service._thread.join()
+    ended(device._service)
     with pytest.raises(DeviceLost, match="ValueError"):
         device.read(0.0)
     assert dhd.robots[0].force == ZERO and dhd.robots[0].braked
@@ -222,7 +228,7 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(dhd, clock):
         dhd.turn(robot, 3)
         assert robot.force != ZERO
         robot.plugged = False
-        device._service._thread.join()
+        ended(device._service)
         run(2)
         assert not hand.status.present and "communication error" in hand.status.message
         robot.plugged = True

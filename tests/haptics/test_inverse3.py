@@ -31,9 +31,15 @@ from otwarp.haptics.mailbox import HandLayout, Mailbox
 from otwarp.haptics.servo import REOPEN_AFTER, Hand
 from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import ZERO, Device, DeviceLost, SceneNow
-from tests.haptics.haply_service import HaplyService
+from tests.haptics.haply_service import PATIENCE, HaplyService
 from tests.haptics.spring import SpringChain
 from tests.haptics.test_servo_process import publishing, until
+
+
+def ended(talker) -> None:
+    """Wait for the end of the thread that talks to the device."""
+    talker._thread.join(PATIENCE)
+    assert not talker._thread.is_alive()
 
 
 class Clock:
@@ -173,7 +179,7 @@ def test_a_service_that_hangs_up_is_lost_and_found_again(device, service):
     service.turns()
     link = device._link
     service.hang_up()
-    link._thread.join()
+    ended(link)
     for call in (lambda: device.read(0.0), lambda: device.write(ZERO)):
         with pytest.raises(DeviceLost, match="connection to the Inverse Service ended"):
             call()
@@ -185,7 +191,7 @@ def test_a_service_that_hangs_up_is_lost_and_found_again(device, service):
 def test_a_device_that_is_not_listed_any_more_is_lost(device, service):
     service.turns()
     kept, link = service.devices.pop("049D"), device._link
-    link._thread.join()
+    ended(link)
     with pytest.raises(DeviceLost, match="does not list it"):
         device.read(0.0)
     with pytest.raises(InputError, match=r"no Inverse3 '049D'.*it has 04BA"):
@@ -200,7 +206,7 @@ def test_the_one_that_comes_back_is_the_same(service, clock):
     device = Inverse3Device(service.address, clock=clock)
     device.open()
     kept, link = service.devices.pop("049D"), device._link
-    link._thread.join()
+    ended(link)
     with pytest.raises(InputError, match="no Inverse3 '049D'"):  # not the other one, which is free
         device.open()
     service.devices["049D"] = kept
@@ -373,7 +379,7 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(service, clock):
         assert service.forces["049D"][-1] != ZERO
         link = device._link
         service.hang_up()
-        link._thread.join()
+        ended(link)
         run(2)
         assert not hand.status.present and hand.status.losses == 1
         servo_clock.advance(REOPEN_AFTER)

@@ -58,6 +58,11 @@ class Double:
         self.library.double_force(device, out)
         return (out[0], out[1], out[2])
 
+    def told(self, device: int) -> Vec3:
+        out = (ctypes.c_double * 3)()
+        self.library.double_told(device, out)
+        return (out[0], out[1], out[2])
+
     def tick(self) -> None:
         assert self.wait(2) == 1, "the scheduler does not run"
 
@@ -301,13 +306,39 @@ def test_an_error_of_a_device_that_is_still_there_leaves_no_force_on(double, clo
     left.write((2.0, 0.0, 0.0))
     right.write((0.0, 1.0, 0.0))
     double.tick()
-    double.fail(0, COMM_ERROR)
+    double.fail(0, COMM_ERROR, 0)
     double.tick()
     double.tick()
     with pytest.raises(DeviceLost):
         left.read(0.0)
-    assert double.force(0) == ZERO and not double.enabled(0)
+    assert double.force(0) == ZERO and double.told(0) == ZERO and not double.enabled(0)
     assert double.force(1) == (0.0, 1.0, 0.0)
+
+
+def test_an_error_ends_the_device_that_it_names(double, clock):
+    left, right = opened(LEFT, clock), opened(RIGHT, clock)
+    left.write((2.0, 0.0, 0.0))
+    double.tick()
+    double.fail(0, COMM_ERROR, 1)  # in the frame of the left one, about the right one
+    double.tick()
+    double.tick()
+    with pytest.raises(DeviceLost):
+        right.read(0.0)
+    assert left.read(0.0).fresh and double.force(0) == (2.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("where", ["force", "put"])
+def test_a_defect_in_the_callback_is_a_loss(double, clock, monkeypatch, where):
+    left, right = opened(LEFT, clock), opened(RIGHT, clock)
+    left.write((1.0, 0.0, 0.0))
+    double.tick()
+    monkeypatch.setattr(left._exchange, where, lambda *_: 1 / 0)
+    double.tick()
+    double.tick()
+    with pytest.raises(DeviceLost, match="ZeroDivisionError"):
+        left.read(0.0)
+    assert double.told(0) == ZERO and not double.enabled(0)
+    assert right.read(0.0).fresh
 
 
 def test_a_scheduler_that_does_not_call_back_is_one_clear_line(double, clock, monkeypatch):
@@ -320,7 +351,7 @@ def test_a_scheduler_that_does_not_call_back_is_one_clear_line(double, clock, mo
 
 def test_a_warm_motor_is_no_loss(double, clock):
     device = opened(LEFT, clock)
-    double.fail(0, WARM_MOTORS)
+    double.fail(0, WARM_MOTORS, 0)
     double.tick()
     assert device.read(0.0).fresh and device.warnings == 1
 
@@ -346,7 +377,8 @@ def test_after_close_everything_is_zero(double, clock):
     assert double.force(0) == (1.0, 1.0, 1.0)
     device.close()
     device.close()
-    assert double.force(0) == ZERO and not double.enabled(0) and not double.open(0) and not double.running()
+    assert double.force(0) == ZERO and double.told(0) == ZERO
+    assert not double.enabled(0) and not double.open(0) and not double.running()
     for call in (lambda: device.read(0.0), lambda: device.write(ZERO)):
         with pytest.raises(DeviceLost, match="not open"):
             call()

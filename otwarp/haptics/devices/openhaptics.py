@@ -60,6 +60,12 @@ class Served:
         self.phase = "ending"
         self.begun.set()
 
+    def end(self) -> None:
+        """Leave was taken of it."""
+        self.phase = "off"
+        self.begun.set()
+        self.ended.set()
+
 
 class Scheduler:
     """The library's scheduler with one callback for all devices; it runs while any of them is open.
@@ -158,6 +164,8 @@ class Scheduler:
                     self._frame(served)
             except Exception as error:
                 served.lose(f"{type(error).__name__}: {error}")
+                if served.farewells >= FAREWELLS:
+                    served.end()
         return hdapi.CALLBACK_CONTINUE
 
     def _frame(self, served: Served) -> None:
@@ -165,16 +173,18 @@ class Scheduler:
         hd, handle, vector = self.hd, served.handle, served.vector
         hd.hdMakeCurrentDevice(handle)
         hd.hdBeginFrame(handle)
-        if served.phase == "new" and not self._blame(served, hd.errors()):
-            served.forces = nominal_forces(hd)
-            hd.hdEnable(hdapi.FORCE_OUTPUT)
-        hd.hdGetDoublev(hdapi.CURRENT_POSITION, vector)
-        hd.hdGetIntegerv(hdapi.CURRENT_BUTTONS, served.integer)
-        position = (METRE * vector[0], METRE * vector[1], METRE * vector[2])
-        vector[:] = served.exchange.force() if served.phase == "on" else ZERO
-        mine = self._hold_current(handle)
-        hd.hdSetDoublev(hdapi.CURRENT_FORCE, vector)
-        hd.hdEndFrame(handle)
+        try:
+            if served.phase == "new" and not self._blame(served, hd.errors()):
+                served.forces = nominal_forces(hd)
+                hd.hdEnable(hdapi.FORCE_OUTPUT)
+            hd.hdGetDoublev(hdapi.CURRENT_POSITION, vector)
+            hd.hdGetIntegerv(hdapi.CURRENT_BUTTONS, served.integer)
+            position = (METRE * vector[0], METRE * vector[1], METRE * vector[2])
+            vector[:] = served.exchange.force() if served.phase == "on" else ZERO
+            mine = self._hold_current(handle)
+            hd.hdSetDoublev(hdapi.CURRENT_FORCE, vector)
+        finally:
+            hd.hdEndFrame(handle)
         if self._blame(served, hd.errors()) or not mine:
             return
         if served.exchange.put(position, served.integer.value) and served.phase == "new":
@@ -195,9 +205,7 @@ class Scheduler:
         hd.hdEndFrame(handle)
         hd.errors()
         if mine or served.farewells >= FAREWELLS:
-            served.phase = "off"
-            served.begun.set()
-            served.ended.set()
+            served.end()
 
     def _hold_current(self, handle: int) -> bool:
         """Whether a device is still the current one; makes it so.
