@@ -37,8 +37,16 @@ KINDS: dict[str, Kind] = {
     "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False),
     "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False),
     "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False),
+    "openhaptics": Kind("otwarp.haptics.devices.openhaptics:create", "optional", "its name in Touch Setup", False),
+    "inverse3": Kind("otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False),
+    "forcedimension": Kind(
+        "otwarp.haptics.devices.forcedimension:create", "optional", "its serial number, or index=N", False
+    ),
 }
 """One row per kind. A new device adds its file and its row."""
+
+ALIASES = {"haply": "inverse3"}
+"""Other names of kinds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +86,11 @@ def parse_devices(texts: Sequence[str], pointers: Sequence[str | None] = ()) -> 
     specs: list[DeviceSpec] = []
     for hand, text in enumerate(texts):
         name, colon, rest = text.strip().partition(":")
+        name = ALIASES.get(name, name)
         kind, argument = KINDS.get(name), rest.strip().strip("\"'") or None
         if kind is None:
-            raise InputError(f"device {text!r}: unknown kind {name!r}; must be one of {', '.join(sorted(KINDS))}")
+            known = ", ".join(sorted({*KINDS, *ALIASES}))
+            raise InputError(f"device {text!r}: unknown kind {name!r}; must be one of {known}")
         if kind.argument == "required" and argument is None:
             raise InputError(f"device {text!r}: must be {name}:<{kind.means}>")
         if kind.argument == "none" and colon:
