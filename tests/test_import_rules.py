@@ -24,7 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "haptics": ROOT,
     "teleop": ROOT | {"simulation", "haptics", "scene", "record", "device"},
     "vision": ROOT | {"simulation", "hydrodynamics"},
-    "ros": ROOT | {"teleop", "haptics"},
+    "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "bench": ROOT | {"device", "scene", "optics", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},

@@ -1,4 +1,4 @@
-"""`Twin`: a scene as the paper's topics know it: two groups of traps, their robots, a cell, and what moves in the way."""
+"""`Twin`: a scene as the paper's topics know it: two groups of traps, their robots, a cell, moving obstacles."""
 
 from __future__ import annotations
 

@@ -112,8 +112,11 @@ class LiveLoop:
         self.plans = tuple(plans)
         self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
-        self._outlets, self._make_take = tuple(outlets), make_take
-        self._due = [-np.inf] * len(self._outlets)
+        self._outlets: list[Outlet] = []
+        self._due: list[float] = []
+        self._make_take = make_take
+        for outlet in outlets:
+            self.add(outlet)
         self.sim = self._make_sim()
         moved = [trap for plan in plans for trap in plan.config.traps]
         self.local = LocalScene.of(self.sim.model, moved)
@@ -138,6 +141,11 @@ class LiveLoop:
     def recording(self) -> Path | None:
         """File that is being written."""
         return self._take.file if self._take else None
+
+    def add(self, outlet: Outlet) -> None:
+        """One more who watches and commands; closed with the session."""
+        self._outlets.append(outlet)
+        self._due.append(-np.inf)
 
     def start(self, *, arm: bool = False) -> None:
         """Compile, open the devices, take the first step, publish the first state.

@@ -1,0 +1,111 @@
+"""Options and assembly of a live session, which `teleop`, `ros1` and `ros2` share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from otwarp.cli import stop
+from otwarp.cli.options import device_option, json_option, seed_option
+from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.teleop.session import Session
+
+DEVICES = "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAMESPACE, virtual:SCRIPT, replay:FILE"
+
+_LIVE = (
+    click.option("--left", metavar="DEVICE", help=f"Device of the left hand: {DEVICES}."),
+    click.option("--right", metavar="DEVICE", help="Device of the right hand."),
+    click.option("--arm", is_flag=True, help="Arm the hands as soon as they hold their traps; else on the page."),
+    click.option("--record", metavar="FILE.mcap", help="Record the session from its start."),
+    click.option(
+        "--budget",
+        default="auto",
+        show_default=True,
+        metavar="auto|off|SHARE",
+        help="Reduce the scene to what this machine runs in real time, in that share of a core.",
+    ),
+    click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second."),
+    click.option(
+        "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
+    ),
+    click.option(
+        "--pairing",
+        type=click.Choice(["release", "older"]),
+        default="release",
+        show_default=True,
+        help="Which hand has which group of traps; the older release has them the other way round.",
+    ),
+    click.option("--motion-gain", type=float, metavar="UM/M", help="Micrometres of trap per metre of hand."),
+    click.option("--force-gain", type=float, metavar="N/PN", help="Newtons on the hand per piconewton in the scene."),
+    click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Haptics configuration, JSON."),
+    click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second of the live loop."),
+    click.option("--servo-rate", type=float, default=1000.0, show_default=True, help="Servo cycles per second."),
+    click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token."),
+    click.option("--port", type=int, help="Port of the page; default: 8080, or the next that is free."),
+    click.option("--token", help="What a browser must know; made by itself where it is needed."),
+    click.option("--duration", type=float, metavar="SECONDS", help="End by then; default: by Ctrl-C."),
+    seed_option,
+    device_option,
+    json_option,
+)
+
+
+def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options of a live session.
+
+    Args:
+        page: Whether the page is served unless told otherwise.
+        browser: Whether a browser is opened unless told otherwise.
+    """
+    page_option = click.option("--page/--no-page", default=page, show_default=True, help="Serve the browser page.")
+    open_option = click.option(
+        "--open/--no-open", "browser", default=browser, show_default=True, help="Open a browser."
+    )
+
+    def _decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed((*_LIVE[:14], page_option, open_option, *_LIVE[14:])):
+            command = option(command)
+        return command
+
+    return _decorate
+
+
+def open_session(scene: Path, options: dict[str, Any]) -> Session:
+    """A session that has not begun, from the values of `live_options`."""
+    from otwarp.scene.description import Scene
+    from otwarp.teleop.hand_plan import load_config
+    from otwarp.teleop.session import PageOptions, Session, SessionOptions
+
+    duration = options["duration"]
+    if duration is not None and not 0.0 < duration < float("inf"):
+        raise InputError(f"--duration is {duration:g}; allowed: above 0 s, finite")
+    page = None
+    if options["page"]:
+        page = PageOptions(**{name: options[name] for name in ("host", "port", "token", "browser")})
+    same = ("mode", "pairing", "motion_gain", "force_gain", "record", "arm", "budget", "rate", "servo_rate", "speed")
+    asked = SessionOptions(
+        devices={hand: options[hand] for hand in ("left", "right") if options[hand] is not None},
+        config=load_config(options["config"]) if options["config"] else None,
+        page=page,
+        **{name: options[name] for name in (*same, "duration", "seed", "device")},
+    )
+    return Session(Scene.load(scene), asked, say=sayer(options))
+
+
+def sayer(options: dict[str, Any]) -> Callable[[str], None]:
+    """Lines for the user: on standard error where standard output is for a program."""
+    return lambda line: click.echo(line, err=options["as_json"])
+
+
+def run_session(session: Session, options: dict[str, Any]) -> None:
+    """Until it ends, then say what it was like."""
+    report = session.run()
+    text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) if options["as_json"] else report["text"]
+    click.echo(text)
+    stop.check()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
