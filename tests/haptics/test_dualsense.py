@@ -290,6 +290,24 @@ def test_a_hand_is_let_go_of_at_once_when_lost_in_a_transfer():
     assert port.closed
 
 
+def test_only_closing_waits_for_the_last_report():
+    waits = []
+
+    class Sender(AtOnce):
+        def close(self, last, wait=True):
+            waits.append(wait)
+            super().close(last, wait)
+
+    hand, device = opened(sender=Sender)
+    device.unplugged = True
+    with pytest.raises(DeviceLost):
+        hand.read(0.0)
+    device.unplugged = False
+    hand.open()
+    hand.close()
+    assert waits == [False, True]
+
+
 def test_an_effect_that_could_not_be_sent_loses_the_device():
     hand, device = opened()
     hand.read(0.0)
