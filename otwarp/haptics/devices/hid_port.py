@@ -18,7 +18,7 @@ from otwarp.haptics.devices import DeviceSpec, parse_parameters
 
 SYSFS = Path("/sys/class/hidraw")
 RULES = "/etc/udev/rules.d/70-otwarp-hid.rules"
-"""Where the rule goes that lets the user at the desk open a device: before 73-seat-late.rules, which acts on its tag."""
+"""Where the rule goes that lets the user at the desk open a device; it must sort before 73-seat-late.rules."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
