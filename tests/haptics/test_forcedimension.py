@@ -276,7 +276,7 @@ def test_without_package_or_sdk_it_says_what_to_install(monkeypatch, capfd):
     if not INSTALLED:
         monkeypatch.setitem(sys.modules, "forcedimension_core", None)
     for call in (ForceDimensionDevice().open, find_devices):
-        with pytest.raises(InputError, match=r"forcedimension-core and .* SDK 3.16") as error:
+        with pytest.raises(InputError, match=r"pip install 'otwarp\[forcedimension\]'.* SDK 3\.16") as error:
             call()
         assert "\n" not in str(error.value)
     assert capfd.readouterr() == ("", "")

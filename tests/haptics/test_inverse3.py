@@ -483,7 +483,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch, clock):
 
     monkeypatch.setattr(builtins, "__import__", no_websockets)
     for call in (Inverse3Device(clock=clock).open, find_devices):
-        with pytest.raises(InputError, match=r"websockets; install otwarp\[haptics\]"):
+        with pytest.raises(InputError, match=r"websockets: pip install 'otwarp\[haptics\]'"):
             call()
 
 

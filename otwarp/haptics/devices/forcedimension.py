@@ -60,8 +60,8 @@ def sdk() -> Any:
     except Exception as error:  # no package, no SDK, one that is too old, or a library that lacks a function
         why = " ".join(str(error).split()).rstrip(": ") or type(error).__name__
         raise InputError(
-            "Force Dimension: needs the package forcedimension-core and Force Dimension's SDK 3.16 or later (libdrd in "
-            f"~/.local/lib, /usr/local/lib or the folder in FDSDK); install both ({why})"
+            "Force Dimension: needs forcedimension-core (pip install 'otwarp[forcedimension]') and the maker's SDK "
+            f"3.16 or later (libdrd in ~/.local/lib, /usr/local/lib or the folder in FDSDK): {why}"
         ) from None
 
 

@@ -239,7 +239,7 @@ def connect(service: str, what: str) -> tuple[Any, Inventory]:
         from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect as open_socket
     except ImportError:
-        raise InputError(f"device {what!r}: needs the package websockets; install otwarp[haptics]") from None
+        raise InputError(f"device {what!r}: needs the package websockets: pip install 'otwarp[haptics]'") from None
     try:
         socket = open_socket(
             service,
