@@ -16,7 +16,9 @@ from otwarp.errors import InputError
 if TYPE_CHECKING:
     from otwarp.teleop.session import Session
 
-DEVICES = "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAMESPACE, virtual:SCRIPT, replay:FILE"
+DEVICES = (
+    "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
+)
 
 _LIVE = (
     click.option("--left", metavar="DEVICE", help=f"Device of the left hand: {DEVICES}."),

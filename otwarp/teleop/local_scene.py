@@ -47,17 +47,10 @@ def authored_law(trap: description.Trap, radius: float) -> Law:
 
 
 def optical_law(model: Model, trap: int, kind: int) -> Law:
-    """A trap's tabulated law for one kind of sphere; bilinear, which costs a quarter of bicubic in plain Python."""
-    from otwarp.optics import ForceTable
-    from otwarp.optics.table import layer_count, major_axis
-
-    table = model.optics.tables[model.optics.table[trap, kind]]
-    entry = model.scene.traps[trap]
-    if table.interpolation != "bilinear":
-        how = {"tolerance": entry.tolerance, "interpolation": "bilinear", "device": model.device.alias}
-        table = ForceTable.build(table.beam, table.sphere, **how).cut(entry.reach)
-    turn = major_axis(table.beam) if layer_count(table.beam) > 1 else 0.0
-    side, axis = rotate(np.array(entry.orientation), np.array([[math.cos(turn), math.sin(turn), 0.0], [0.0, 0.0, 1.0]]))
+    """A trap's tabulated law for one kind of sphere."""
+    table, turn = model.optics.bilinear(model.scene, trap, kind, model.device.alias)
+    frame = np.array([[math.cos(turn), math.sin(turn), 0.0], [0.0, 0.0, 1.0]])
+    side, axis = rotate(np.array(model.scene.traps[trap].orientation), frame)
     return TableLaw.of(table, side=_vector(side), axis=_vector(axis))
 
 

@@ -30,7 +30,10 @@ tolerance of both tables is 1e-3 of the peak."""
 
 
 def felt_and_computed(file: str, shift: float) -> list[tuple[str, np.ndarray, np.ndarray, type]]:
-    """Per trap of a shipped scene, or of three beads, (model, force in the local model, force in the simulation, law), with all traps moved by `shift`."""
+    """Per trap (model, force in the local model, in the simulation, law), with all traps moved by `shift`.
+
+    Of a shipped scene, or without one of three beads.
+    """
     scene = Scene.load(SCENES / file) if file else three_beads()
     sim = Simulation(scene, device="cpu", seed=3)
     sim.step(1)
