@@ -37,7 +37,7 @@ def typestore() -> Any:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise InputError("ROS 1 needs the package rosbags: pip install 'otwarp[ros]'") from None
+        raise InputError("ROS 1 needs the package rosbags: pip install 'otwarp[ros1]'") from None
     store = get_typestore(Stores.ROS1_NOETIC)
     store.max_sequence_length = MOST_ELEMENTS
     for name, text in DEFINITIONS.items():
