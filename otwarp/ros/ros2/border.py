@@ -69,6 +69,12 @@ def pair_yaw(first: Vec3, second: Vec3) -> Quat:
     return (0.0, 0.0, math.sin(half), math.cos(half))
 
 
+def _check_now(now: float) -> None:
+    """Refuse what is no time."""
+    if not math.isfinite(now):
+        raise InputError(f"now is {now!r}; allowed: a finite time")
+
+
 class Ros2Border:
     """Publishes the twin's states and collects commands.
 
@@ -98,7 +104,8 @@ class Ros2Border:
             node.subscribe(config.topic(f"{side.namespace}/{side.smoothed_twist}"), twist, SENSOR_DATA)
             for side in sides
         ]
-        self._pair, *self._hands = (HeldVelocity(config.timeout) for _ in range(3))
+        self._pair = HeldVelocity(config.timeout)
+        self._hands = [HeldVelocity(config.hand_timeout) for _ in sides]
         self._due, self._last, self._reset_high = -math.inf, -math.inf, False
 
     @property
@@ -141,6 +148,7 @@ class Ros2Border:
         Raises:
             InputError: A number that is not finite or too large, an empty group, too many obstacles; nothing is sent.
         """
+        _check_now(now)
         if now < self._due:
             return False
         unit, force = self.config.scene_unit, self.config.force_unit
@@ -200,8 +208,7 @@ class Ros2Border:
         Raises:
             InputError: A time that is not finite.
         """
-        if not math.isfinite(now):
-            raise InputError(f"now is {now!r}; allowed: a finite time")
+        _check_now(now)
         now = max(now, self._last)
         last, self._last = (now if self._last == -math.inf else self._last), now
         moved = self._pair.between(last, now)
