@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -160,6 +161,9 @@ def test_publication_keeps_to_its_rate(desk):
     # after a pause one message, not the missed ones
     after = [border.publish(10.0 + n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
     assert after == [True] + [False] * 15
+    # a clock that starts again does not silence it
+    again = [border.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
+    assert again == [True] + [False] * 15
 
 
 NAN, INF = math.nan, math.inf
@@ -325,12 +329,26 @@ def test_hands_move_their_groups(desk):
     assert second == (0.0, 0.0, 0.0) and border.refused == 1
 
 
-def test_a_clock_that_goes_back_moves_nothing(desk):
+def test_a_clock_that_goes_back_drops_what_was_asked(desk):
     border = Ros2Border(desk, MICROMETRES)
     desk.into["/rl_vel"].publish(twist(x=1.0))
-    border.commands(5.0)
-    assert border.commands(4.0).shift == (0.0, 0.0)
-    assert border.commands(5.1).shift == pytest.approx((0.1, 0.0), abs=1e-9)
+    border.commands(100.0)
+    found = border.commands(0.0)
+    assert found.shift == (0.0, 0.0) and found.velocity == (0.0, 0.0)
+    desk.into["/rl_vel"].publish(twist(x=2.0))
+    border.commands(0.1)
+    assert border.commands(0.2).shift == pytest.approx((0.2, 0.0), abs=EXACT)
+
+
+def test_arrays_are_taken_as_they_are(desk):
+    border = Ros2Border(desk, MICROMETRES)
+    traps = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 5.0]])
+    pose = (np.array([1.0, 2.0, 3.0]), np.array(UPRIGHT))
+    border.publish(0.0, traps=(traps, traps[:1]), robots=(pose, pose), cell=np.float32([1.0, 2.0, 4.0]))
+    assert sent(desk, "/firstOTposition") == ((2.0, 2.0, 4.0), UPRIGHT)
+    assert sent(desk, "/object")[0] == (1.0, 2.0, 4.0)
+    with pytest.raises(InputError, match="empty group"):
+        border.publish(1.0, traps=(traps[:0], traps), robots=(pose, pose))
 
 
 def test_the_pair_moves_as_one_about_its_midpoint():
