@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import subprocess
 import sys
 import time
@@ -25,11 +24,15 @@ VARIABLES = (
 
 
 def loopback(monkeypatch: pytest.MonkeyPatch) -> int:
-    """Keep to the loopback interface, found by unicast (containers may have no multicast), in a domain of its own."""
+    """Keep to the loopback interface, found by unicast (containers may have no multicast), in a domain of its own.
+
+    Returns:
+        The domain, 100 to 200: another for each process, since neighbours in a parallel run differ in their numbers.
+    """
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    return random.SystemRandom().randint(100, 200)
+    return 100 + os.getpid() % 101
 
 
 def until(condition: Callable[[], object], what: str) -> None:

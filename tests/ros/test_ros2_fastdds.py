@@ -55,10 +55,10 @@ class Peer:
         self.tf_in = node.subscribe("/tf_from_peer", m.TFMessage, RELIABLE)
         ends = (self.twist_out, self.twist_in, self.tf_out, self.tf_in)
         until(lambda: all(end.matched == 1 for end in ends), "Fast DDS to be matched by Cyclone")
-        # the peer says when it has matched all four of its ends
-        line = ""
-        while line != "match 4\n":
-            line = self.line()
+        # the peer says when it runs and when it has matched all four of its ends, in either order
+        awaited = {"ready\n", "match 4\n"}
+        while awaited:
+            awaited.discard(self.line())
 
     def line(self) -> str:
         assert self.process.stdout is not None

@@ -69,6 +69,12 @@ def pair_yaw(first: Vec3, second: Vec3) -> Quat:
     return (0.0, 0.0, math.sin(half), math.cos(half))
 
 
+def _check_now(now: float) -> None:
+    """Refuse what is no time."""
+    if not math.isfinite(now):
+        raise InputError(f"now is {now!r}; allowed: a finite time")
+
+
 class Ros2Border:
     """Publishes the twin's states and collects commands.
 
@@ -98,7 +104,8 @@ class Ros2Border:
             node.subscribe(config.topic(f"{side.namespace}/{side.smoothed_twist}"), twist, SENSOR_DATA)
             for side in sides
         ]
-        self._pair, *self._hands = (HeldVelocity(config.timeout) for _ in range(3))
+        self._pair = HeldVelocity(config.timeout)
+        self._hands = [HeldVelocity(config.hand_timeout) for _ in sides]
         self._due, self._last, self._reset_high = -math.inf, -math.inf, False
 
     @property
@@ -141,13 +148,34 @@ class Ros2Border:
         Raises:
             InputError: A number that is not finite or too large, an empty group, too many obstacles; nothing is sent.
         """
-        if now < self._due:
+        _check_now(now)
+        period = 1.0 / self.config.communication_rate
+        if self._due - period <= now < self._due:
             return False
         unit, force = self.config.scene_unit, self.config.force_unit
         if len(obstacles) > MOST_OBSTACLES or len(hits) > MOST_OBSTACLES:
             raise InputError(f"obstacles are {max(len(obstacles), len(hits))}; allowed: up to {MOST_OBSTACLES}")
-        if not all(traps):
+        if not all(len(group) for group in traps):
             raise InputError("traps has an empty group; allowed: one trap or more in each")
+        states = self._poses(traps, robots, obstacles)
+        if cell is not None:
+            flags = (contact_force / force, float(not cell_lost), float(collision), collision_force / force)
+            states.append(("object", cell, flags, unit))
+        for n, (hit, strength) in enumerate(hits):
+            states.append((f"DynaOb0{n + 1}Collide", (float(hit), strength / force, 0.0), UPRIGHT, 1.0))
+        stamp = self._stamp(now if time is None else time)
+        # all are made before any is sent: a bad number anywhere sends nothing
+        for name, message in [(state[0], self._message(stamp, *state)) for state in states]:
+            self._out[name].publish(message)
+        # on the grid of the rate; after a pause, or a clock that went back, a new grid and no burst
+        self._due = self._due + period if 0.0 <= now - self._due < period else now + period
+        return True
+
+    def _poses(
+        self, traps: tuple[Group, Group], robots: tuple[Pose, Pose], obstacles: Sequence[Pose]
+    ) -> list[tuple[str, Vec3, Quat, float]]:
+        """Topic, position, rotation and unit of length of all that has a place."""
+        unit = self.config.scene_unit
         states: list[tuple[str, Vec3, Quat, float]] = []
         for name, group in zip(("firstOTposition", "secondOTposition"), traps, strict=True):
             states.append((name, centroid(group), UPRIGHT, unit))
@@ -155,21 +183,9 @@ class Ros2Border:
             states.append((name, position, rotation, unit))
         first, second = robots[0][0], robots[1][0]
         states.append(("xform", middle(first, second), pair_yaw(first, second), unit))
-        if cell is not None:
-            flags = (contact_force / force, float(not cell_lost), float(collision), collision_force / force)
-            states.append(("object", cell, flags, unit))
         for n, (position, rotation) in enumerate(obstacles):
             states.append((f"DynaOb0{n + 1}", position, rotation, unit))
-        for n, (hit, strength) in enumerate(hits):
-            states.append((f"DynaOb0{n + 1}Collide", (float(hit), strength / force, 0.0), UPRIGHT, 1.0))
-        stamp = self._stamp(now if time is None else time)
-        # all are made before any is sent: a bad number anywhere sends nothing
-        for name, message in [(state[0], self._message(stamp, *state)) for state in states]:
-            self._out[name].publish(message)
-        period = 1.0 / self.config.communication_rate
-        # on the grid of the rate, and no burst after a pause
-        self._due = self._due + period if now - self._due < period else now + period
-        return True
+        return states
 
     def _stamp(self, time: float) -> Any:
         """Time as ROS 2 has it."""
@@ -195,15 +211,15 @@ class Ros2Border:
         `/resetSignal` from 0 to 1; it drops every velocity that came before it.
 
         Args:
-            now: On the loop's clock [s]; a clock that goes back counts as standing still.
+            now: On the loop's clock [s]; one that goes back drops every velocity.
 
         Raises:
             InputError: A time that is not finite.
         """
-        if not math.isfinite(now):
-            raise InputError(f"now is {now!r}; allowed: a finite time")
-        now = max(now, self._last)
-        last, self._last = (now if self._last == -math.inf else self._last), now
+        _check_now(now)
+        if now < self._last:
+            self._drop()
+        last, self._last = (now if now < self._last or self._last == -math.inf else self._last), now
         moved = self._pair.between(last, now)
         hands = [hand.between(last, now) for hand in self._hands]
         self._read(self._velocity_in, self._planar, self._pair, now)
@@ -211,10 +227,14 @@ class Ros2Border:
             self._read(source, self._hand, held, now)
         reset = self._reset()
         if reset:
-            for held in (self._pair, *self._hands):
-                held.drop()
+            self._drop()
         vx, vy, turn = self._pair.at(now)
         return Ros2Commands((vx, vy), turn, moved[:2], moved[2], (hands[0], hands[1]), reset)
+
+    def _drop(self) -> None:
+        """Forget every velocity."""
+        for held in (self._pair, *self._hands):
+            held.drop()
 
     def _read(self, source: Any, meaning: Callable[[Any], Vec3 | None], held: HeldVelocity, now: float) -> None:
         """Hold the newest velocity that can be believed."""

@@ -23,11 +23,12 @@ class Ros2Config:
         namespace: Put before every topic, as `/twin`; empty for none.
         frame: `frame_id` of what is published.
         scene_unit: Micrometres in one unit of length on the topics. The companion's scenes are drawn in units of some
-            15 to 35 µm; 1 publishes micrometres.
+            15 to 35 µm, more is not known; 1 publishes micrometres.
         force_unit: Piconewtons in one unit of force on the topics.
         communication_rate: Most publications a second [Hz].
         control_rate: Commands a second that the controller sends [Hz].
-        timeout: Age at which a velocity counts as zero [s]; at least a period of control.
+        timeout: Age at which a velocity of the controller counts as zero [s]; at least a period of control.
+        hand_timeout: Age at which a velocity of a hand counts as zero [s]; a device sends hundreds a second.
         speed_limit: Fastest planar velocity that is believed, each component [scene units/s]; the companion
             clips there.
         turn_limit: Fastest turn that is believed [deg/s].
@@ -39,11 +40,12 @@ class Ros2Config:
     pairing: str = "release"
     namespace: str = ""
     frame: str = "world"
-    scene_unit: float = number(1.0, 0.0, 1e6, "µm", open_low=True)
+    scene_unit: float = number(25.0, 0.0, 1e6, "µm", open_low=True)
     force_unit: float = number(1.0, 0.0, 1e12, "pN", open_low=True)
     communication_rate: float = number(60.0, 0.1, 1000.0, "Hz")
     control_rate: float = number(5.0, 0.1, 1000.0, "Hz")
     timeout: float = number(0.5, 0.0, 60.0, "s", open_low=True)
+    hand_timeout: float = number(0.1, 0.0, 60.0, "s", open_low=True)
     speed_limit: float = number(30.0, 0.0, 1e6, "scene units/s", open_low=True)
     turn_limit: float = number(500.0, 0.0, 1e6, "deg/s", open_low=True)
     hand_speed_limit: float = number(2000.0, 0.0, 1e6, "mm/s", open_low=True)

@@ -89,7 +89,7 @@ struct Type : TopicDataType {
     explicit Type(const char* name) {
         setName(name);
         m_typeSize = LARGEST;
-        // as rmw_fastrtps_cpp does: no XTypes description of its own
+        // matched by name alone: no XTypes description of its own
         auto_fill_type_information(false);
         auto_fill_type_object(false);
     }
