@@ -18,7 +18,7 @@ from otwarp.cli.options import scene_argument
 @click.option("--namespace", default="", help="Put before every topic.")
 @click.option("--topic-rate", type=float, default=60.0, show_default=True, help="Most publications a second.")
 @click.option("--control-rate", type=float, default=5.0, show_default=True, help="Commands a second of a controller.")
-@click.option("--scene-unit", type=float, default=1.0, show_default=True, help="Micrometres in 1 on the topics.")
+@click.option("--scene-unit", type=float, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
 @live_options(page=False, browser=False)
 def ros2(
     scene: Path,

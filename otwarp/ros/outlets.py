@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from otwarp.haptics.types import Vec3
+from otwarp.ros.ros2.motion import Group, move_pair
 from otwarp.ros.twin import Twin
 from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps
 from otwarp.teleop.frame import LiveFrame
@@ -100,13 +97,13 @@ class Ros2Outlet:
         clock: Callable[[], float] = time.perf_counter,
     ):
         self._node, self._border, self._twin, self._clock = node, border, twin, clock
-        self._foci: np.ndarray | None = None
+        self._traps: tuple[Group, Group] | None = None
         self._say = _Sayer(say)
 
     def publish(self, live: LiveFrame) -> None:
         """See `Outlet`."""
         now = self._twin.now(live)
-        self._foci = live.frame.trap_position[0]
+        self._traps = now.traps
         hit = [force for touched, force in now.hits if touched]
         self._border.publish(
             self._clock(),
@@ -128,14 +125,15 @@ class Ros2Outlet:
         if asked.reset:
             return [Reset()]
         out: list[Command] = []
-        if asked.angle and self._foci is not None:
-            pair = [t for group in self._twin.groups for t in group]
-            out.append(MoveTraps(dict(zip(pair, turned(self._foci[pair], self._middle(), asked.angle), strict=True))))
-        x, y = asked.shift
-        for group, (u, v, w) in zip(self._twin.groups, asked.hands, strict=True):
-            by = (x + u, y + v, w)
-            if any(by):
-                out.append(ShiftTraps(group, by))
+        if self._traps is not None and (asked.angle or any(asked.shift)):
+            moved = move_pair(*self._traps, asked.shift, asked.angle)
+            pairs = (
+                pair
+                for group, foci in zip(self._twin.groups, moved, strict=True)
+                for pair in zip(group, foci, strict=True)
+            )
+            out.append(MoveTraps(dict(pairs)))
+        out += [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, asked.hands, strict=True) if any(by)]
         return out
 
     def complain(self, line: str) -> None:
@@ -145,21 +143,6 @@ class Ros2Outlet:
     def close(self) -> None:
         """See `Outlet`."""
         self._node.close()
-
-    def _middle(self) -> np.ndarray:
-        """Midpoint of the two groups [µm]."""
-        assert self._foci is not None
-        return np.mean([self._foci[list(group)].mean(axis=0) for group in self._twin.groups], axis=0)
-
-
-def turned(foci: np.ndarray, middle: np.ndarray, angle: float) -> list[Vec3]:
-    """(n, 3) foci turned about the vertical through `middle` [µm] by `angle` [rad], counter-clockwise from above."""
-    c, s = math.cos(angle), math.sin(angle)
-    out = []
-    for x, y, z in foci:
-        u, v = float(x - middle[0]), float(y - middle[1])
-        out.append((float(middle[0]) + c * u - s * v, float(middle[1]) + s * u + c * v, float(z)))
-    return out
 
 
 class _Sayer:

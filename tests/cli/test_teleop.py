@@ -30,7 +30,7 @@ def test_a_session_without_a_page(capfd):
     [
         ("teleop", ["--left", "teapot"], "device 'teapot': unknown kind 'teapot'; must be one of "),
         ("teleop", ["--left", "mouse"], "--left is 'mouse'; allowed with the page, which has the mouse"),
-        ("teleop", ["--left", "virtual:circle"], "radius"),
+        ("teleop", ["--left", "virtual:circle,radius=-1"], "radius = -1 must be a number from 0"),
         ("teleop", ["--left", "replay:absent.csv"], "absent.csv: cannot be read"),
         ("teleop", ["--left", "openhaptics:L", "--right", "openhaptics:L"], "both hands name it"),
         ("teleop", ["--speed", "0"], "speed is 0.0; allowed: 0.01 to 10"),

@@ -14,7 +14,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.clock import VirtualClock
 from otwarp.ros.contract import ContractConfig
-from otwarp.ros.outlets import LINES, Ros1Outlet, Ros2Outlet, turned
+from otwarp.ros.outlets import LINES, Ros1Outlet, Ros2Outlet
 from otwarp.ros.ros2.border import Ros2Commands
 from otwarp.ros.touching import gap
 from otwarp.ros.twin import Twin
@@ -205,7 +205,3 @@ def test_gaps_from_shapes(shape, size, points, gaps):
     quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     moved = [(x + 1.0, 2.0 - z, 3.0 + y) for x, y, z in points]
     assert gap(obstacle, ((1.0, 2.0, 3.0), quarter), np.array(moved)) == pytest.approx(gaps)
-
-
-def test_a_turn_is_counter_clockwise_from_above():
-    assert turned(np.array([[2.0, 1.0, 5.0]]), np.array([1.0, 1.0, 0.0]), math.pi / 2.0)[0] == pytest.approx((1, 2, 5))
