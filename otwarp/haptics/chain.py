@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain_state import snapshot
+from otwarp.haptics.chain_state import restore, snapshot
 from otwarp.haptics.config import HandConfig, PassivityConfig
 from otwarp.haptics.coupling import VirtualCoupling
 from otwarp.haptics.filters import VectorFilter
@@ -118,6 +118,10 @@ class Chain:
     def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
         """All that it remembers, see `chain_state.snapshot`; `scene` is the one of its last step."""
         return snapshot(self, scene)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a snapshot of a chain of the same configuration, see `chain_state.restore`."""
+        restore(self, state)
 
     def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
         """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""

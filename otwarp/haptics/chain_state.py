@@ -26,6 +26,7 @@ REMEMBERED: dict[str, tuple[str, ...]] = {
     "motion._filter": ("value",),
     "_coupling": ("_hand", "proxy"),
     "_filter": ("value",),
+    "model": ("_velocities", "_periods", "_carried"),
     "_paper": ("_gain", "_robot"),
     "_paper._node": ("_last", "_robot", "_trap", "force", "gain"),
     "_paper._node._filter": ("value",),
@@ -45,9 +46,9 @@ def snapshot(chain: Chain, scene: SceneNow) -> dict[str, Any]:
     state["windows"] = [list(axis) for axis in chain._velocity._axes]
     state["anchors"] = list(chain._anchors.items())
     state["scene"] = scene_to_json(scene)
-    # None: as the scene has them; else they are on their way there
+    state["targets"] = model._targets
+    # None: they are there; else they are on their way
     state["spheres"] = None if model._spheres is model._targets else model._spheres
-    state["prediction"] = [model._periods, model._carried, model._velocities]
     return state
 
 
@@ -58,6 +59,10 @@ def restore(chain: Chain, state: Mapping[str, Any]) -> None:
         InputError: The snapshot is of another configuration, or none.
     """
     try:
+        anchors = {int(trap): _tuples(place) for trap, place in state["anchors"]}
+        if anchors:
+            chain.model.refresh(scene_from_json(state["scene"]), anchors)
+        chain._anchors = anchors
         for name, keys in REMEMBERED.items():
             part = _part(chain, name)
             if (part is None) != (name not in state):
@@ -67,15 +72,9 @@ def restore(chain: Chain, state: Mapping[str, Any]) -> None:
                     setattr(part, key, _tuples(value))
         x, y, z = state["windows"]
         chain._velocity._axes = (list(x), list(y), list(z))
-        anchors = {int(trap): _tuples(place) for trap, place in state["anchors"]}
-        chain._anchors = anchors
-        if anchors:
-            chain.model.refresh(scene_from_json(state["scene"]), anchors)
         model: Any = chain.model
-        if state["spheres"] is not None:
-            model._spheres = _groups(state["spheres"])
-        periods, carried, velocities = state["prediction"]
-        model._periods, model._carried, model._velocities = periods, _tuples(carried), _groups(velocities)
+        model._targets = _groups(state["targets"])
+        model._spheres = model._targets if state["spheres"] is None else _groups(state["spheres"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"start of a recording: does not fit its configuration ({error})") from None
 

@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from typing import Any, Protocol
 
-from otwarp.haptics.gains import Gains
+from otwarp.errors import InputError
+from otwarp.haptics.gains import Gains, checked_gains
 from otwarp.haptics.ring import ACTION_BITS, ARMED, DISARMED, GAINS, MADE, MOST_ACTIONS
 from otwarp.haptics.types import DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
 
@@ -58,6 +59,14 @@ class ChainLike(Protocol):
 
     def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
         """All that the chain remembers, for JSON; `scene` is the one of its last step."""
+        ...
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a snapshot of a chain of the same configuration.
+
+        Raises:
+            InputError: It does not fit.
+        """
         ...
 
 
@@ -167,6 +176,27 @@ class Rendering:
             "device": asdict(self.info) if self.info else None,
             "chain": self.chain.snapshot(scene) if self.chain is not None else None,
         }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a snapshot.
+
+        Raises:
+            InputError: It is none, or of another configuration.
+        """
+        try:
+            motion, force = state["gains"]
+            device, chain = state["device"], state["chain"]
+            info = DeviceInfo(**device) if device is not None else None
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"start of a recording: is none ({error})") from None
+        self.gains = checked_gains(motion, force)
+        if info is not None:
+            self.make(info)
+            if chain is None:
+                self.drop()
+        if chain is not None and self.chain is not None:
+            self.chain.restore(chain)
+        self.actions()
 
     def _fail(self, why: str) -> None:
         self.chain = None

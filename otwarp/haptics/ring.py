@@ -51,9 +51,10 @@ ACTIONS = {
 """What may happen to a chain before a step; `Cycle.actions` holds up to 16, four bits each, the first lowest."""
 ACTION_BITS, MOST_ACTIONS = 4, 16
 
-SAMPLED, FRESH, STEPPED, FAILED, LOST, BACK, PRESENT = (1 << n for n in range(7))
+SAMPLED, FRESH, STEPPED, FAILED, LOST, BACK, PRESENT, ABSOLUTE = (1 << n for n in range(8))
 """Bits of `Cycle.flags`: the device gave a sample; a fresh one; the chain was stepped; it raised or its numbers were
-not finite; the device was lost in this cycle; it came back in this cycle; it is there at its end."""
+not finite; the device was lost in this cycle; it came back in this cycle; it is there at its end; it tells places, not
+rates."""
 
 
 class Cycle(NamedTuple):
@@ -65,7 +66,7 @@ class Cycle(NamedTuple):
         sample_time: The device's word for when its sample was taken [s].
         position: Of the hand, device frame [m].
         buttons: As the device has them.
-        flags: Bits `SAMPLED` to `PRESENT`.
+        flags: Bits `SAMPLED` to `ABSOLUTE`.
         beat: Of the simulation's state that was used.
         actions: What happened to the chain before its step, see `actions_of`.
         motion_gain, force_gain: Set by order, nan for as configured [µm/m, N/pN].

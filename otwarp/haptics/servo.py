@@ -16,7 +16,20 @@ from otwarp.errors import InputError
 from otwarp.haptics.clock import Clock, next_deadline
 from otwarp.haptics.mailbox import STATES, Mailbox, SceneReader
 from otwarp.haptics.rendering import ChainLike, Rendering
-from otwarp.haptics.ring import BACK, DISARMED, ENDING, FAILED, FRESH, LOST, PRESENT, SAMPLED, SILENT, STEPPED, Ring
+from otwarp.haptics.ring import (
+    ABSOLUTE,
+    BACK,
+    DISARMED,
+    ENDING,
+    FAILED,
+    FRESH,
+    LOST,
+    PRESENT,
+    SAMPLED,
+    SILENT,
+    STEPPED,
+    Ring,
+)
 from otwarp.haptics.servo_link import HandStatus, Orders, ServoStatus, Start
 from otwarp.haptics.types import ZERO, Device, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
 
@@ -187,6 +200,8 @@ class Hand:
             flags |= SAMPLED | FRESH if sample.fresh else SAMPLED
         if self.status.present:
             flags |= PRESENT
+        if rendering.info is not None and rendering.info.absolute:
+            flags |= ABSOLUTE
         chain, (motion, force) = rendering.chain, rendering.gains
         asked, moved = (chain.asked, chain.moved) if chain is not None else (ZERO, ZERO)
         gains = math.nan if motion is None else motion, math.nan if force is None else force

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from otwarp.errors import InputError
 from otwarp.haptics.gains import Gains
 from otwarp.haptics.mailbox import RecordLayout
+from otwarp.haptics.types import SceneNow
 
 TEXT = 160
 """Bytes of a line about one hand."""
 GRANTS = 480
 """Bytes of what the operating system gave."""
-START, START_SPHERE, START_TRAP = 16384, 256, 512
+START, START_SPHERE, START_TRAP = 16384, 384, 512
 """Bytes for what a chain remembers, and for each sphere and trap of its scene: a number takes up to 24 of them."""
 RUNS = ("starting", "running", "ending", "stopped", "failed")
 """What `ServoStatus.state` may be, in the order of their codes."""
@@ -139,11 +140,13 @@ class Cycles:
         records: `ring.CYCLE`, one after another; `ring.cycles_of` reads them.
         lost: How many of this recording are missing so far, because they were not fetched in time.
         start: What the chain remembered before the first record of this recording; None until it is known.
+        scenes: States published since any hand's were fetched, beginning with the one before the recording.
     """
 
     records: bytes = b""
     lost: int = 0
     start: Start | None = None
+    scenes: tuple[SceneNow, ...] = ()
 
 
 class StartLayout:

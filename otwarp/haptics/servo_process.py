@@ -1,57 +1,36 @@
-"""The servo in a process of its own, and the side of it that its parent holds.
-
-The child is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and
-with it whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order,
-by a signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well);
-in each case the chains let go, every device is told zero force, and only then it ends.
-"""
+"""The servo in a process of its own, as its parent holds it; `servo_child` is what runs there."""
 
 from __future__ import annotations
 
-import gc
 import math
 import os
 import pickle
-import signal
-import struct
 import subprocess
 import sys
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 from otwarp.errors import InputError
-from otwarp.haptics.clock import RealClock
-from otwarp.haptics.devices import DeviceSpec, create_device, parse_devices
+from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.gains import checked_gains
-from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
-from otwarp.haptics.platform import parent_is_gone, request_realtime
+from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout
 from otwarp.haptics.rendering import ChainLike
 from otwarp.haptics.ring import CYCLE, SECONDS, Ring
-from otwarp.haptics.servo import Hand, Servo
-from otwarp.haptics.servo_link import (
-    Cycles,
-    HandStatus,
-    Orders,
-    OrdersLayout,
-    ServoStatus,
-    Start,
-    StartLayout,
-    StatusLayout,
-)
+from otwarp.haptics.servo_child import LENGTH, Order
+from otwarp.haptics.servo_link import Cycles, Orders, OrdersLayout, ServoStatus, Start, StartLayout, StatusLayout
 from otwarp.haptics.types import DeviceInfo, HandNow, SceneNow
 
 RATES = (10.0, 5000.0)
-SWITCH = 2e-4
-"""Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
 START_WITHIN = 60.0
 """Seconds in which the child must say that it runs; a cold disk and a busy machine take some."""
 STOP_WITHIN = 5.0
 """Seconds in which it must have ended; then it is killed, and the device's own watchdog has to do the rest."""
 POLL = 0.005
-_LENGTH = struct.Struct("!Q")
+KEPT = 16384
+"""States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +42,13 @@ class HandSetup:
         chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
             of one with plain arguments.
         pointer: Name of the page's mailbox, for `mouse`.
+        name: `left` or `right`; a take that is replayed holds hands by name.
     """
 
     device: str
     chain: Callable[[DeviceInfo], ChainLike]
     pointer: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _Order:
-    """All that the child must know."""
-
-    specs: tuple[DeviceSpec, ...]
-    chains: tuple[Callable[[DeviceInfo], ChainLike], ...]
-    names: dict[str, Any]
-    spheres: int
-    traps: int
-    rate: float
-    spin: float
-    realtime: bool
-    cpu: int | None
+    name: str | None = None
 
 
 class ServoProcess:
@@ -120,7 +86,8 @@ class ServoProcess:
                 raise InputError(
                     f"chain = {hand.chain!r}: must be of a module that the servo can import, not of a script"
                 )
-        specs = parse_devices([hand.device for hand in hands], [hand.pointer for hand in hands])
+        pointers, hand_names = [hand.pointer for hand in hands], [hand.name for hand in hands]
+        specs = parse_devices([hand.device for hand in hands], pointers, hand_names)
         for spec in specs:
             create_device(spec)  # a bad argument is told here, not by a process that ends
         n = len(specs)
@@ -135,6 +102,7 @@ class ServoProcess:
         self._starts: list[Start | None] = [None] * n
         self._lost = [0] * n
         self._takes = 0
+        self._published: deque[SceneNow] = deque(maxlen=KEPT)
         self._rest: list[Cycles] = [Cycles()] * n
         self._status: ServoStatus | None = None
         self._hands: list[HandNow | None] = [None] * n
@@ -142,7 +110,7 @@ class ServoProcess:
         names |= {"hands": [box.name for box in self._boxes], "rings": [ring.name for ring in self._rings]}
         names |= {"starts": [box.name for box in self._start_boxes]}
         chains = tuple(hand.chain for hand in hands)
-        self._order = _Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
+        self._order = Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
         self._process: subprocess.Popen[bytes] | None = None
         self._over = False
 
@@ -171,11 +139,11 @@ class ServoProcess:
             raise InputError("servo: start may be called once, before stop")
         message = pickle.dumps(self._order)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        command = [sys.executable, "-c", "from otwarp.haptics.servo_process import child; child()"]
+        command = [sys.executable, "-c", "from otwarp.haptics.servo_child import child; child()"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         pipe = self._pipe()
         try:
-            pipe.write(_LENGTH.pack(len(message)) + message)
+            pipe.write(LENGTH.pack(len(message)) + message)
             pipe.flush()
         except OSError as error:
             self.stop()
@@ -203,6 +171,9 @@ class ServoProcess:
         """
         if not self._over:
             self._scenes.write(scene)
+            if not self._orders.take:  # else all of them, until they are drained
+                self._published.clear()
+            self._published.append(scene)
         self.heartbeat()
 
     def heartbeat(self) -> None:
@@ -234,35 +205,43 @@ class ServoProcess:
         self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
 
     def record(self, on: bool) -> None:
-        """Begin a recording of all hands, from any moment on, or end it; `drain` has what it holds."""
-        for i, ring in enumerate(self._rings):
-            if on:
+        """Begin a recording of all hands, at any time, or end it; `drain` has what it holds."""
+        if self._over and not on:
+            return
+        if on:
+            for i, ring in enumerate(self._rings):
                 ring.drain()
                 self._starts[i], self._lost[i] = None, ring.lost
+            while len(self._published) > 1:  # the servo may not have read the last one yet
+                self._published.popleft()
         self._takes += on
         self._tell(replace(self._orders.next(), take=self._takes if on else 0))
 
     def drain(self, hand: int) -> Cycles:
-        """The cycles of a hand since the last call, while a recording runs and once after it; never blocks.
+        """The cycles of a hand since the last call, while a recording runs and after it; never blocks.
 
-        To be called at least every `ring.SECONDS`. After `stop` it has the last ones.
+        To be called at least every `ring.SECONDS`. After `stop` it has the last ones, once.
         """
         self._which(hand)
         if self._over:
-            rest, self._rest[hand] = self._rest[hand], Cycles(b"", self._rest[hand].lost, self._rest[hand].start)
+            rest = self._rest[hand]
+            self._rest[hand] = Cycles(b"", rest.lost, rest.start)
             return rest
-        start, ring = self._starts[hand], self._rings[hand]
         new = self._start_boxes[hand].read()
         if new is not None and new.take == self._takes:
-            start = self._starts[hand] = new
+            self._starts[hand] = new
+        start, ring = self._starts[hand], self._rings[hand]
         if start is None:
             return Cycles()  # the records wait for it
-        records = ring.drain()
+        scenes: tuple[SceneNow, ...] = ()
+        if self._orders.take:
+            scenes = tuple(self._published)
+            self._published.clear()
+        records, skip = ring.drain(), 0
         # what an earlier recording left comes first
-        skip = 0
         while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:
             skip += CYCLE.size
-        return Cycles(records[skip:], ring.lost - self._lost[hand], start)
+        return Cycles(records[skip:], ring.lost - self._lost[hand], start, scenes)
 
     def hand(self, hand: int) -> HandNow | None:
         """What a hand last published; None before the first, and the last of all after `stop`."""
@@ -332,68 +311,3 @@ class ServoProcess:
         if pipe is None:
             raise InputError("servo: not started")
         return pipe  # type: ignore[return-value]
-
-
-def child() -> None:
-    """What the child does: take its order from stdin, run the servo, end with its devices at zero force."""
-    pipe = sys.stdin.buffer
-    size = pipe.read(_LENGTH.size)
-    if len(size) < _LENGTH.size:
-        return  # the parent died before it had said anything
-    order: _Order = pickle.loads(pipe.read(_LENGTH.unpack(size)[0]))
-    ended = threading.Event()
-    threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which stops the servo in order
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
-    os._exit(_serve(order, ended.is_set))
-
-
-def _serve(order: _Order, ended: Callable[[], bool]) -> int:
-    """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
-    n, names = len(order.specs), order.names
-    status = Mailbox.attach(StatusLayout(n), names["status"])
-    try:
-        orders = Mailbox.attach(OrdersLayout(n), names["orders"])
-        scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
-        start = StartLayout(order.spheres, order.traps)
-        hands = [
-            Hand(
-                create_device(spec),
-                chain,
-                Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
-                beside=True,
-                ring=Ring.attach(names["rings"][i]),
-                starts=Mailbox.attach(start, names["starts"][i]),
-            )
-            for i, (spec, chain) in enumerate(zip(order.specs, order.chains, strict=True))
-        ]
-        gone = parent_is_gone()
-        grants = request_realtime(cpu=order.cpu) if order.realtime else ()
-        told = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
-        # nothing in the loop makes cycles of references, and a collection would take milliseconds
-        gc.collect()
-        gc.freeze()
-        gc.disable()
-        sys.setswitchinterval(SWITCH)
-        servo = Servo(
-            RealClock(order.spin),
-            hands,
-            scenes,
-            orders,
-            status,
-            rate=order.rate,
-            orphaned=lambda: ended() or gone(),
-            grants=told,
-        )
-    except InputError as error:
-        status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))
-        return 2
-    try:
-        servo.run()
-    except InputError:  # its last report says it
-        return 2
-    except Exception:
-        sys.excepthook(*sys.exc_info())
-        return 1
-    return 0

@@ -90,6 +90,7 @@ def servo_process(
             plan.device,
             partial(make_chain, plan.config, {t: local.laws[t] for t in plan.config.traps}, local.kinds),
             pointers.get(plan.name),
+            plan.name,
         )
         for plan in plans
     ]
@@ -125,6 +126,11 @@ class Hands:
             )
             for plan in plans
         )
+
+    @property
+    def servo(self) -> ServoLike | None:
+        """What runs the chains."""
+        return self._servo
 
     def start(self) -> None:
         """Open the devices and run the servo.

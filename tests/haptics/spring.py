@@ -32,6 +32,9 @@ class SpringChain:
     def snapshot(self, scene):
         return {"force": self.force, "state": self.state, "gain": self.gain}
 
+    def restore(self, state):
+        self.force, self.state, self.gain = tuple(state["force"]), state["state"], state["gain"]
+
     def arm(self) -> None:
         self.state, self.gain, self.heard = "ramping", 0.0, self.time
 

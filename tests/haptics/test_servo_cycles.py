@@ -10,6 +10,7 @@ import pytest
 
 from otwarp.haptics.mailbox import STATES, Mailbox
 from otwarp.haptics.ring import (
+    ABSOLUTE,
     ARMED,
     BACK,
     DISARMED,
@@ -87,7 +88,7 @@ def test_every_cycle_of_a_recording_is_told_as_it_was():
         assert c.force[0] == written[c.time]
         assert (c.force, STATES[c.state]) == (told[c.tick].force, told[c.tick].state)
         assert (c.sample_time, c.position, c.buttons) == (c.time, (0.01, 0.0, 0.0), 1)
-        assert c.flags == SAMPLED | FRESH | STEPPED | PRESENT
+        assert c.flags == SAMPLED | FRESH | STEPPED | PRESENT | ABSOLUTE
         assert math.isnan(c.motion_gain + c.force_gain)
         assert (c.limit, c.continuous) == (3.3, 0.88)
     assert len({c.beat for c in cycles}) > 50

@@ -33,7 +33,7 @@ class Kind:
 KINDS: dict[str, Kind] = {
     "mouse": Kind("otwarp.haptics.devices.mouse:create", "none", "", True),
     "virtual": Kind("otwarp.haptics.devices.virtual:create", "required", "a script, as circle,radius=0.02", True),
-    "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .csv or .jsonl", True),
+    "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .mcap, .csv or .jsonl", True),
     "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False),
     "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False),
     "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False),
@@ -61,6 +61,7 @@ class DeviceSpec:
         ordinal: How many hands before this one asked for the same kind without saying which: 1 takes the second
             SpaceMouse that is found.
         pointer: Name of the mailbox in which the page writes the pointer, for `mouse`.
+        name: `left` or `right`, None where nobody said.
     """
 
     text: str
@@ -69,14 +70,18 @@ class DeviceSpec:
     hand: int = 0
     ordinal: int = 0
     pointer: str | None = None
+    name: str | None = None
 
 
-def parse_devices(texts: Sequence[str], pointers: Sequence[str | None] = ()) -> tuple[DeviceSpec, ...]:
+def parse_devices(
+    texts: Sequence[str], pointers: Sequence[str | None] = (), names: Sequence[str | None] = ()
+) -> tuple[DeviceSpec, ...]:
     """The devices of all hands, in their order.
 
     Args:
         texts: `kind` or `kind:argument` of each hand; quotes around the argument are taken off.
         pointers: Names of the pointer mailboxes, for hands that are a `mouse`.
+        names: `left` or `right` of each hand.
 
     Raises:
         InputError: Unknown kind, missing or superfluous argument, too many hands, or one device for two hands.
@@ -102,7 +107,8 @@ def parse_devices(texts: Sequence[str], pointers: Sequence[str | None] = ()) -> 
             raise InputError(f"devices {same[0].text!r} and {text!r}: name both or neither, lest they be the same one")
         ordinal = sum(spec.argument is None for spec in same)
         pointer = pointers[hand] if hand < len(pointers) else None
-        specs.append(DeviceSpec(text, name, argument, hand, ordinal, pointer))
+        called = names[hand] if hand < len(names) else None
+        specs.append(DeviceSpec(text, name, argument, hand, ordinal, pointer, called))
     return tuple(specs)
 
 
