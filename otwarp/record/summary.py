@@ -20,15 +20,15 @@ LISTED_WORLDS = 16
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write strict JSON beside its destination and put it there as a whole; what is not finite becomes null."""
     part = path.with_name(f".{path.name}.part")
-    part.write_text(json.dumps(_strict(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    part.write_text(json.dumps(strict(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
     part.replace(path)
 
 
-def _strict(value: Any) -> Any:
+def strict(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _strict(item) for key, item in value.items()}
+        return {str(key): strict(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
-        return [_strict(item) for item in value]
+        return [strict(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value
@@ -136,7 +136,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         "first_escape": first,
         "warnings": [*facts["warnings"], *warnings(monitor, numbers)],
     }
-    return _strict({**out, "text": _text(out)})
+    return strict({**out, "text": _text(out)})
 
 
 def _text(s: dict[str, Any]) -> str:

@@ -81,6 +81,7 @@ class LiveFrame:
         pace: See `PaceNow`.
         warnings: What the operator must know, one line each: lost traps, contact above a body's warning force, force
             at the clamp, devices that went away.
+        task: How the scene's task stands, one line; "" without a goal.
         recording: File that is being written, or None.
     """
 
@@ -92,4 +93,5 @@ class LiveFrame:
     servo: ServoStatus | None = None
     pace: PaceNow = PaceNow()
     warnings: tuple[str, ...] = ()
+    task: str = ""
     recording: str | None = None

@@ -17,6 +17,7 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.haptics.clock import Clock, RealClock, next_deadline
 from otwarp.haptics.types import SceneNow
 from otwarp.record.frame import SHAPES, Frame
+from otwarp.record.monitor import Monitor
 from otwarp.record.run import capture_frame
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
@@ -85,6 +86,7 @@ class LiveLoop:
         local: What hands feel.
         hands: Hands and their servo.
         pace: Simulated time against the clock's.
+        monitor: Whether the scene's task is done, and its statistics; a reset makes another.
         over: Whether the session has ended.
         failure: Why the simulation stopped, or "".
         frames, late: Frames so far, and how many of them were dropped because a tick took too long.
@@ -122,7 +124,7 @@ class LiveLoop:
         self.local = LocalScene.of(self.sim.model, moved)
         self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
         self._traps = TrapCommands(scene, moved)
-        self._watch = Watch(self.sim.model)
+        self._watch, self.monitor = self._watchers()
         self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
         self._beat = 0
         self._take: Take | None = None
@@ -194,6 +196,8 @@ class LiveLoop:
         self._traps.note(frame.trap_position[0])
         state = self._next_state(frame) if steps else None
         self.hands.publish(state)
+        if steps:
+            self.monitor.update(frame)
         self._arm_when_held()
         live = self._live(frame)
         if self._take is not None:
@@ -246,6 +250,21 @@ class LiveLoop:
         frame = capture_frame(self.sim)
         return dataclasses.replace(frame, **{name: np.array(getattr(frame, name)) for name in SHAPES})
 
+    def _watchers(self) -> tuple[Watch, Monitor]:
+        model = self.sim.model
+        return Watch(model), Monitor(model.scene, model.held, 1)
+
+    def _task(self, frame: Frame) -> str:
+        """Decided and why, or how far the cell is from where it is wanted."""
+        goal, monitor = self.monitor.goal, self.monitor
+        if goal is None:
+            return ""
+        ended = monitor.outcome(0)
+        if ended.time is not None:
+            return f"{ended.outcome} at t = {ended.time:.2f} s: {ended.reason}"
+        away = np.linalg.norm(frame.position[0, monitor.cells[0]] - np.array(goal.position))
+        return f"{goal.cell} is {away:.1f} µm from the goal (tolerance {goal.tolerance:g} µm)"
+
     def _next_state(self, frame: Frame) -> SceneNow:
         self._beat += 1
         return self.local.now(self._beat, frame)
@@ -264,6 +283,7 @@ class LiveLoop:
             servo=self.hands.status,
             pace=pace,
             warnings=(self.failure, *warnings) if self.failure else warnings,
+            task=self._task(frame),
             recording=str(self.recording) if self._take else None,
         )
 
@@ -332,7 +352,7 @@ class LiveLoop:
         self.failure = ""
         self._traps.restart()
         self.pace.restart(self._clock.now())
-        self._watch = Watch(self.sim.model)
+        self._watch, self.monitor = self._watchers()
         self._traps.write(self.sim)
         self.hands.publish(self._next_state(self._capture()))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from otwarp.record.summary import statistics, strict, task
+
 if TYPE_CHECKING:
     from otwarp.teleop.live import LiveLoop
 
@@ -12,7 +14,8 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
     """Figures of a session that has run; `text` says them to a reader.
 
     Keys: `wall` and `simulated` [s], `slipped` [s], `real_time_factor` over the whole session, `paused` [s], `frames`,
-    `late_frames`, `servo` (cycles, dropped, worst lateness of its last second [s]), `hands`, `failure`, `text`.
+    `late_frames`, `servo` (cycles, dropped, worst lateness of its last second [s]), `hands`, `failure`, `text`; of the
+    time since the last reset, as `otwarp run` has them, `task` and `statistics`.
     """
     pace, status = loop.pace, loop.hands.status
     running = loop.wall - pace.stood
@@ -27,6 +30,8 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
         "servo": None,
         "hands": [],
         "failure": loop.failure or None,
+        "task": strict(task(loop.monitor, 1)),
+        "statistics": strict(statistics(loop.monitor)),
     }
     lines = [
         f"session   {loop.wall:.1f} s, {pace.simulated:.2f} s simulated "
@@ -43,10 +48,23 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
         losses = status.hands[n].losses if status else 0
         report["hands"].append({"name": hand.name, "device": hand.device, "losses": losses, "message": hand.message})
         lines.append(f"{hand.name:<9} {hand.device}: lost {losses} times{'; ' + hand.message if hand.message else ''}")
+    lines += _task_lines(loop)
     if loop.failure:
         lines.append(f"stopped   {loop.failure}")
     report["text"] = "\n".join(lines)
     return report
+
+
+def _task_lines(loop: LiveLoop) -> list[str]:
+    """How the task ended, and the figures that the paper gives of a trial."""
+    monitor = loop.monitor
+    ended, numbers = monitor.outcome(0), statistics(monitor)
+    lines = [] if monitor.goal is None else [f"task      {ended.outcome}: {ended.reason}"]
+    for name, key in (("distance", "trap_distance"), ("contact", "contact_force")):
+        part = numbers.get(key)
+        if part and part.get("mean") is not None:
+            lines.append(f"{name:<9} {part['mean']:.3g} ± {part['std']:.2g} {part['unit']}")
+    return lines
 
 
 def _slip(seconds: float) -> str:

@@ -79,7 +79,7 @@ def test_without_rosbags_one_line_says_what_to_install(monkeypatch):
     typestore.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     try:
-        with pytest.raises(InputError, match=r"pip install 'otwarp\[ros\]'"):
+        with pytest.raises(InputError, match=r"pip install 'otwarp\[ros1\]'"):
             typestore()
     finally:
         typestore.cache_clear()
