@@ -1,6 +1,7 @@
 """Plays positions and buttons of a recording, without feeling anything.
 
-Two formats. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON
+Three formats. MCAP: a take of `otwarp teleop --record`, of which it plays one hand; it may be of a session that was
+killed. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON
 lines: one object per line with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase,
 positions in metres. Numbers written by `repr` come back bit for bit.
 """
@@ -11,7 +12,7 @@ import csv
 import json
 import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from otwarp.errors import InputError
@@ -23,6 +24,9 @@ EDGE = 1e-9
 FARTHEST = 10.0
 """Metres; no hand is farther from its device."""
 COLUMNS = ("time", "x", "y", "z")
+TAKE = ".mcap"
+OPTIONS = {"loop": ("0", "1"), "hand": ("left", "right")}
+"""What may come after the file's name, and its values."""
 
 
 class ReplayDevice:
@@ -31,13 +35,14 @@ class ReplayDevice:
     After the last sample the hand stays where it was, lets go of all buttons, and is no longer fresh.
 
     Args:
-        file: The recording, `.csv` or `.jsonl`.
+        file: The recording, `.mcap`, `.csv` or `.jsonl`.
         name: As the user named it.
         loop: Whether to start again at the end.
+        hand: Which hand of a take; None for the one that it has.
     """
 
-    def __init__(self, file: Path, name: str = "replay", loop: bool = False):
-        self._file, self._loop = file, loop
+    def __init__(self, file: Path, name: str = "replay", loop: bool = False, hand: str | None = None):
+        self._file, self._loop, self._hand = file, loop, hand
         self._info = DeviceInfo(name=name, kind="replay")
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
         self._start: float | None = None
@@ -55,9 +60,10 @@ class ReplayDevice:
         Raises:
             InputError: It is not there, or a line is not what it must be.
         """
+        word = "cycle" if self._file.suffix.lower() == TAKE else "line"
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
-        for line, time, position, buttons in _samples(self._file):
-            where = f"{self._file}, line {line}"
+        for line, time, position, buttons in _samples(self._file, self._hand):
+            where = f"{self._file}, {word} {line}"
             if not math.isfinite(time) or (self._times and time <= self._times[-1]):
                 raise InputError(f"{where}: time = {time!r} must be a number above the one before")
             if len(position) != 3 or not all(abs(x) <= FARTHEST for x in position):
@@ -97,12 +103,15 @@ class ReplayDevice:
         self._opened = False
 
 
-def _samples(file: Path) -> Iterator[tuple[int, float, list[float], int]]:
+def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """(line, time, position, buttons) of a recording."""
     readers = {".csv": _csv, ".jsonl": _jsonl}
+    if file.suffix.lower() == TAKE:
+        yield from _take(file, hand)
+        return
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InputError(f"{file}: a recording must be one of {', '.join(readers)}")
+        raise InputError(f"{file}: a recording must be one of {', '.join((TAKE, *readers))}")
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             yield from reader(file, lines)
@@ -110,7 +119,31 @@ def _samples(file: Path) -> Iterator[tuple[int, float, list[float], int]]:
         raise InputError(f"{file}: cannot be read ({error})") from None
 
 
-def _csv(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[float], int]]:
+def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
+    """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
+    from otwarp.haptics.mcap import McapFile
+    from otwarp.haptics.messages import CYCLES_TYPE, unpack_cycles
+    from otwarp.haptics.ring import FRESH, SAMPLED, cycles_of
+
+    batches: dict[str, list[bytes]] = {}
+    with McapFile(file) as take:
+        for message in take.messages():
+            if message.kind == CYCLES_TYPE:
+                name, _, records = unpack_cycles(message.data)
+                batches.setdefault(name, []).append(records)
+    if hand is None and len(batches) == 1:
+        (hand,) = batches
+    if hand not in batches:
+        has = f"hand={', hand='.join(sorted(batches))}" if batches else "a take of a session that had a device"
+        raise InputError(f"{file}: holds no hand {hand or 'that was named'!r}; allowed: {has}")
+    for records in batches[hand]:
+        for cycle in cycles_of(records):
+            told = cycle.flags & SAMPLED and cycle.flags & FRESH
+            if told and math.isfinite(sum(cycle.position)):
+                yield cycle.tick, cycle.time, cycle.position, cycle.buttons
+
+
+def _csv(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, Sequence[float], int]]:
     try:
         rows = csv.DictReader(lines, strict=True)
         if missing := [c for c in COLUMNS if c not in (rows.fieldnames or ())]:
@@ -126,7 +159,7 @@ def _csv(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[fl
         raise InputError(f"{file}: is not CSV ({error})") from None
 
 
-def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[float], int]]:
+def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, Sequence[float], int]]:
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
@@ -142,13 +175,19 @@ def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, list[
 
 
 def create(spec: DeviceSpec) -> ReplayDevice:
-    """`replay:FILE` or `replay:FILE,loop=1`."""
-    # a file's name may hold commas and equals signs; only this ending is an option
-    argument = spec.argument or ""
-    path, comma, option = argument.rpartition(",")
-    if comma and option.strip().startswith("loop="):
-        _, found = parse_parameters(f"device {spec.text!r}", f"replay,{option}", ("loop",))
-        if found["loop"] not in ("0", "1"):
-            raise InputError(f"device {spec.text!r}: loop = {found['loop']!r} must be 0 or 1")
-        return ReplayDevice(Path(path), spec.text, found["loop"] == "1")
-    return ReplayDevice(Path(argument), spec.text)
+    """`replay:FILE`, and after it `,loop=1` and, for a take, `,hand=left`: by default the hand of the same name."""
+    # a file's name may hold commas and equals signs; only these endings are options
+    path, options = spec.argument or "", ["replay"]
+    while True:
+        rest, comma, option = path.rpartition(",")
+        if not comma or option.partition("=")[0].strip() not in OPTIONS:
+            break
+        path = rest
+        options.append(option)
+    where = f"device {spec.text!r}"
+    _, found = parse_parameters(where, ",".join(options), tuple(OPTIONS))
+    for name, value in found.items():
+        if value not in OPTIONS[name]:
+            raise InputError(f"{where}: {name} = {value!r} must be {' or '.join(OPTIONS[name])}")
+    hand = found.get("hand", spec.name)
+    return ReplayDevice(Path(path), spec.text, found.get("loop") == "1", hand)

@@ -1,0 +1,49 @@
+"""`otwarp haptics replay`: are the forces of a take those that its chains send again?"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from otwarp.cli.options import json_option
+
+if TYPE_CHECKING:
+    from otwarp.teleop.take_replay import HandReplay
+
+EXIT_DIFFERS = 1
+
+
+@click.command()
+@click.argument("take", type=click.Path(path_type=Path))
+@json_option
+def replay(take: Path, as_json: bool) -> int:
+    """Run the haptic chains of TAKE, an .mcap file of `otwarp teleop --record`, on what they were given, and compare
+    all forces bit for bit.
+
+    Also reads what a killed session left in FILE.part. Exit code 0: equal; 1: a force differs, or nothing could be
+    compared; 2: no take.
+    """
+    from otwarp.teleop.take_replay import replay_take
+
+    report = replay_take(take)
+    if as_json:
+        click.echo(json.dumps(report.to_dict(), indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        cut = "" if report.complete else ", cut short"
+        click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}{cut}")
+        for hand in report.hands:
+            click.echo(_line(hand))
+        if not report.hands:
+            click.echo("no hand had a device: nothing to compare")
+    return 0 if report.equal else EXIT_DIFFERS
+
+
+def _line(hand: HandReplay) -> str:
+    """What came of one hand."""
+    told = f"{hand.hand:5}  {hand.cycles} cycles, {hand.compared} run again, {hand.mismatches} differ"
+    if hand.missing or hand.skipped:
+        told += f"; {hand.missing} are missing in {hand.gaps} gaps, {hand.skipped} could not be run again"
+    return told + (f"\n       first: {hand.first}" if hand.first else "")
