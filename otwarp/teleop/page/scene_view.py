@@ -127,14 +127,12 @@ class SceneView:
         server.scene.configure_environment_map("studio", environment_intensity=0.28)
         toward = np.subtract(camera.position, camera.look_at) / self._size
         right = np.cross([0.0, 0.0, 1.0], toward)
-        for name, direction, strength, shadow in (
-            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, 1.15, True),
-            ("fill", 0.7 * toward + 0.9 * right, 0.3, False),
+        for name, direction, strength in (
+            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, 1.15),
+            ("fill", 0.7 * toward + 0.9 * right, 0.3),
         ):
             place = np.array(camera.look_at) + self._size * direction / np.linalg.norm(direction)
-            server.scene.add_light_directional(
-                f"/light/{name}", intensity=strength, cast_shadow=shadow, position=tuple(place)
-            )
+            server.scene.add_light_directional(f"/light/{name}", intensity=strength, position=tuple(place))
         server.scene.set_background_image(background(), format="png")
 
     def _mesh(self, name: str, part: Part) -> Any:

@@ -15,7 +15,7 @@ import pytest
 from otwarp.teleop.page.drawing import CameraDrawing
 
 ARTIFACTS = Path(__file__).resolve().parents[3] / "out" / "test-artifacts"
-SIZE = {"width": 1500, "height": 900}
+SIZE = {"width": 1280, "height": 720}
 
 
 def chromium() -> str:

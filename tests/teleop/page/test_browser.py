@@ -10,16 +10,22 @@ import numpy as np
 import pytest
 
 import otwarp as ot
+from otwarp.haptics.devices.mouse import POINTER
+from otwarp.haptics.mailbox import Mailbox
 from otwarp.teleop.commands import MoveTraps, Pause
+from otwarp.teleop.frame import HandFrame
 from otwarp.teleop.page.child import HAND_HANDLE, TRAP_HANDLE
 from otwarp.teleop.page.compose import compose
+from otwarp.teleop.page.pointer import DEAD_MAN
 from otwarp.teleop.page.process import PageProcess
 from tests.teleop.page.browser import ARTIFACTS, SIZE, browser, pixel
 from tests.teleop.page.loop import Loop
 
 SCENE = Path(__file__).resolve().parents[3] / "scenes" / "teleop_small.usda"
-TRAP, HAND = 4, (3, 4, 5)
-"""The right hub's trap, and all traps of that hand."""
+TRAP, HAND, LEFT = 4, (3, 4, 5), (0, 1, 2)
+"""The right hub's trap, all traps of that hand, and those of the other, which the page moves."""
+GAIN = 200.0
+"""Of the left hand [µm/m]."""
 STEP = 1.0 / 60.0
 TURNS = 300
 """Turns of the loop within which anything must have happened: 25 s of simulated time, not of the clock."""
@@ -50,43 +56,46 @@ def settle(window: Any, loop: Loop, page: PageProcess) -> None:
     asked = -1
     while asked != len(loop.asked):
         asked = len(loop.asked)
-        turn(window, loop, page, 60)
+        turn(window, loop, page, 25)
 
 
 def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
     scene = ot.Scene.load(SCENE)
     camera = compose(scene).camera
     loop = Loop(scene, device=device)
-    with browser() as chromium, PageProcess(scene, port=0) as page:
+    hand = {"name": "left", "device": "mouse", "traps": LEFT, "motion_gain": GAIN, "force_gain": 0.05, "clamp": 3.3}
+    loop.hands = (HandFrame(**hand, present=True),)
+    with (
+        browser() as chromium,
+        Mailbox.create(POINTER) as pointer,
+        PageProcess(scene, port=0, pointers={"left": pointer.name}) as page,
+    ):
         window = chromium.new_page(viewport=SIZE)
         errors: list[str] = []
         window.on("pageerror", lambda error: errors.append(str(error)))
-        window.goto(page.url)
+        window.goto(page.url + "?fixedDpr=0.8")
         window.get_by_text("Session", exact=True).wait_for()
         shown = window.get_by_text("Contact load [pN]")
-        assert turn_until(window, loop, page, lambda: page.visitors == 1 and loop.beat > 60 and shown.is_visible())
+        assert turn_until(window, loop, page, lambda: page.visitors == 1 and loop.beat > 10 and shown.is_visible())
         assert loop.asked == []  # nobody touched anything
         start, robot = loop.places.copy(), loop.frame().frame.position[0, 1].copy()
 
         box = window.locator("canvas").first.bounding_box()
         size = float(np.linalg.norm(np.subtract(camera.position, camera.look_at)))
 
-        def drag(handle: np.ndarray, reach: float, way: int) -> list[MoveTraps]:
+        def drag(handle: np.ndarray, reach: float, way: int) -> list[Any]:
             """Pull a handle's red arrow to the right; what was asked meanwhile."""
             before = len(loop.asked)
             x, y = pixel(camera, np.add(handle, (0.7 * reach * size, 0.0, 0.0)), box)
             window.mouse.move(x, y)
             settle(window, loop, page)
             window.mouse.down()
-            for k in range(1, 7):
-                window.mouse.move(x + way * k / 6, y)
+            for k in range(1, 5):
+                window.mouse.move(x + way * k / 4, y)
                 turn(window, loop, page, 4)
             window.mouse.up()
-            assert turn_until(window, loop, page, lambda: len(loop.asked) > before)
             settle(window, loop, page)
-            asked = loop.asked[before:]
-            assert asked and all(isinstance(command, MoveTraps) for command in asked)
-            return asked  # type: ignore[return-value]
+            return loop.asked[before:]
 
         for handle, reach, way, traps in (
             (start[TRAP], TRAP_HANDLE, SHORT, (TRAP,)),
@@ -94,7 +103,7 @@ def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
         ):
             old = loop.places.copy()
             moves = drag(old[list(traps)].mean(axis=0) if handle is None else handle, reach, way)
-            assert all(set(move.positions) == set(traps) for move in moves)
+            assert moves and all(isinstance(move, MoveTraps) and set(move.positions) == set(traps) for move in moves)
             new = old.copy()
             for k, place in moves[-1].positions.items():
                 new[k] = place
@@ -110,6 +119,17 @@ def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
         followed = loop.frame().frame.position[0, 1, 0] - robot[0]
         assert followed > 0.8 * shift[0, 0] > 1.0
 
+        # the page's own hand: no command, its pointer is told to go where the handle went
+        word = pointer.read()
+        assert word is not None and word[:3] == (0.0, 0.0, 0.0) and word[3] == DEAD_MAN
+        assert drag(loop.places[list(LEFT)].mean(axis=0), HAND_HANDLE, SHORT) == []
+        word = pointer.read()
+        assert word is not None and word[3] == DEAD_MAN
+        centre = loop.places[list(LEFT)].mean(axis=0)
+        seen = pixel(camera, np.add(centre, (GAIN * word[0], 0.0, 0.0)), box)[0] - pixel(camera, centre, box)[0]
+        assert seen == pytest.approx(SHORT, abs=PICKED)
+        assert word[1:3] == pytest.approx((0.0, 0.0), abs=1e-9)
+
         window.get_by_role("button", name="Pause").click()
         assert turn_until(window, loop, page, lambda: loop.paused)
         assert loop.asked[-1] == Pause(True)
@@ -118,9 +138,8 @@ def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
         window.screenshot(path=ARTIFACTS / "page.png")
         assert errors == []
         window.close()
-        assert turn_until(window_of(chromium), loop, page, lambda: page.visitors == 0)
-
-
-def window_of(chromium: Any) -> Any:
-    """A window that looks at nothing, to wait in."""
-    return chromium.new_page()
+        elsewhere = chromium.new_page()
+        assert turn_until(elsewhere, loop, page, lambda: page.visitors == 0)
+        pointer.read()  # the last word that was written
+        turn(elsewhere, loop, page, 30)
+        assert pointer.read() is None  # nobody looks: nobody holds the dead-man switch
