@@ -99,7 +99,7 @@ class Page:
         gui.main_panel.dock_right()
         side = gui.add_panel()
         side.dock_left()
-        side.set_width(330)
+        side.set_width(310)
         self._plots = Plots(gui, side.add_tab("Last 20 s"), drawing)
         self._latency = Latency(server, time.monotonic)
         server.on_client_connect(self._connected)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 CENTRED = 1e-9
 """Offset of a ball from its body's origin below which its rotation cannot be seen [µm]."""
+NARROW = 1.0
+"""Width over height of the picture between the page's two panels on a common screen."""
 ROBOT, CELL, THING = (0.90, 0.27, 0.04), (0.92, 0.20, 0.36), (0.24, 0.34, 0.55)
 """Linear colours of bodies and obstacles for a scene without a stage."""
 LIGHT = {"left": (1.0, 0.1, 0.07), "right": (0.03, 0.75, 1.0), "none": (0.15, 1.0, 0.35)}
@@ -232,12 +234,13 @@ def _touching(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _camera(view: View) -> CameraDrawing:
-    """A perspective camera of the same height; an orthographic one is drawn from afar with a narrow field."""
-    fov = 2.0 * math.atan(0.5 * view.height)
+    """A perspective camera that sees all of the view's window; for an orthographic one from afar, with a narrow field."""
+    window = max(view.height, view.width / NARROW)
+    fov = 2.0 * math.atan(0.5 * window)
     position, look_at = np.asarray(view.position), view.position + view.focus * view.forward
     if view.orthographic:
         fov = math.radians(20.0)
-        position = look_at - view.forward * (0.5 * view.height / math.tan(0.5 * fov))
+        position = look_at - view.forward * (0.5 * window / math.tan(0.5 * fov))
     distance = float(np.linalg.norm(look_at - position))
     return CameraDrawing(
         position=_triple(position),

@@ -24,7 +24,7 @@ HOLD = 1.0
 TEXT_INTERVAL = 0.25
 """Seconds between two renewals of the figures: faster, nobody reads them."""
 SPEEDS = (0.05, 2.0)
-MOTION_DECADES, FORCE_DECADES, ARROW_DECADES = (0.0, 4.0), (-4.0, 1.0), (-2.0, 2.0)
+MOTION_DECADES, FORCE_DECADES, ARROW_DECADES = (0.0, 4.0), (-4.0, 2.0), (-2.0, 2.0)
 """Ends of the logarithmic sliders: log₁₀ of µm/m, N/pN and µm/pN."""
 _FILE = re.compile(r"[\w-][\w .-]*")
 
@@ -108,7 +108,7 @@ class Controls:
 
     def update(self, frame: PageFrame, now: float, rate: float, delay: float | None, visitors: int) -> None:
         """Show a frame; the last arguments as in `readout.figures`."""
-        _assign(self._banner, "content", banner(frame.warnings, frame.pace.paused, frame.recording))
+        _assign(self._banner, "content", banner(frame.warnings, frame.pace, frame.recording))
         self._paused, self._recording = frame.pace.paused, frame.recording is not None
         _assign(self._pause, "label", "Go on" if self._paused else "Pause")
         _assign(self._record, "label", "Stop recording" if self._recording else "Record")
@@ -171,7 +171,7 @@ class Controls:
                     *ends,
                     0.01,
                     _within(_decades(value), ends),
-                    marks=tuple((float(k), f"{10.0**k:g}") for k in range(int(ends[0]), int(ends[1]) + 1)),
+                    marks=tuple((float(k), f"{10.0**k:g}") for k in range(int(ends[0]), int(ends[1]) + 1, 2)),
                     hint=f"{kind.capitalize()} gain in {unit}; the slider holds its logarithm",
                 )
                 self._on_slide(f"{kind} {name}", slider, _gains(self._ask, name, kind))

@@ -65,7 +65,7 @@ class Gizmos:
     Args:
         traps: As drawn.
         pointers: Hand → pointer, for hands that the page moves.
-        make: (name, position, whole) → handle.
+        make: (name of the gizmo, position, whether it moves a whole hand) → handle.
     """
 
     def __init__(
@@ -81,7 +81,9 @@ class Gizmos:
             group = tuple(k for k, trap in enumerate(traps) if trap.hand == hand)
             if len(group) > 1 or (group and hand in pointers):
                 centre = self._centre(group)
-                self._add(Gizmo(f"hand_{hand}", group, hand, True, pointers.get(hand), make(hand, centre, True)))
+                self._add(
+                    Gizmo(f"hand_{hand}", group, hand, True, pointers.get(hand), make(f"hand_{hand}", centre, True))
+                )
         for k, trap in enumerate(traps):
             if trap.hand not in pointers:
                 handle = make(f"trap_{k}", trap.position, False)

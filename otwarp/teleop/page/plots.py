@@ -73,7 +73,7 @@ def panels(drawing: Drawing, hands: Sequence[str]) -> list[Panel]:
     chosen = [_force(hands), _contact(drawing), _distance(drawing)]
     if hands:
         curves = tuple((f"{hand} [mJ]", HAND_COLOURS[hand]) for hand in hands)
-        chosen.append(Panel("Energy taken by the passivity observer [mJ]", curves, (), lambda f: _energy(f, hands)))
+        chosen.append(Panel("Passivity energy [mJ]", curves, (), lambda f: _energy(f, hands)))
     return [panel for panel in chosen if panel is not None]
 
 
@@ -137,7 +137,7 @@ def _distance(drawing: Drawing) -> Panel | None:
 class Plots:
     """The plots of a page, in a container of viser's GUI; rebuilt when other hands have devices."""
 
-    def __init__(self, gui: viser.GuiApi, place: Any, drawing: Drawing, height: int = 170):
+    def __init__(self, gui: viser.GuiApi, place: Any, drawing: Drawing, height: int = 150):
         self._gui, self._place, self._drawing, self._height = gui, place, drawing, height
         self._hands: tuple[str, ...] | None = None
         self._charts: list[tuple[Panel, History, Any]] = []
@@ -170,8 +170,16 @@ class Plots:
 
 
 def series_data(panel: Panel, history: History) -> tuple[np.ndarray, ...]:
-    """Arrays for viser: time, curves, lines."""
+    """Arrays for viser: time, curves, lines; from the first value on, a gap filled with the value before it.
+
+    uPlot takes a nan for a number and loses the scale of its axis; a gap that it knows cannot be told in an array.
+    """
     time, values = history.arrays()
+    known = np.isfinite(values)
+    first = int(np.argmax(known.any(axis=0))) if known.any() else len(time) - 1
+    last = np.maximum.accumulate(np.where(known, np.arange(len(time)), 0), axis=1)
+    filled = np.nan_to_num(np.take_along_axis(values, last, axis=1))
+    time, values = time[first:], filled[:, first:]
     return (time, *values, *(np.full(len(time), height) for _, height, _ in panel.lines))
 
 
@@ -196,7 +204,7 @@ def layout(panel: Panel, height: int) -> dict[str, Any]:
         "title": panel.title,
         "scales": {"x": low},
         "axes": ({**axis, "size": 26}, {**axis, "size": 46}),
-        "legend": {"show": False},
+        "legend": {"show": True, "live": False},
         "height": height,
         "padding": (6, 10, 0, 0),
     }

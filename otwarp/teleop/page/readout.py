@@ -6,19 +6,21 @@ import html
 import re
 from collections.abc import Sequence
 
-from otwarp.teleop.frame import HandFrame
+from otwarp.teleop.frame import HandFrame, PaceNow
 from otwarp.teleop.page.messages import PageFrame
 
 QUIET = 6.0
 """Seconds after which the same warning, whatever its numbers, is notified again if it had gone meanwhile."""
 MOST_SHOWN = 6
+KEEPS_UP = 0.95
+"""Share of the wanted pace below which the figures turn amber."""
 _RED, _AMBER, _GREEN, _GREY = "#ff405c", "#ffc24a", "#4ade80", "#8ea2b8"
 STATE_COLOURS = {"armed": _GREEN, "ramping": _AMBER, "decaying": _AMBER, "fault": _RED, "disarmed": _GREY}
 
 
-def banner(warnings: Sequence[str], paused: bool, recording: str | None) -> str:
+def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None) -> str:
     """A red box with the warnings, or one quiet line."""
-    state = _dot(_GREY, "paused") if paused else _dot(_GREEN, "running")
+    state = _dot(_GREY, "paused") if pace.paused else _dot(_slow(pace), f"running at {pace.factor:.2f} ×")
     if recording is not None:
         state += " &nbsp; " + _dot(_RED, f"recording {_escape(_last(recording))}")
     head = f'<div style="padding:2px 12px 6px;font-size:13px">{state}</div>'
@@ -60,7 +62,7 @@ def figures(frame: PageFrame, rate: float, delay: float | None, visitors: int) -
         visitors: Browser windows.
     """
     pace = frame.pace
-    slow = _AMBER if pace.factor < 0.95 * pace.speed and not pace.paused else "inherit"
+    slow = _slow(pace)
     rows = [
         ("simulated", f"{frame.time:.2f} s"),
         ("real-time factor", f'<span style="color:{slow}">{pace.factor:.2f}</span> of {pace.speed:.2f}'),
@@ -103,6 +105,11 @@ class News:
                 new.append(line)
             self._seen[key] = now
         return new
+
+
+def _slow(pace: PaceNow) -> str:
+    """Colour of a pace: amber where the machine cannot keep up."""
+    return _AMBER if pace.factor < KEEPS_UP * pace.speed and not pace.paused else _GREEN
 
 
 def _dot(colour: str, text: str) -> str:

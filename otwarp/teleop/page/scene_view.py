@@ -20,7 +20,7 @@ FINE, MIDDLE = 400, 3000
 """Balls up to which each is drawn with 1280, and with 320 triangles; more get 80."""
 CROWD, CROWD_INTERVAL = 2000, 0.1
 """From that many balls on they are moved at most once in that many seconds: each time is 120 kB to every window."""
-FAINTEST, BRIGHTEST = 0.06, 0.34
+FAINTEST, BRIGHTEST = 0.08, 0.5
 """Opacity of a beam without power, and at the largest power seen."""
 TRAP_RADIUS = 0.28
 """Radius of a trap's marker [µm]."""
@@ -124,17 +124,15 @@ class SceneView:
         first.fov, first.near, first.far = camera.fov, camera.near, camera.far
         server.scene.world_axes.visible = False
         server.scene.configure_default_lights(enabled=False)
-        server.scene.configure_environment_map("studio", environment_intensity=0.55)
+        server.scene.configure_environment_map("studio", environment_intensity=0.28)
         toward = np.subtract(camera.position, camera.look_at) / self._size
         right = np.cross([0.0, 0.0, 1.0], toward)
-        for name, direction, strength, shadow in (
-            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, 2.4, True),
-            ("fill", 0.7 * toward + 0.9 * right, 0.7, False),
+        for name, direction, strength in (
+            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, 1.15),
+            ("fill", 0.7 * toward + 0.9 * right, 0.3),
         ):
             place = np.array(camera.look_at) + self._size * direction / np.linalg.norm(direction)
-            server.scene.add_light_directional(
-                f"/light/{name}", intensity=strength, cast_shadow=shadow, position=tuple(place)
-            )
+            server.scene.add_light_directional(f"/light/{name}", intensity=strength, position=tuple(place))
         server.scene.set_background_image(background(), format="png")
 
     def _mesh(self, name: str, part: Part) -> Any:
