@@ -21,8 +21,8 @@ by us."""
 
 TOUCH_SAFETY = SafetyConfig(clamp=3.3, continuous_force=0.88)
 """The Touch (formerly Phantom Omni): 3.3 N at most, 0.88 N for ever, the figures that its maker's data sheet is cited
-for; we had no copy of the sheet, and found only the 3.3 N confirmed elsewhere. Its thermal time is not published; 10 s is
-a guess on the cautious side."""
+for; we had no copy of the sheet, and found only the 3.3 N confirmed elsewhere. Its thermal time is not published; 10 s
+is a guess on the cautious side."""
 
 TOUCH_QUANTUM = 5.5e-5
 """Nominal resolution of the Touch's position [m]: 450 dpi, 25.4 mm/450 = 0.056 mm, cited as 0.055 mm; as above, not
