@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from benchmarks import budget, crowd, forces, integrators, precision, realtime, speed, stability, startup, terms
+from benchmarks import (
+    budget,
+    crowd,
+    forces,
+    haptics,
+    integrators,
+    precision,
+    realtime,
+    speed,
+    stability,
+    startup,
+    terms,
+)
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
 from otwarp.errors import InputError
 
@@ -17,6 +29,7 @@ BENCHMARKS = {
     "crowd": crowd.measure,
     "stability": stability.measure,
     "budget": budget.measure,
+    "haptics": haptics.measure,
 }
 
 

@@ -20,7 +20,7 @@ class VelocityEstimate:
     little noise. Samples are taken to be `period` apart.
 
     Source: Janabi-Sharifi, Hayward and Chen 2000, "Discrete-time adaptive windowing for velocity estimation", IEEE
-    Transactions on Control Systems Technology 8(6), 1003–1009.
+    Transactions on Control Systems Technology 8(6), 1003–1009, doi:10.1109/87.880606.
 
     Args:
         period: Servo period [s].

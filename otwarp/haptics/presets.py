@@ -20,11 +20,13 @@ TOUCH_MASS, TOUCH_DAMPING = 0.15, 0.2
 by us."""
 
 TOUCH_SAFETY = SafetyConfig(clamp=3.3, continuous_force=0.88)
-"""The Touch (formerly Phantom Omni): 3.3 N at most, 0.88 N for ever, by its maker's data sheet. Its thermal time is not
-published; 10 s is a guess on the cautious side."""
+"""The Touch (formerly Phantom Omni): 3.3 N at most, 0.88 N for ever, the figures that its maker's data sheet is cited
+for; we had no copy of the sheet, and found only the 3.3 N confirmed elsewhere. Its thermal time is not published; 10 s
+is a guess on the cautious side."""
 
 TOUCH_QUANTUM = 5.5e-5
-"""Nominal resolution of the Touch's position by its maker's data sheet [m]: about 450 dpi, 0.055 mm."""
+"""Nominal resolution of the Touch's position [m]: 450 dpi, 25.4 mm/450 = 0.056 mm, cited as 0.055 mm; as above, not
+checked against the sheet."""
 
 TOUCH_CHAIN = ChainConfig(passivity=PassivityConfig(), quantum=TOUCH_QUANTUM, pose_prediction=True)
 """Our chain for the Touch: nothing filtered, passivity controlled, velocity estimated within the encoder's noise,

@@ -63,35 +63,35 @@ class Reduced:
     scene: Scene
     report: BudgetReport
 
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second at which it fits."""
+        return self.report.speed
 
-def parse_budget(text: str) -> Budget:
+
+def parse_budget(text: str | float) -> Budget:
     """`auto`, `off` or a share of a core, as typed after `--budget`.
 
     Raises:
         InputError: Anything else.
     """
-    word = text.strip().lower()
+    word = text.strip().lower() if isinstance(text, str) else text
     if word in ("auto", "off"):
         return word  # type: ignore[return-value]
     try:
-        return _share(float(word))
+        share = float(word)
     except ValueError:
-        raise InputError(f"--budget is {text!r}; allowed: auto, off, or a share of a core above 0 up to 1") from None
-
-
-def _share(budget: Budget) -> float:
-    """The share of a core that a budget allows."""
-    share = AUTO_SHARE if budget == "auto" else budget
-    if isinstance(share, str) or not 0.0 < share <= 1.0:
-        raise InputError(f"budget is {budget!r}; allowed: auto, off, or a share of a core above 0 up to 1")
-    return float(share)
+        share = math.nan
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"budget is {text!r}; allowed: auto, off, or a share of a core above 0 up to 1")
+    return share
 
 
 def reduce_scene(
     scene: Scene,
     *,
     device: str | None = None,
-    budget: Budget = "auto",
+    budget: Budget | str = "auto",
     speed: float = 1.0,
     rate: float = FRAME_RATE,
     sweep: float = SWEEP,
@@ -104,7 +104,7 @@ def reduce_scene(
     Args:
         scene: As loaded.
         device: Where it will run.
-        budget: `auto`, `off`, or the share of one core that the simulation may take, above 0 up to 1.
+        budget: `auto`, `off`, or the share of one core that the simulation may take, above 0 up to 1; as text, too.
         speed: Simulated seconds per second of wall time that are wanted.
         rate: Frames per second of wall time that are read out.
         sweep, horizon: How far a focus is moved [µm], and for how long the session lasts [s]; see `Reach.of`.
@@ -116,9 +116,10 @@ def reduce_scene(
     """
     if not 0.0 < speed < math.inf:
         raise InputError(f"speed is {speed!r}; allowed: above 0 and finite")
+    budget = parse_budget(budget)
     if budget == "off":
         return Reduced(scene=scene, report=BudgetReport.off(scene, speed))
-    search = _Search(_share(budget), speed, rate, device, measure, progress or _silent)
+    search = _Search(AUTO_SHARE if budget == "auto" else budget, speed, rate, device, measure, progress or _silent)
     before = search.try_(scene, f"all {_bodies(len(scene.bodies))}")
     chosen, after = Thinned(scene=scene, kept=tuple(range(len(scene.bodies))), frozen=(), left=()), before
     reach = None

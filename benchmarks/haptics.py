@@ -1,0 +1,227 @@
+"""What the haptic chain renders and costs: Z-width, fidelity of the force, loop jitter, latency, cost of a step.
+
+Z-width and fidelity run on a virtual clock and are the same on every machine; the rest is measured here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+from benchmarks.machine import Machine
+from benchmarks.report import Section, Table, command, options, save_json
+from otwarp.device import pick_device
+from otwarp.haptics.chain import Chain
+from otwarp.haptics.check import BUSY
+from otwarp.haptics.check_costs import STEPS, Cost, chain_costs, mailbox_costs, step_cost
+from otwarp.haptics.check_latency import STATE_RATE, check_hand, measure_latency
+from otwarp.haptics.check_width import DEVICE, HIGH, RATE, widths
+from otwarp.haptics.config import HandConfig
+from otwarp.haptics.jitter import Jitter, Spread, measure_jitter
+from otwarp.haptics.law import SplitLaw, local_model
+from otwarp.haptics.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
+from otwarp.haptics.table import TableLaw
+from otwarp.haptics.types import DeviceSample, SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.zwidth import PASSIVE, BareDevice, chain_width
+from otwarp.optics import Beam, ForceTable, Sphere
+
+RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
+AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)
+"""Per mW. At 20 mW, 100 µm/m and 0.2 N/pN: 240 and 80 N/m."""
+
+POWER, FORCE_GAIN = 20.0, 0.2
+SPEEDS = (0.01, 0.05, 0.1, 0.2)
+"""Peak speeds of the hand along the line [m/s]."""
+
+PAPER_R2 = (0.9525, 0.9268)
+"""R² of the paper, axial and radial, by its own definitions and for its own running session."""
+
+STIFFEST = 200_000.0
+"""Largest spring tried in the rows of passivity control [N/m]."""
+
+SECONDS = 8.0
+"""Length of each measurement of jitter [s]."""
+
+
+def determination(rendered: Sequence[float], model: Sequence[float]) -> float:
+    """R² = 1 − Σ(rendered − model)²/Σ(model − mean)²."""
+    mean = sum(model) / len(model)
+    lost = sum((r - m) ** 2 for r, m in zip(rendered, model, strict=True))
+    return 1.0 - lost / sum((m - mean) ** 2 for m in model)
+
+
+def pull_of(curve: TrapLaw, distance: float) -> float:
+    """Eq. 1 at 1 mW [pN], apart from the code that is measured."""
+    d = abs(distance)
+    f = curve.stiffness * d if d < curve.threshold else curve.inverse_square / d**2 + curve.constant
+    return math.copysign(f, distance) if d < curve.cutoff else 0.0
+
+
+def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0) -> float:
+    """R² of the rendered against the model force, each period, on a sine of ±1.1 cutoff through the trap.
+
+    Args:
+        axis: `axial` or `radial`.
+        speed: Peak speed [m/s].
+        quantum: Resolution of the encoder [m], 0 for exact; the model is taken at the true position.
+        sweeps: How many periods of the sine.
+    """
+    curve, row = (AXIAL, 1) if axis == "axial" else (RADIAL, 0)  # device y is the beam
+    config = HandConfig(traps=(0,), force_gain=FORCE_GAIN, chain=TOUCH_CHAIN, safety=TOUCH_SAFETY)
+    chain = Chain(config, local_model(config, {0: (SplitLaw(RADIAL, AXIAL),)}))
+    chain.arm()
+    reach, period, ramp = 1.1 * curve.cutoff / config.motion_gain, 1.0 / config.chain.rate, 600
+    rendered, model = [], []
+    for n in range(ramp + round(sweeps * 2.0 * math.pi * reach / speed / period)):
+        true = reach * math.sin(speed / reach * period * max(0, n - ramp))
+        place = [0.0, 0.0, 0.0]
+        place[row] = round(true / quantum) * quantum if quantum else true
+        scene = SceneNow(n + 1, n * period, (SphereNow((0.0, 0.0, 0.0), 0),), (TrapNow(0, (0.0, 0.0, 0.0), POWER),))
+        now = chain.step(DeviceSample(n * period, (place[0], place[1], place[2])), scene)
+        if n >= ramp:
+            rendered.append(now.force[row])
+            model.append(-FORCE_GAIN * POWER * pull_of(curve, config.motion_gain * true))
+    return determination(rendered, model)
+
+
+def width_table(data: dict[str, Any], *, high: float) -> Table:
+    """Z-width, as `otwarp haptics check` has it, and up to the stiff end."""
+    rows = []
+    for one in widths():
+        if one.open_ended:  # what the check only bounds is found below
+            continue
+        reference = "" if one.reference is None else f"{one.reference:g} ({one.source})"
+        rows.append((one.loop, f"{one.found:.4g}", "", reference))
+        data[one.loop] = one.found
+    limited = replace(TOUCH_SAFETY, ramp_time=0.0)
+    cases: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("stable", {"chain": PASSIVE}),
+        ("stable, the Touch's slew limit, clamp and guard", {"chain": PASSIVE, "safety": limited}),
+        (
+            "the same with a 55 µm encoder that the chain knows of",
+            {"chain": TOUCH_CHAIN, "safety": limited, "device": BareDevice(quantum=TOUCH_QUANTUM)},
+        ),
+    )
+    for name, how in cases:
+        spring, wall = (chain_width(**how, wall=wall, high=high) for wall in (False, True))
+        data[name] = {"spring": spring, "wall": wall}
+        rows.append((name, *(f"≥ {v:.6g}" if v >= high else f"{v:.4g}" for v in (spring, wall)), ""))
+    return Table(
+        title=f"Z-width of a bare device ({DEVICE}) at {RATE:g} Hz, virtual clock",
+        head=("loop", "spring [N/m]", "wall [N/m]", "theory, or the paper [N/m]"),
+        rows=rows,
+        note=f"Springs up to {high:g} N/m were tried. How to read the stiff end is in [haptics.md](haptics.md).",
+    )
+
+
+def fidelity_table(data: dict[str, Any], speeds: Sequence[float]) -> Table:
+    """R² at several speeds, beside the paper's."""
+    kinds = [(axis, quantum) for quantum in (0.0, TOUCH_QUANTUM) for axis in ("axial", "radial")]
+    rows = []
+    for speed in speeds:
+        found = [fidelity(axis, speed, quantum=quantum) for axis, quantum in kinds]
+        data[f"{1e3 * speed:g} mm/s"] = found
+        rows.append((f"{1e3 * speed:g} mm/s", *(f"{v:.6f}" for v in found)))
+    rows.append(("paper, its definitions", *(f"{v:g}" for v in PAPER_R2), "", ""))
+    return Table(
+        title="R² of rendered against model force, by the hand's peak speed",
+        head=("peak speed", "axial", "radial", "axial, 55 µm encoder", "radial, 55 µm encoder"),
+        rows=rows,
+    )
+
+
+def _micro(spread: Spread) -> tuple[str, ...]:
+    return tuple(f"{1e6 * v:.3g}" for v in (spread.p50, spread.p99, spread.p999, spread.max))
+
+
+PERCENTILES = ("p50", "p99", "p99.9", "max")
+
+
+def jitter_table(data: dict[str, Any], seconds: float) -> Table:
+    """Lateness of the servo's loop with and without what the system grants, idle and loaded."""
+    rows = []
+    for realtime in (True, False):
+        for busy in (0, BUSY):
+            one: Jitter = measure_jitter(seconds, busy=busy, realtime=realtime)
+            granted = ", ".join(g.what for g in one.grants if g.granted) or "nothing"
+            rows.append(
+                (granted, f"{busy} busy" if busy else "idle", *_micro(one.lateness), f"{one.skipped} of {one.cycles}")
+            )
+            data[f"{'asked' if realtime else 'not asked'}, {busy} busy"] = asdict(one)
+    return Table(
+        title=f"Lateness of a 1 kHz loop [µs], {seconds:g} s each", head=("granted", "beside", *PERCENTILES, "dropped"),
+        rows=rows,
+    )  # fmt: skip
+
+
+def latency_table(data: dict[str, Any], seconds: float) -> Table:
+    """In the servo process with a virtual device."""
+    found = measure_latency(seconds)
+    data |= asdict(found)
+    rows = [
+        ("sample of the hand to the force for it", *_micro(found.sample)),
+        (f"state published ({STATE_RATE:g}/s) to the first force that knows it", *_micro(found.state)),
+    ]
+    return Table(title="Latency in the servo process [µs]", head=("from, to", *PERCENTILES), rows=rows)
+
+
+def table_costs(steps: int) -> tuple[Cost, ...]:
+    """Steps of chains that feel force tables of optics."""
+    config = check_hand()
+    found = []
+    for interpolation in ("bilinear", "bicubic"):
+        table = ForceTable.build(Beam(), Sphere(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
+        model = local_model(config, {i: (TableLaw.of(table),) for i in config.traps})
+        found.append(Cost(f"step: stable, {interpolation} table", step_cost(Chain(config, model), steps)))
+    return tuple(found)
+
+
+def cost_table(data: dict[str, Any], steps: int, tables: Callable[[int], tuple[Cost, ...]]) -> Table:
+    """Steps and mailboxes."""
+    costs = (*chain_costs(steps), *tables(steps), *mailbox_costs(steps))
+    data |= {cost.what: asdict(cost.time) for cost in costs}
+    return Table(
+        title="Cost of one call [µs]; a step has 10 spheres and 3 traps, all pairs in reach",
+        head=("call", *PERCENTILES),
+        rows=[(cost.what, *_micro(cost.time)) for cost in costs],
+        note="Measured without real-time priority: the upper percentiles are those of other processes.",
+    )
+
+
+def measure(
+    device: str = "cpu",
+    *,
+    rounds: int = 1,
+    seconds: float = SECONDS,
+    speeds: Sequence[float] = SPEEDS,
+    steps: int = STEPS,
+    high: float = STIFFEST,
+    tables: Callable[[int], tuple[Cost, ...]] = table_costs,
+) -> Section:
+    """All tables; `rounds` makes the measurements with a clock that much longer. The servo runs on the CPU."""
+    machine = Machine.look(pick_device(device))
+    data: dict[str, Any] = {name: {} for name in ("width", "fidelity", "jitter", "latency", "costs")}
+    found = [
+        width_table(data["width"], high=max(high, HIGH)),
+        fidelity_table(data["fidelity"], speeds),
+        jitter_table(data["jitter"], rounds * seconds),
+        latency_table(data["latency"], rounds * seconds),
+        cost_table(data["costs"], steps, tables),
+    ]
+    kind = "cpu" if pick_device(device).is_cpu else "cuda"
+    return Section(name="haptics", kind=kind, machine=machine, tables=found, data=data)
+
+
+def main() -> None:
+    """Command line."""
+    arguments = options("What the haptic chain renders and costs.", rounds=1).parse_args()
+    section = measure(arguments.device, rounds=arguments.rounds)
+    print(section.markdown())
+    if arguments.json:
+        save_json(arguments.json, [section])
+
+
+if __name__ == "__main__":
+    command(main)

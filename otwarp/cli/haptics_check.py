@@ -1,0 +1,123 @@
+"""`otwarp haptics check`: what this machine can do for a hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from otwarp.cli import stop
+from otwarp.cli.options import json_option
+
+if TYPE_CHECKING:
+    from otwarp.haptics.check import Check
+
+
+@click.command()
+@click.option("--seconds", type=float, default=3.0, show_default=True, help="Length of each measurement with a clock.")
+@click.option(
+    "--device",
+    metavar="DEVICE",
+    help="Device for the latency, as after --left; default: a virtual one. A real one is not armed and feels nothing.",
+)
+@click.option("--rate", type=float, default=1000.0, show_default=True, help="Cycles of the servo per second.")
+@click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
+@click.option("--scene", type=click.Path(path_type=Path), help="Also say how fast this scene runs here.")
+@click.option("--scene-device", metavar="NAME", help="Where it runs: cpu, cuda:0, …; default: the best available.")
+@json_option
+def check(
+    seconds: float,
+    device: str | None,
+    rate: float,
+    width: bool,
+    scene: Path | None,
+    scene_device: str | None,
+    as_json: bool,
+) -> None:
+    """Find devices; measure loop jitter, latency and cost here; say what is limited, and why.
+
+    Nothing that can push is armed.
+    """
+    from otwarp.haptics.check import run_check
+    from otwarp.haptics.check_latency import VIRTUAL
+
+    with _progress(as_json) as say:
+        found = run_check(seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say)
+        if scene is not None:
+            found = dataclasses.replace(found, scene=_scene_cost(scene, scene_device, say))
+    if as_json:
+        click.echo(json.dumps(found.json(), indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        _print(found)
+
+
+def _scene_cost(file: Path, device: str | None, say: Callable[[str], None]) -> dict[str, Any]:
+    """How fast a scene runs, read out as in a session."""
+    from otwarp.scene.description import Scene
+    from otwarp.teleop.cost import FRAME_RATE, measure_scene
+
+    say(f"real-time factor of {file} (new kernels are compiled first)")
+    cost = measure_scene(Scene.load(file), device=device)
+    return {
+        "file": str(file),
+        "bodies": cost.bodies,
+        "time_step": cost.time_step,
+        "frames_per_second": FRAME_RATE,
+        "step": cost.step,
+        "frame": cost.frame,
+        "real_time_factor": cost.speed(1.0),
+        "load": cost.load(1.0),
+    }
+
+
+@contextmanager
+def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
+    """What is being done, on standard error; heeds SIGTERM."""
+    if not sys.stderr.isatty():
+
+        def tell(line: str) -> None:
+            """A line for a log, none where a program reads."""
+            stop.check()
+            if not as_json:
+                click.echo(f"{line} …", err=True)
+
+        yield tell
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("…") as status:
+
+        def show(line: str) -> None:
+            """The present part beside a spinner."""
+            stop.check()
+            status.update(line)
+
+        yield show
+
+
+def _print(found: Check) -> None:
+    from rich.console import Console
+
+    from otwarp.haptics.check_tables import check_tables
+
+    # a pipe or file has no width of its own: do not cut lines there
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    console.print(found.system, markup=False)
+    for table in check_tables(found):
+        console.print(table)
+    for line in found.trouble:
+        console.print(line, markup=False)
+    scene = found.scene
+    if scene is not None:
+        console.print(
+            f"{scene['file']}: {scene['real_time_factor']:.3g}× real time on one core ({scene['bodies']} bodies, time "
+            f"step {1e6 * scene['time_step']:.4g} µs, {scene['frames_per_second']:g} frames/s read out); real time "
+            f"takes {100.0 * scene['load']:.3g} % of it",
+            markup=False,
+        )

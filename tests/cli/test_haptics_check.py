@@ -1,0 +1,45 @@
+"""`otwarp haptics check` through click, with short measurements."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from otwarp.cli.haptics_check import check
+from otwarp.errors import InputError
+
+SCENE = Path(__file__).parents[2] / "scenes" / "single_bead.usda"
+
+
+def test_json_has_all_parts(device: str) -> None:
+    options = ["--seconds", "0.05", "--no-width", "--json", "--scene", str(SCENE), "--scene-device", device]
+    result = CliRunner().invoke(check, options, catch_exceptions=False)
+    found = json.loads(result.stdout)
+    assert found["latency"]["cycles"] == 50
+    assert found["scene"]["bodies"] == 1 and found["scene"]["real_time_factor"] > 0.0
+    assert {"devices", "grants", "jitter", "costs", "limits"} <= set(found)
+    assert result.exit_code == 0
+
+
+def test_tables_are_printed_and_parts_told() -> None:
+    result = CliRunner().invoke(check, ["--seconds", "0.05", "--no-width"], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "What the system gives a servo" in result.stdout and "2b/T" in result.stdout
+    assert "loop jitter" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--seconds", "0"], "seconds"),
+        (["--device", "spoon"], "unknown kind"),
+        (["--scene", "absent.usda"], "absent.usda"),
+    ],
+)
+def test_bad_input_is_one_line(options: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        CliRunner().invoke(check, ["--seconds", "0.05", "--no-width", *options], catch_exceptions=False)
+    assert "\n" not in str(caught.value)
