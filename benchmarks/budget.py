@@ -57,7 +57,7 @@ def measure_case(name: str, budget: Budget, device: str, *, seconds: float) -> d
 
     begun = time.perf_counter()
     found = reduce_scene(scene, device=device, budget=budget, measure=timed)
-    report = found.report.json()
+    report = found.report.to_json()
     return {"scene": name, "took": time.perf_counter() - begun, **report}
 
 

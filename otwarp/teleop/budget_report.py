@@ -81,12 +81,12 @@ class BudgetReport:
         """Whether the scene is not as it was loaded."""
         return bool(self.frozen or self.left) or self.accuracy[0] != self.accuracy[1]
 
-    @property
-    def lines(self) -> list[str]:
-        """What a user should read; what was measured on the way is in `log`."""
+    def lines(self, *, log: bool = False) -> list[str]:
+        """What a user should read; with `log` also what was measured on the way."""
         if self.before is None or self.after is None:
             return ["budget off: nothing was measured, nothing was left out"]
         found = [f"budget {self.budget}: {100.0 * self.share:g} % of one core for the simulation"]
+        found += [f"  measured {line}" for line in self.log] if log else []
         found.append(f"as loaded: {self._cost_line(self.before, self.speed_asked)}")
         if not self.reduced and self.fits:
             return [*found, f"all {self.bodies} bodies stay, nothing was left out"]
@@ -133,7 +133,7 @@ class BudgetReport:
             found.append("  (a frozen cell is a wall to what touches it: rigid, immovable, without adhesion)")
         return found
 
-    def json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """For a program; bodies of a PointInstancer as the list of their indices."""
         data = dataclasses.asdict(self)
         for name in ("frozen", "left"):
@@ -148,7 +148,7 @@ class BudgetReport:
                     "load": cost.load(speed, self.rate),
                     "real_time_factor": cost.speed(1.0, self.rate),
                 }
-        return data | {"fits": self.fits, "reduced": self.reduced, "lines": self.lines}
+        return data | {"fits": self.fits, "reduced": self.reduced, "lines": self.lines()}
 
 
 def _micro(seconds: float) -> str:

@@ -220,7 +220,7 @@ class TestOrder:
         assert found.scene is scene
         assert not found.report.reduced and found.report.fits
         assert len(machine.seen) == 1
-        assert "nothing was left out" in found.report.lines[-1]
+        assert "nothing was left out" in found.report.lines()[-1]
 
     def test_the_farthest_go_first_and_no_more_than_needed(self):
         scene = line_of_cells(99)
@@ -273,7 +273,7 @@ class TestOrder:
         assert not far_of(found.report)
         assert 0.01 < found.scene.settings.accuracy < WORST_ERROR
         assert found.report.fits and found.report.after.error <= WORST_ERROR
-        assert any("accuracy lowered" in line and "predicted error" in line for line in found.report.lines)
+        assert any("accuracy lowered" in line and "predicted error" in line for line in found.report.lines())
 
     def test_an_authored_time_step_gives_way_last(self):
         scene = line_of_cells(3, settings=Settings(time_step=5e-4, brownian=False))
@@ -289,7 +289,7 @@ class TestOrder:
         assert report.speed == pytest.approx(0.5 * math.sqrt(5.0) / 8.0, rel=0.1)
         assert report.after.load(report.speed) <= 0.5
         assert found.scene.settings.accuracy == WORST_ERROR
-        assert any("slow motion" in line and "does not slip" in line for line in report.lines)
+        assert any("slow motion" in line and "does not slip" in line for line in report.lines())
 
     def test_fewer_bodies_that_bring_nothing_are_not_taken(self):
         class Obstinate(Machine):
@@ -327,7 +327,7 @@ class TestOrder:
         kept = [body.instance for body in found.scene.bodies if body.instance is not None]
         assert kept == list(range(kept[0], kept[-1] + 1))
         assert abs(0.5 * (kept[0] + kept[-1]) - 50.0) <= 0.5
-        assert "no traps" in " ".join(found.report.lines)
+        assert "no traps" in " ".join(found.report.lines())
 
     def test_a_lone_body_is_never_taken_away(self):
         found = reduce_scene(Scene(bodies=(cell(0.0),)), budget=0.5, measure=Machine(1.0))
@@ -342,15 +342,15 @@ class TestReport:
     def test_off_measures_nothing(self):
         machine = Machine(1.0)
         found = reduce_scene(line_of_cells(3), budget="off", measure=machine)
-        assert machine.seen == [] and found.report.lines[0].startswith("budget off")
-        assert json.loads(json.dumps(found.report.json()))["budget"] == "off"
+        assert machine.seen == [] and found.report.lines()[0].startswith("budget off")
+        assert json.loads(json.dumps(found.report.to_json()))["budget"] == "off"
 
     def test_json_groups_instances_and_is_finite(self):
         scene = line_of_cells(99, obstacles=(Obstacle(
             prim="/World/floor", shape="plane", position=Track.constant((0.0, 0.0, -50.0)),
             orientation=Track.constant((0.0, 0.0, 0.0, 1.0))),))  # fmt: skip
         report = reduce_scene(scene, budget=0.5, measure=Machine(1e-5), sweep=20.0).report
-        data = json.loads(json.dumps(report.json(), allow_nan=False))
+        data = json.loads(json.dumps(report.to_json(), allow_nan=False))
         assert sum(len(data[n].get("/World/Cells", [])) for n in ("frozen", "left")) == 100 - report.kept
         assert data["after"]["load"] <= 0.5 and data["fits"] is True
 
