@@ -24,6 +24,9 @@ from otwarp.teleop.summary import summarize
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
 
+SESSION = 600.0
+"""Seconds that a session without an end is taken to last, for what comes into the traps' reach meanwhile."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PageOptions:
@@ -184,7 +187,10 @@ class Session:
             return scene, o.speed
 
         wanted = parse_budget(o.budget)
-        reduced = reduce_scene(scene, device=o.device, budget=wanted, speed=o.speed, rate=o.rate, progress=self._say)
+        # how long an operator will stay is not known
+        horizon = o.duration or max(SESSION, scene.settings.duration)
+        how: dict[str, Any] = {"speed": o.speed, "rate": o.rate, "horizon": horizon}
+        reduced = reduce_scene(scene, device=o.device, budget=wanted, progress=self._say, **how)
         for line in reduced.report.lines():
             self._say(line)
         self.budget = reduced.report.to_json()
