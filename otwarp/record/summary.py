@@ -25,6 +25,7 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
 
 
 def strict(value: Any) -> Any:
+    """`value` as strict JSON can hold it: numbers that are not finite become None."""
     if isinstance(value, dict):
         return {str(key): strict(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

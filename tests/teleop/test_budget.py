@@ -400,7 +400,8 @@ class TestRealMeasurement:
 
         def quick(scene: Scene, *, device: str | None, speed: float, rate: float) -> Cost:
             found = measure_scene(scene, device=device, speed=speed, rate=rate, seconds=0.02)
-            return dataclasses.replace(found, step=1e-5 * len(scene.bodies))  # what the clock says is not for tests
+            # what the clock says is not for tests
+            return dataclasses.replace(found, step=1e-5 * len(scene.bodies), frame=1e-5)
 
         found = reduce_scene(scene, device=device, budget=1e-7, measure=quick, sweep=0.0)
         assert far_of(found.report) == {"/World/Cells[0]", "/World/Cells[1]"}
