@@ -228,6 +228,9 @@ def _touching(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
     for i, body in enumerate(bodies):
         colliding = [s for s in body.spheres if s.collides] or list(body.spheres)
         part = [s for s in colliding if not s.trapped] or colliding
+        if len(part) == 1:  # ten thousand cells
+            centres[i], reaches[i] = part[0].offset, part[0].radius
+            continue
         centres[i] = np.mean([s.offset for s in part], axis=0)
         reaches[i] = max(float(np.linalg.norm(s.offset - centres[i])) + s.radius for s in part)
     return centres, reaches
