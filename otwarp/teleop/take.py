@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import json
+import os
 import queue
 import threading
 import time
@@ -219,8 +220,8 @@ def _checked(path: str | Path) -> Path:
     for there in (path, part_of(path)):
         if there.exists():
             raise InputError(f"recording is {str(path)!r}, and {there} exists; allowed: a new name")
-    if not path.parent.is_dir():
-        raise InputError(f"recording is {str(path)!r}; allowed: in a folder that exists")
+    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+        raise InputError(f"recording is {str(path)!r}; allowed: in a folder that exists and may be written")
     return path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,9 @@ CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
 """Followed by the name of the hand."""
 WORLD = "world"
 """Frame of the scene, in µm."""
+
+FLUSH_EVERY = 1.0
+"""Seconds of a session that are lost at most when it is killed."""
 
 TEXT, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64MultiArray"
 POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped", "tf2_msgs/msg/TFMessage"
@@ -53,6 +57,7 @@ class TakeFile:
         self._writer = Writer(self.part, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._topics: dict[str, Any] = {}
+        self._flushed = monotonic()
         self._bodies = [body.name.lstrip("/") for body in scene.bodies]
         self._traps = [trap.prim.lstrip("/") for trap in scene.traps]
         self._hands, self._warned = tuple(hands), ()
@@ -115,6 +120,13 @@ class TakeFile:
         if connection is None:
             connection = self._topics[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
         self._writer.write(connection, time, data)
+        now = monotonic()
+        if now > self._flushed + FLUSH_EVERY:
+            self._flushed = now
+            # `Writer` itself ends a chunk after 1 MiB, which may be half a minute of a small scene
+            storage: Any = self._writer.storage
+            storage.close_chunk()
+            storage.bio.flush()
 
     def _message(self, topic: str, kind: str, time: int, **fields: Any) -> None:
         self._write(topic, kind, time, self._store.serialize_cdr(self._store.types[kind](**fields), kind))

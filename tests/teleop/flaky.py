@@ -1,4 +1,4 @@
-"""A device that is unplugged while a file exists; importing this makes its kind known, in the servo's process as well."""
+"""A device that is unplugged while a file exists; importing this makes its kind known, in the servo as well."""
 
 from __future__ import annotations
 
