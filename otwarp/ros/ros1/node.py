@@ -21,7 +21,7 @@ from otwarp.ros.ros1 import names
 from otwarp.ros.ros1.journal import Journal
 from otwarp.ros.ros1.messages import message_type
 from otwarp.ros.ros1.names import MASTER, global_name, own_host
-from otwarp.ros.ros1.receiving import Callback, Subscription
+from otwarp.ros.ros1.receiving import Callback, Feed, Subscription
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
 from otwarp.ros.ros1.sending import QUEUE, Publisher, TopicServer
 from otwarp.ros.ros1.slave import SlaveServer
@@ -71,7 +71,7 @@ class Node:
         self._poll, self._most = poll, most
         self._lock = threading.RLock()
         self._publishers: dict[str, Publisher] = {}
-        self._subscriptions: dict[str, list[Subscription]] = {}
+        self._feeds: dict[str, Feed] = {}
         self._stopped = threading.Event()
         check_master(self.master, self.name)
         try:
@@ -132,23 +132,22 @@ class Node:
             InputError: A bad name or type, or a master that is gone.
         """
         topic, kind = global_name("topic", topic), message_type(type_name)
-        subscription = Subscription(
-            topic,
-            kind,
-            callback,
-            caller=self.name,
-            most=self._most,
-            journal=self.journal,
-            release=self._release_subscription,
-        )
         with self._lock:
             self._check_alive()
-            self._subscriptions.setdefault(topic, []).append(subscription)
-        try:
-            self._register_subscription(topic, kind.name)
-        except (NoAnswer, Refused) as error:
-            subscription.close()
-            raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
+            feed, known = self._feeds.get(topic), topic in self._feeds
+            if feed is None:
+                feed = self._feeds[topic] = Feed(
+                    topic, kind, caller=self.name, most=self._most, journal=self.journal, release=self._release_feed
+                )
+            elif feed.type is not kind:
+                raise InputError(f"type of {topic} is {type_name!r}; allowed: {feed.type.name}, as subscribed before")
+            subscription = feed.join(callback)
+        if not known:
+            try:
+                self._register_feed(feed)
+            except (NoAnswer, Refused) as error:
+                subscription.close()
+                raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
         return subscription
 
     def close(self) -> None:
@@ -158,13 +157,13 @@ class Node:
                 return
             self._stopped.set()
             publishers = list(self._publishers.values())
-            subscriptions = [s for several in self._subscriptions.values() for s in several]
+            feeds = list(self._feeds.values())
         if threading.current_thread() is not self._watcher:
             self._watcher.join(MASTER_TIMEOUT)  # lest it register what is taken back here
         deadline = time.monotonic() + LINGER
         for publisher in publishers:
             publisher.flush(deadline - time.monotonic())
-        for one in (*subscriptions, *publishers):
+        for one in (*feeds, *publishers):
             one.close()
         self._topics.close()
         self._slave.close()
@@ -187,17 +186,11 @@ class Node:
     def _register_publisher(self, publisher: Publisher) -> None:
         self._ask("registerPublisher", publisher.topic, publisher.type.name, self.uri)
 
-    def _register_subscription(self, topic: str, type_name: str) -> None:
-        publishers = self._ask("registerSubscriber", topic, type_name, self.uri)
+    def _register_feed(self, feed: Feed) -> None:
+        publishers = self._ask("registerSubscriber", feed.topic, feed.type.name, self.uri)
         if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
             raise NoAnswer("registerSubscriber: no list of URIs")
-        self._heard_of(topic, publishers)
-
-    def _heard_of(self, topic: str, publishers: list[str]) -> None:
-        with self._lock:
-            subscriptions = list(self._subscriptions.get(topic, ()))
-        for subscription in subscriptions:
-            subscription.publishers(publishers)
+        feed.publishers(publishers)
 
     def _release_publisher(self, publisher: Publisher) -> None:
         with self._lock:
@@ -205,15 +198,11 @@ class Node:
                 del self._publishers[publisher.topic]
         self._tell("unregisterPublisher", publisher.topic)
 
-    def _release_subscription(self, subscription: Subscription) -> None:
+    def _release_feed(self, feed: Feed) -> None:
         with self._lock:
-            several = self._subscriptions.get(subscription.topic, [])
-            if subscription in several:
-                several.remove(subscription)
-            if several:
-                return
-            self._subscriptions.pop(subscription.topic, None)
-        self._tell("unregisterSubscriber", subscription.topic)
+            if self._feeds.get(feed.topic) is feed:
+                del self._feeds[feed.topic]
+        self._tell("unregisterSubscriber", feed.topic)
 
     def _tell(self, method: str, topic: str) -> None:
         """Take a registration back, if the master is there: one that is gone has forgotten it."""
@@ -242,20 +231,20 @@ class Node:
                 self.journal.note("master", f"another node took the name {self.name}")
                 continue
             with self._lock:
-                nothing = not (self._publishers or self._subscriptions)
+                nothing = not (self._publishers or self._feeds)
             self.master_there = nothing or self._register_all()
 
     def _register_all(self) -> bool:
         """Whether the master took all registrations."""
         with self._lock:
             publishers = list(self._publishers.values())
-            topics = [(topic, several[0].type.name) for topic, several in self._subscriptions.items() if several]
-        self.journal.note("master", f"registering {len(publishers)} publishers, {len(topics)} subscriptions anew")
+            feeds = list(self._feeds.values())
+        self.journal.note("master", f"registering {len(publishers)} publishers, {len(feeds)} subscriptions anew")
         try:
             for publisher in publishers:
                 self._register_publisher(publisher)
-            for topic, type_name in topics:
-                self._register_subscription(topic, type_name)
+            for feed in feeds:
+                self._register_feed(feed)
         except (NoAnswer, Refused) as error:
             self.journal.note("master", str(error))
             return False
@@ -274,7 +263,10 @@ class Node:
             if not isinstance(publishers, list):
                 raise TypeError("no list of URIs")
             _strings(caller, topic, *publishers)
-            self._heard_of(topic, publishers)
+            with self._lock:
+                feed = self._feeds.get(topic)
+            if feed is not None:
+                feed.publishers(publishers)
             return [1, "", 0]
 
         def _request_topic(caller: str, topic: str, protocols: list[Any]) -> list[Any]:
@@ -287,18 +279,16 @@ class Node:
                 return [0, "only TCPROS", []]
             return [1, "", ["TCPROS", self.host, self._topics.port]]
 
-        def _topics(kind: str) -> list[list[str]]:
+        def _topics(of: dict[str, Any]) -> list[list[str]]:
             with self._lock:
-                if kind == "pub":
-                    return [[p.topic, p.type.name] for p in self._publishers.values()]
-                return [[topic, several[0].type.name] for topic, several in self._subscriptions.items() if several]
+                return [[topic, one.type.name] for topic, one in of.items()]
 
         return {
             "shutdown": _shutdown,
             "publisherUpdate": _publisher_update,
             "requestTopic": _request_topic,
-            "getPublications": lambda caller: [1, "", _topics("pub")],
-            "getSubscriptions": lambda caller: [1, "", _topics("sub")],
+            "getPublications": lambda caller: [1, "", _topics(self._publishers)],
+            "getSubscriptions": lambda caller: [1, "", _topics(self._feeds)],
             "getMasterUri": lambda caller: [1, "", self.master],
             "getPid": lambda caller: [1, "", os.getpid()],
             "getBusStats": lambda caller: [1, "", [[], [], []]],

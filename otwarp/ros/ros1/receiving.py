@@ -34,37 +34,76 @@ class WrongPublisher(Exception):
 
 
 class Subscription(Newest):
-    """A topic that this node listens to.
+    """One listener to a topic of this node.
 
     With a callback, each message is handed to it in the thread of its publisher. Without one, only the newest message
-    is kept and of messages that come together only the last is decoded; `take` and `latest` fetch it.
+    is kept; `take` and `latest` fetch it.
+
+    Args:
+        feed: The topic that it listens to.
+        callback: Or None.
+    """
+
+    def __init__(self, feed: Feed, callback: Callback | None) -> None:
+        super().__init__()
+        self.feed, self.callback = feed, callback
+        self.closed = False
+
+    @property
+    def connections(self) -> int:
+        """How many publishers are connected."""
+        return 0 if self.closed else self.feed.connections
+
+    def deliver(self, message: Any, came: int) -> None:
+        """A message, the last of so many that came."""
+        if self.closed:
+            return
+        self.put(message, came)
+        if self.callback is None:
+            return
+        try:
+            self.callback(message)
+        except Exception as error:  # the user's function must not end the connection
+            self.feed.journal.note("callback", f"{self.feed.topic}: {type(error).__name__}: {error}")
+
+    def close(self) -> None:
+        """Stop listening; may be called more than once. No message is handed on after it, save one in a callback."""
+        closed, self.closed = self.closed, True
+        if not closed:
+            self.feed.leave(self)
+
+
+class Feed:
+    """A topic that this node listens to: one connection to each publisher, however many listen to it here.
+
+    Publishers of `rospy` drop the older of two connections from one node, so that a second one would end the first.
 
     Args:
         topic: Global name.
         message_type: Of its messages.
-        callback: Or None.
         caller: Name of the node.
         most: Largest message accepted [bytes].
         journal: Where lost connections and bad messages are noted.
-        release: Called once by `close`.
+        release: Called when the last listener has left.
     """
 
     def __init__(
         self,
         topic: str,
         message_type: MessageType,
-        callback: Callback | None,
         *,
         caller: str,
         most: int,
         journal: Journal,
-        release: Callable[[Subscription], None],
+        release: Callable[[Feed], None],
     ) -> None:
-        super().__init__()
-        self.topic, self.type, self._callback = topic, message_type, callback
+        self.topic, self.type = topic, message_type
         self.caller, self.most, self.journal, self._release = caller, most, journal, release
+        self.received = 0
         self._links: dict[str, Link] = {}
-        self._changing = threading.Lock()
+        self._listeners: tuple[Subscription, ...] = ()
+        self._latched: dict[str, Any] = {}
+        self.changing = threading.Lock()
         self._closed = False
 
     @property
@@ -72,49 +111,79 @@ class Subscription(Newest):
         """How many publishers are connected."""
         return sum(link.connected for link in list(self._links.values()))
 
+    def join(self, callback: Callback | None) -> Subscription:
+        """One more listener; it gets the last message of publishers that latch."""
+        subscription = Subscription(self, callback)
+        with self.changing:
+            self._listeners = (*self._listeners, subscription)
+            latched = list(self._latched.values())
+        for message in latched:
+            subscription.deliver(message, 1)
+        return subscription
+
+    def leave(self, subscription: Subscription) -> None:
+        """One listener less; the last one ends the connections."""
+        with self.changing:
+            self._listeners = tuple(one for one in self._listeners if one is not subscription)
+            last = not self._listeners and not self._closed
+            if last:
+                self._closed = True
+                links = list(self._links.values())
+                self._links.clear()
+        if last:
+            for link in links:
+                link.stop()
+            self._release(self)
+
+    def close(self) -> None:
+        """End all listeners."""
+        for subscription in self._listeners:
+            subscription.close()
+
     def publishers(self, uris: Iterable[str]) -> None:
-        """Listen to these publishers, by the URIs of their nodes, and to no others."""
+        """Listen to these publishers, by the URIs of their nodes.
+
+        A connection to one that is not listed goes on until the publisher ends it, and is not made again: a master that
+        has restarted lists them one by one, as they come back to it.
+        """
         wanted = [uri for uri in dict.fromkeys(uris) if address(uri) is not None]
         if len(wanted) > MOST_PUBLISHERS:
             self.journal.note("refused", f"{self.topic} has {len(wanted)} publishers, {MOST_PUBLISHERS} are heard")
             wanted = wanted[:MOST_PUBLISHERS]
-        with self._changing:
+        with self.changing:
             if self._closed:
                 return
-            gone = [self._links.pop(uri) for uri in list(self._links) if uri not in wanted]
+            for uri, link in list(self._links.items()):
+                link.wanted = uri in wanted
+                if not link.wanted and not link.connected:
+                    self.forget(link)
+                    link.stop()
             for uri in wanted:
                 if uri not in self._links:
                     self._links[uri] = Link(uri, self)
-        for link in gone:
-            link.stop()
 
-    def deliver(self, bodies: list[bytes]) -> None:
-        """Decode messages and hand them on.
+    def forget(self, link: Link) -> None:
+        """Take a link from the list; the caller holds `changing`."""
+        if self._links.get(link.uri) is link:
+            del self._links[link.uri]
+            self._latched.pop(link.uri, None)
+
+    def deliver(self, bodies: list[bytes], latched_by: str | None) -> None:
+        """Decode messages that came together, and hand them on; only the last, where nobody has a callback.
 
         Raises:
             Malformed: One of them is not of the topic's type.
         """
-        if self._callback is None:
-            self.put(self.type.decode(bodies[-1]), len(bodies))
-            return
-        for body in bodies:
-            message = self.type.decode(body)
-            self.put(message)
-            try:
-                self._callback(message)
-            except Exception as error:  # the user's function must not end the connection
-                self.journal.note("callback", f"{self.topic}: {type(error).__name__}: {error}")
-
-    def close(self) -> None:
-        """Stop listening; may be called more than once. No message is handed on after it, save one in a callback."""
-        with self._changing:
-            closed, self._closed = self._closed, True
-            links = list(self._links.values())
-            self._links.clear()
-        for link in links:
-            link.stop()
-        if not closed:
-            self._release(self)
+        every = any(listener.callback is not None for listener in self._listeners)
+        for group in [[body] for body in bodies] if every else [bodies]:
+            message = self.type.decode(group[-1])
+            with self.changing:
+                self.received += len(group)
+                if latched_by is not None:
+                    self._latched[latched_by] = message
+                listeners = self._listeners
+            for listener in listeners:
+                listener.deliver(message, len(group))
 
 
 class Link:
@@ -122,11 +191,17 @@ class Link:
 
     Args:
         uri: Of the publisher's node.
-        subscription: What it listens for.
+        feed: What it listens for.
+
+    Attributes:
+        wanted: Whether the master lists the publisher; False lets the connection be the last.
+        connected: Whether messages may come.
     """
 
-    def __init__(self, uri: str, subscription: Subscription) -> None:
-        self._uri, self._for = uri, subscription
+    def __init__(self, uri: str, feed: Feed) -> None:
+        self.uri, self._for = uri, feed
+        self.wanted = True
+        self._latching = False
         self._stopped = threading.Event()
         self._socket: socket.socket | None = None
         self.connected = False
@@ -139,15 +214,19 @@ class Link:
             try:
                 self._listen()
             except Malformed as error:
-                journal.note("malformed", f"{topic} from {self._uri}: {error}")
+                journal.note("malformed", f"{topic} from {self.uri}: {error}")
             except WrongPublisher as error:
-                journal.note("md5" if "md5sum" in str(error) else "refused", f"{topic} from {self._uri}: {error}")
+                journal.note("md5" if "md5sum" in str(error) else "refused", f"{topic} from {self.uri}: {error}")
                 pause = LONGEST_PAUSE
             except (NoAnswer, Refused, OSError) as error:
                 if not self._stopped.is_set():
-                    journal.note("connection", f"{topic} from {self._uri}: {error or type(error).__name__}")
+                    journal.note("connection", f"{topic} from {self.uri}: {error or type(error).__name__}")
             finally:
                 self.connected = False
+            with self._for.changing:
+                if not self.wanted:
+                    self._for.forget(self)
+                    return
             if self._for.received != before:
                 pause = FIRST_PAUSE
             self._stopped.wait(pause)
@@ -155,7 +234,7 @@ class Link:
 
     def _listen(self) -> None:
         """Connect and hand messages on until the connection ends."""
-        subscription = self._for
+        feed = self._for
         sock = socket.create_connection(self._ask(), timeout=CONNECT)
         with sock:
             self._socket = sock
@@ -166,24 +245,24 @@ class Link:
             for option, value in KEEPALIVE:
                 if hasattr(socket, option):
                     sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
-            frames, chunk = Frames(subscription.most), self._greet(sock)
+            frames, chunk = Frames(feed.most), self._greet(sock)
             self.connected = True
             sock.settimeout(None)
             while not self._stopped.is_set():
                 bodies = frames.feed(chunk)
                 if bodies:
-                    subscription.deliver(bodies)
+                    feed.deliver(bodies, self.uri if self._latching else None)
                 chunk = sock.recv(CHUNK)
                 if not chunk:
                     raise ConnectionResetError("publisher has gone")
 
     def _ask(self) -> tuple[str, int]:
         """Where the publisher's node sends the topic."""
-        found = call(self._uri, "requestTopic", self._for.caller, self._for.topic, [["TCPROS"]])
+        found = call(self.uri, "requestTopic", self._for.caller, self._for.topic, [["TCPROS"]])
         match found:
             case ["TCPROS", str(host), int(port), *_] if host.isascii() and 0 < port < 65536:
                 return host, port
-        raise NoAnswer(f"requestTopic of {self._uri}: no ['TCPROS', host, port]")
+        raise NoAnswer(f"requestTopic of {self.uri}: no ['TCPROS', host, port]")
 
     def _greet(self, sock: socket.socket) -> bytes:
         """Exchange headers; what came right behind the publisher's."""
@@ -208,6 +287,7 @@ class Link:
             theirs = header.get(field)
             if theirs not in (mine, "*"):
                 raise WrongPublisher(f"{field} is {str(theirs)[:80]}, must be {mine}")
+        self._latching = header.get("latching") == "1"
         return rest
 
     def stop(self) -> None:

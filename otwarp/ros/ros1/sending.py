@@ -20,7 +20,7 @@ HANDSHAKE = 5.0
 """Seconds that a subscriber may take for its header."""
 STUCK = 5.0
 """Seconds that a subscriber may read nothing while there is something for it."""
-IDLE = 1.0
+IDLE = 0.5
 """Seconds after which a connection without messages is looked at: has the subscriber gone?"""
 MOST_CONNECTIONS = 128
 """Subscribers of one node, and those that have not said yet what they want."""
@@ -212,9 +212,11 @@ class TopicServer:
                 self._journal.note("connection", f"accept failed ({error})")
                 time.sleep(IDLE)  # out of file descriptors, or the like: do not spin on it
                 continue
-            if self._closed or not self._places.acquire(blocking=False):
-                if not self._closed:
-                    self._journal.note("refused", f"more than {MOST_CONNECTIONS} subscribers")
+            if self._closed:
+                sock.close()
+                return
+            if not self._places.acquire(blocking=False):
+                self._journal.note("refused", f"more than {MOST_CONNECTIONS} subscribers")
                 sock.close()
                 continue
             peer = f"{where[0]}:{where[1]}"
@@ -264,10 +266,10 @@ class TopicServer:
     def close(self) -> None:
         """Stop listening."""
         self._closed = True
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)  # wakes accept on Linux; elsewhere close does
-        self._socket.close()
+        with contextlib.suppress(OSError), socket.create_connection(self._socket.getsockname(), HANDSHAKE):
+            pass  # wakes the thread, on every system
         self._thread.join(HANDSHAKE)
+        self._socket.close()
 
 
 def receive_header(sock: socket.socket, timeout: float) -> tuple[bytes, bytes]:

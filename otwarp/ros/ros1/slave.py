@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import socketserver
 import threading
@@ -100,8 +101,13 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
         self.methods, self.journal = methods, journal
         self._places = threading.BoundedSemaphore(MOST_CALLERS)
         super().__init__((address, 0), _Calls)
-        self._thread = threading.Thread(target=self.serve_forever, args=(0.05,), name="ros1-slave", daemon=True)
+        self._closed = False
+        self._thread = threading.Thread(target=self._serve, name="ros1-slave", daemon=True)
         self._thread.start()
+
+    def _serve(self) -> None:
+        while not self._closed:
+            self.handle_request()
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve it if there is a place."""
@@ -128,6 +134,8 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
 
     def close(self) -> None:
         """Stop listening."""
-        self.shutdown()
-        self.server_close()
+        self._closed = True
+        with contextlib.suppress(OSError), socket.create_connection(self.server_address, PATIENCE):
+            pass  # wakes the thread, on every system
         self._thread.join(PATIENCE)
+        self.server_close()

@@ -112,14 +112,37 @@ def test_both_ends_of_a_topic_in_one_node(node):
     a = node("a")
     out = a.publisher("/t", TWIST)
     first, second = a.subscribe("/t", TWIST), a.subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == 2)
+    wait_for(lambda: first.connections == second.connections == out.connections == 1)
     out.publish(twist(1.0))
     wait_for(lambda: first.received == 1 and second.received == 1)
     first.close()
-    wait_for(lambda: out.connections <= 2 and first.connections == 0)
+    assert first.connections == 0
     out.publish(twist(2.0))
     wait_for(lambda: second.received == 2)
     assert first.received == 1
+    with pytest.raises(InputError, match="type of /t is 'sensor_msgs/Joy'; allowed: geometry_msgs/Twist"):
+        a.subscribe("/t", "sensor_msgs/Joy")
+    second.close()
+    wait_for(lambda: out.connections == 0)
+    out.publish(twist(3.0))
+    third = a.subscribe("/t", TWIST)
+    wait_for(lambda: out.connections == third.connections == 1)
+    assert third.received == 0
+
+
+def test_a_second_listener_gets_what_was_latched(node):
+    """There is one connection, on which the publisher sends it once."""
+    a, b = node("a"), node("b")
+    out = a.publisher("/t", TWIST, latch=True)
+    out.publish(twist(1.0))
+    first = b.subscribe("/t", TWIST)
+    wait_for(lambda: first.received == 1)
+    got = []
+    second = b.subscribe("/t", TWIST, got.append)
+    assert [m.linear.x for m in got] == [1.0] and second.received == 1
+    out.publish(twist(2.0))
+    wait_for(lambda: first.received == 2 and second.received == 2)
+    assert out.connections == 1
 
 
 def test_a_restarted_publisher_is_heard_again(node, master):
@@ -146,6 +169,19 @@ def test_a_restarted_master_hears_of_all_again(node, master):
     out.publish(twist(2.0))
     wait_for(lambda: later.received == 1)
     assert any("registering 1 publishers" in line for line in a.journal.lines)
+
+
+def test_a_connection_outlives_its_listing(node, master):
+    """A restarted master lists a publisher only when that has come back; what it does not list is not tried again."""
+    a, b = node("a"), node("b")
+    out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
+    wait_for(lambda: out.connections == 1 and heard.connections == 1)
+    call(b.uri, "publisherUpdate", "/master", "/t", [])
+    out.publish(twist(1.0))
+    wait_for(lambda: heard.received == 1)
+    assert out.connections == 1
+    a.close()
+    wait_for(lambda: heard.connections == 0 and not heard.feed._links)
 
 
 def test_a_master_that_restarted_between_two_looks_is_noticed(node, master):
