@@ -14,6 +14,8 @@ from dataclasses import dataclass
 PRIORITY = 80
 """Of SCHED_FIFO: above the threads of interrupts (50), below those that keep the kernel itself alive (99)."""
 NICE = -20
+FAVOUR = 10
+"""Nice levels by which a live loop goes before others where SCHED_RR is not allowed."""
 TIMER_SLACK = 1
 """Nanoseconds by which Linux may delay a sleep; 50,000 by default."""
 _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
@@ -67,6 +69,31 @@ def schedule(priority: int = PRIORITY) -> Grant:
     return Grant("nice", nice.granted, f"{nice.detail} ({why})")
 
 
+def favour() -> Callable[[], None]:
+    """Let this thread run before ordinary processes, where the system allows it; the call that is returned takes it back.
+
+    By SCHED_RR at the lowest priority, which nothing that it starts inherits; else by the nice value, which on Linux is
+    the thread's as well. Where measured, with a browser that drew by software on both cores, the ticks of a live loop
+    took up to 0.5 s at a nice value of −10, and none took 30 ms with SCHED_RR.
+    """
+    if hasattr(os, "sched_setscheduler"):
+        policy, param = os.sched_getscheduler(0), os.sched_getparam(0)
+        if _attempt("SCHED_RR", _round_robin).granted:
+            return lambda: os.sched_setscheduler(0, policy, param)
+    if not hasattr(os, "setpriority"):
+        return lambda: None
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    if not _attempt("nice", lambda: str(os.setpriority(os.PRIO_PROCESS, 0, before - FAVOUR))).granted:
+        return lambda: None
+    return lambda: os.setpriority(os.PRIO_PROCESS, 0, before)
+
+
+def ordinary() -> None:
+    """Give up what was inherited from a favoured parent: for processes that may wait."""
+    if hasattr(os, "setpriority") and os.getpriority(os.PRIO_PROCESS, 0) < 0:
+        _attempt("nice", lambda: str(os.setpriority(os.PRIO_PROCESS, 0, 0)))
+
+
 def timer() -> Grant:
     """Timer slack of 1 ns on Linux, timer period of 1 ms on Windows."""
     if sys.platform == "linux":
@@ -113,6 +140,12 @@ def _fifo(priority: int) -> str:
     policy = os.SCHED_FIFO | getattr(os, "SCHED_RESET_ON_FORK", 0)
     os.sched_setscheduler(0, policy, os.sched_param(priority))
     return f"priority {os.sched_getparam(0).sched_priority}"
+
+
+def _round_robin() -> str:
+    policy = os.SCHED_RR | getattr(os, "SCHED_RESET_ON_FORK", 0)
+    os.sched_setscheduler(0, policy, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
+    return "lowest priority"
 
 
 def _nice() -> str:

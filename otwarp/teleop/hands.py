@@ -25,6 +25,17 @@ class ServoLike(Protocol):
         """Open the devices and run."""
         ...
 
+    def _notice(self, n: int, now: HandNow | None) -> None:
+        """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
+        if now is None:
+            return
+        armed = now.state in ("ramping", "armed", "decaying")
+        if self._armed[n] and now.state == "disarmed":
+            self._notes[n] = "disarmed, for the simulation or the device was silent for too long; arm it again"
+        elif armed:
+            self._notes[n] = ""
+        self._armed[n] = armed
+
     def publish(self, scene: SceneNow) -> None:
         """A new state of the simulation."""
         ...
@@ -114,6 +125,8 @@ class Hands:
         self._servo, self._boxes = servo, tuple(boxes)
         self._names = [plan.name for plan in plans]
         self._dead = False
+        self._armed = [False] * len(self._names)
+        self._notes = [""] * len(self._names)
         self.status: ServoStatus | None = None
         self.frames: tuple[HandFrame, ...] = tuple(
             HandFrame(
@@ -152,13 +165,26 @@ class Hands:
         frames = []
         for n, frame in enumerate(self.frames):
             told = status.hands[n] if status else None
-            message = "the servo has ended; start the session anew" if self._dead else (told.message if told else "")
-            present = told is not None and told.present and not self._dead
-            frames.append(replace(frame, now=servo.hand(n), present=present, message=message))
+            now, present = servo.hand(n), told is not None and told.present and not self._dead
+            self._notice(n, now)
+            message = told.message if told and told.message else self._notes[n]
+            message = "the servo has ended; start the session anew" if self._dead else message
+            frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)
         if self._dead:
             return {}
         return {trap: place for frame in frames if frame.now for trap, place in frame.now.traps}
+
+    def _notice(self, n: int, now: HandNow | None) -> None:
+        """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
+        if now is None:
+            return
+        armed = now.state in ("ramping", "armed", "decaying")
+        if self._armed[n] and now.state == "disarmed":
+            self._notes[n] = "disarmed, for the simulation or the device was silent for too long; arm it again"
+        elif armed:
+            self._notes[n] = ""
+        self._armed[n] = armed
 
     def publish(self, scene: SceneNow | None) -> None:
         """A new state of the simulation, or word that the session lives."""
@@ -180,6 +206,7 @@ class Hands:
             return
         for n in indices:
             (self._servo.arm if on else self._servo.disarm)(n)
+            self._armed[n], self._notes[n] = False, ""
 
     def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
         """Change gains in mid-run [µm/m, N/pN].

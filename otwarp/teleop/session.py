@@ -12,6 +12,7 @@ from otwarp.haptics.config import HapticsConfig
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import Mailbox
+from otwarp.haptics.platform import favour
 from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Record
 from otwarp.teleop.hand_plan import HandPlan, plan_hands
@@ -155,6 +156,7 @@ class Session:
             SimulationError: The simulation stopped, and nobody is there to reset it.
         """
         o, loop = self._options, self.loop
+        back_to_normal = favour()
         try:
             if self._page is not None:
                 url = self._page.start()
@@ -169,6 +171,7 @@ class Session:
         finally:
             loop.close()
             self._close_boxes()
+            back_to_normal()
         report = summarize(loop) | {"budget": self.budget, "recording": self._recorded}
         if self._recorded:
             report["text"] += f"\nrecorded  {self._recorded}"

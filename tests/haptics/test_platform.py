@@ -86,3 +86,38 @@ def test_a_parent_that_changes_is_gone(monkeypatch):
     assert not gone()
     monkeypatch.setattr(os, "getppid", lambda: 1_000_000)
     assert gone() == (sys.platform != "win32")
+
+
+FAVOUR = """
+import json, os, subprocess, sys
+from otwarp.haptics.platform import favour
+def how():
+    return [os.sched_getscheduler(0) & 7, os.getpriority(os.PRIO_PROCESS, 0)]
+before = how()
+{refuse}
+back = favour()
+during = how()
+child = subprocess.run([sys.executable, "-c", "import os; print(os.sched_getscheduler(0) & 7)"], capture_output=True)
+back()
+print(json.dumps([before, during, int(child.stdout), how()]))
+"""
+REFUSE = """
+from otwarp.haptics import platform
+def _no():
+    raise PermissionError("no")
+platform._round_robin = _no
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads back what Linux did")
+@pytest.mark.parametrize("refuse", ("", REFUSE), ids=("round robin", "nice"))
+def test_a_favoured_thread_goes_back_to_where_it_was(refuse):
+    code = FAVOUR.format(refuse=refuse)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    before, during, child, after = json.loads(done.stdout)
+    assert after == before and child == os.SCHED_OTHER
+    # a system that allows neither leaves everything as it was
+    allowed = [before, [os.SCHED_OTHER, before[1] - platform.FAVOUR]] + ([] if refuse else [[os.SCHED_RR, before[1]]])
+    assert during in allowed
+    if os.geteuid() == 0 and not refuse:
+        assert during != before

@@ -174,6 +174,13 @@ def test_a_loop_that_stalls_lets_the_force_fall(stage):
     # it comes back disarmed, with the traps where they are
     live = s.run(0.2)
     assert live.hands[0].now is not None and live.hands[0].now.state == "disarmed"
+    told = "right hand: disarmed, for the simulation or the device was silent for too long; arm it again"
+    assert told in live.warnings
+    assert [line for line in live.warnings if line != told] == [
+        "simulated time runs at 0.74 of real time, 1 was asked for; 0.3 s given up"
+    ]
+    s.watcher.asked = [c.Arm()]
+    assert s.run(0.7).hands[0].message == "" and not s.watcher.lines
 
 
 def test_a_pause_disarms_and_reset_begins_anew(stage):

@@ -16,6 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import Mailbox
+from otwarp.haptics.platform import ordinary
 from otwarp.haptics.types import Vec3
 from otwarp.teleop.commands import Command
 from otwarp.teleop.page.controls import Controls, gizmo_position
@@ -220,8 +222,9 @@ class Page:
 
 def child() -> None:
     """What the child does: take its order from stdin, listen, serve, end."""
+    ordinary()
     pipe, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    with open(os.devnull, "wb") as nowhere:  # viser prints its own address, which is not the one to open
+    with Path(os.devnull).open("wb") as nowhere:  # viser prints its own address, which is not the one to open
         os.dup2(nowhere.fileno(), 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which closes the page in order
     lock = threading.Lock()
