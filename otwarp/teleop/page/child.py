@@ -14,9 +14,9 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -59,6 +59,8 @@ NOTICE = 8.0
 """Seconds for which a notification stays."""
 RATE_OVER = 2.0
 """Seconds over which the page's frame rate is counted."""
+MOST_FAILURES = 5
+"""Failures of a picture that are written to stderr."""
 PICTURE = 2000
 """Most pixels of a side of a screenshot."""
 
@@ -76,6 +78,7 @@ class Page:
         self._server, self._tell = server, tell
         self._inbox: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._clients: set[int] = set()
+        self._failures = 0
         self._shown: deque[float] = deque()
         self._news = News()
         drawing = order.drawing
@@ -113,11 +116,16 @@ class Page:
         while True:
             try:
                 work = self._inbox.get(timeout=TICK)
-                if work is None:
-                    return
-                work()
             except queue.Empty:
-                pass
+                work = _nothing
+            if work is None:
+                return
+            try:
+                work()
+            except Exception:  # a picture that fails must not end the page, whose user may want to press `Disarm all`
+                self._failures += 1
+                if self._failures <= MOST_FAILURES:
+                    traceback.print_exc()
             now = time.monotonic()
             for pointer in self._pointers.values():
                 pointer.tick(now, bool(self._clients))
@@ -131,12 +139,18 @@ class Page:
                 self._inbox.put(None)
                 return
             if isinstance(message, PageFrame):
-                self._inbox.put(lambda frame=message: self._show(frame))
+                self._inbox.put(lambda frame=message: self._take(frame))
             elif isinstance(message, Complaint):
                 self._inbox.put(lambda line=message.line: self._notify(line))
 
-    def _show(self, frame: PageFrame) -> None:
+    def _take(self, frame: PageFrame) -> None:
         """Put a frame on all screens, then ask for the next."""
+        try:
+            self._show(frame)
+        finally:
+            self._tell(Shown(frame.beat))
+
+    def _show(self, frame: PageFrame) -> None:
         now = time.monotonic()
         self._shown.append(now)
         while self._shown and now - self._shown[0] > RATE_OVER:
@@ -151,7 +165,6 @@ class Page:
         self._controls.update(frame, now, rate, self._latency.delay, len(self._clients))
         for line in self._news.of(frame.warnings, now):
             self._notify(line, "Warning", "red")
-        self._tell(Shown(frame.beat))
 
     def _ask(self, command: Command) -> None:
         self._tell(Asked(command))
@@ -220,12 +233,16 @@ class Page:
         client.send_file_download(name, png.getvalue(), save_immediately=True)
 
 
+def _nothing() -> None:
+    """What there is to do when nothing came."""
+
+
 def child() -> None:
     """What the child does: take its order from stdin, listen, serve, end."""
     ordinary()
     pipe, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    with Path(os.devnull).open("wb") as nowhere:  # viser prints its own address, which is not the one to open
-        os.dup2(nowhere.fileno(), 1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)  # viser prints its own address, which is not the one to open
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which closes the page in order
     lock = threading.Lock()
 
@@ -249,6 +266,9 @@ def child() -> None:
     except InputError as error:
         tell(Failed(str(error)))
         os._exit(2)
+    except Exception:
+        traceback.print_exc()
+        os._exit(1)
     tell(Ready(access.port, access.token))
     page.run(pipe)
     os._exit(0)  # viser's threads may wait for browsers that are gone

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 CENTRED = 1e-9
 """Offset of a ball from its body's origin below which its rotation cannot be seen [µm]."""
-NARROW = 1.0
+NARROW = 0.9
 """Width over height of the picture between the page's two panels on a common screen."""
 ROBOT, CELL, THING = (0.90, 0.27, 0.04), (0.92, 0.20, 0.36), (0.24, 0.34, 0.55)
 """Linear colours of bodies and obstacles for a scene without a stage."""
@@ -237,7 +237,7 @@ def _touching(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _camera(view: View) -> CameraDrawing:
-    """A perspective camera that sees all of the view's window; for an orthographic one from afar, with a narrow field."""
+    """A perspective camera that sees all of the view's window; an orthographic one is moved far off instead."""
     window = max(view.height, view.width / NARROW)
     fov = 2.0 * math.atan(0.5 * window)
     position, look_at = np.asarray(view.position), view.position + view.focus * view.forward
@@ -251,7 +251,7 @@ def _camera(view: View) -> CameraDrawing:
         up=_triple(view.up),
         fov=fov,
         near=distance / 200.0,
-        far=distance * 40.0,
+        far=distance * 20.0,
     )
 
 

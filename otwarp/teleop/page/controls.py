@@ -45,7 +45,8 @@ class Follower:
     def follow(self, value: float, now: float) -> None:
         """A frame says what it is; ignored shortly after a user said otherwise, and where it would make no step."""
         low, high, step = self.handle.min, self.handle.max, self.handle.step
-        value = min(max(value, low), high)
+        if not math.isnan(value):
+            value = _stepped(min(max(value, low), high), step)
         if now - self._moved >= HOLD and math.isfinite(value) and abs(value - self.handle.value) > 0.5 * step:
             self.handle.value = value
 
@@ -257,7 +258,12 @@ def _decades(value: float) -> float:
 
 
 def _within(value: float, ends: tuple[float, float]) -> float:
-    return min(max(value, ends[0]), ends[1])
+    return _stepped(min(max(value, ends[0]), ends[1]), 0.01)
+
+
+def _stepped(value: float, step: float) -> float:
+    """The nearest step, without the digits that a number box would show of it otherwise."""
+    return round(round(value / step) * step, 6)
 
 
 def _assign(handle: Any, name: str, value: object) -> None:

@@ -70,7 +70,7 @@ class Panel:
 
 def panels(drawing: Drawing, hands: Sequence[str]) -> list[Panel]:
     """The plots of a scene with devices on these hands."""
-    chosen = [_force(hands), _contact(drawing), _distance(drawing)]
+    chosen = [_force(hands) if hands or drawing.traps else None, _contact(drawing), _distance(drawing)]
     if hands:
         curves = tuple((f"{hand} [mJ]", HAND_COLOURS[hand]) for hand in hands)
         chosen.append(Panel("Passivity energy [mJ]", curves, (), lambda f: _energy(f, hands)))

@@ -35,6 +35,16 @@ def wxyz(q: np.ndarray) -> np.ndarray:
     return np.concatenate([q[..., 3:], q[..., :3]], axis=-1)
 
 
+def instanced(colours: np.ndarray) -> np.ndarray:
+    """sRGB colours (..., 3) from 0 to 255 → what viser 1.1.1 wants for instances and arrows.
+
+    It hands those to three.js as linear components, other than the colours of single meshes (IEC 61966-2-1).
+    """
+    x = np.asarray(colours, dtype=float) / 255.0
+    linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return np.rint(255.0 * linear).astype(np.uint8)
+
+
 class SceneView:
     """Everything drawn in 3-D; one thread.
 
@@ -64,7 +74,7 @@ class SceneView:
             scene.add_arrows(
                 f"/scene/{name}",
                 np.zeros((1, 2, 3), dtype=np.float32),
-                colour,
+                instanced(np.array(colour)),
                 shaft_radius=0.2 * self._head,
                 head_radius=0.5 * self._head,
                 head_length=self._head,
@@ -167,7 +177,7 @@ class SceneView:
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (many, 1)),
             batched_positions=start[group.bodies],
             batched_scales=group.radii.astype(np.float32),
-            batched_colors=group.colours,
+            batched_colors=instanced(group.colours),
             opacity=group.opacity if group.opacity < 1.0 else None,
             lod="off",
             cast_shadow=many <= FINE,
@@ -181,7 +191,7 @@ class SceneView:
             return None, None
         turn = wxyz(np.array([trap.orientation for trap in traps]))
         place = np.array([trap.position for trap in traps])
-        colours = np.array([trap.colour for trap in traps], dtype=np.uint8)
+        colours = instanced(np.array([trap.colour for trap in traps]))
         points, faces = beam()
         beams = self._server.scene.add_batched_meshes_simple(
             "/scene/beams",

@@ -10,6 +10,7 @@ from otwarp.scene.transforms import rotate
 from otwarp.teleop.page.arrows import MOST_CONTACTS, contact_arrows, trap_arrows
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.drawing import Drawing
+from otwarp.teleop.page.scene_view import instanced
 from tests.teleop.page.frames import page_frame
 from tests.teleop.page.test_browser import SCENE
 
@@ -52,3 +53,8 @@ def test_only_the_largest_contacts_of_a_crowd_have_arrows():
     length = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
     assert len(arrows) == MOST_CONTACTS and length.min() == pytest.approx(many - MOST_CONTACTS + 1)
     assert arrows[:, 0, 0] == pytest.approx(1.0)
+
+
+def test_instances_get_the_colour_that_a_mesh_gets():
+    """Values of IEC 61966-2-1: half of full scale on a screen is a fifth of the light."""
+    assert instanced(np.array([[0, 128, 255]])).tolist() == [[0, 55, 255]]

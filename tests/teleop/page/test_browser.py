@@ -119,6 +119,9 @@ def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
         followed = loop.frame().frame.position[0, 1, 0] - robot[0]
         assert followed > 0.8 * shift[0, 0] > 1.0
 
+        page.complain("no such trap: 9")
+        assert turn_until(window, loop, page, lambda: window.get_by_text("no such trap: 9").is_visible())
+
         # the page's own hand: no command, its pointer is told to go where the handle went
         word = pointer.read()
         assert word is not None and word[:3] == (0.0, 0.0, 0.0) and word[3] == DEAD_MAN

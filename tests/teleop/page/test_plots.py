@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -76,6 +77,10 @@ def test_hands_with_devices_show_their_force_and_energy(drawing: Drawing):
     force, *_, energy = panels(drawing, ("left", "right"))
     assert force.read(page_frame(hands=(left,))) == pytest.approx([0.5, math.nan], nan_ok=True)
     assert energy.read(page_frame(hands=(left,))) == pytest.approx([2.0, math.nan], nan_ok=True)
+
+
+def test_without_traps_there_is_nothing_to_plot_of_them(drawing: Drawing):
+    assert [panel.title for panel in panels(dataclasses.replace(drawing, traps=()), ())] == ["Contact load [pN]"]
 
 
 def test_a_crowd_gets_one_curve():
