@@ -103,6 +103,7 @@ class ServoProcess:
         self._lost = [0] * n
         self._takes = 0
         self._published: deque[SceneNow] = deque(maxlen=KEPT)
+        self._keeping = False
         self._rest: list[Cycles] = [Cycles()] * n
         self._status: ServoStatus | None = None
         self._hands: list[HandNow | None] = [None] * n
@@ -171,7 +172,7 @@ class ServoProcess:
         """
         if not self._over:
             self._scenes.write(scene)
-            if not self._orders.take:  # else all of them, until they are drained
+            if not self._keeping:
                 self._published.clear()
             self._published.append(scene)
         self.heartbeat()
@@ -214,6 +215,7 @@ class ServoProcess:
                 self._starts[i], self._lost[i] = None, ring.lost
             while len(self._published) > 1:  # the servo may not have read the last one yet
                 self._published.popleft()
+            self._keeping = True
         self._takes += on
         self._tell(replace(self._orders.next(), take=self._takes if on else 0))
 
@@ -234,9 +236,10 @@ class ServoProcess:
         if start is None:
             return Cycles()  # the records wait for it
         scenes: tuple[SceneNow, ...] = ()
-        if self._orders.take:
+        if self._keeping:
             scenes = tuple(self._published)
             self._published.clear()
+            self._keeping = self._orders.take > 0
         records, skip = ring.drain(), 0
         # what an earlier recording left comes first
         while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:

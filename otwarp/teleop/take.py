@@ -91,7 +91,6 @@ class TakeWriter:
             "devices": dict(devices),
             **laws_to_dict(laws),
             "kinds": list(kinds),
-            "scene": _about(scene),
             "settings": dict(settings or {}),
             # seconds of the loop's clock become ns since 1970 by: epoch + (t - began)
             "clock": {"began": self._began, "epoch": self._epoch},
@@ -189,7 +188,8 @@ class TakeWriter:
         file: TakeFile | None = None
         try:
             file = TakeFile(self.file, scene, hands)
-            file.text(CONFIG, self._epoch, json.dumps(about))
+            # the digest of a large scene takes 0.1 s
+            file.text(CONFIG, self._epoch, json.dumps(about | {"scene": _about(scene)}))
             while (item := self._waiting.get()) is not None:
                 write, arguments = item
                 write(file, *arguments)

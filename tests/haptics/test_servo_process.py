@@ -197,10 +197,18 @@ def test_gains_and_recordings_pass_between_the_processes():
         servo.set_gains(0, motion_gain=30.0)
         until(lambda: cycles_of(records)[-1].motion_gain == 30.0, fetch)
         first = servo.drain(0).start
+        servo.publish(scene_at(10**6, 1.0))
         servo.record(False)
+        assert [state.beat for state in servo.drain(0).scenes] == [10**6]
+        servo.publish(scene_at(10**6 + 1, 1.0))
+        assert servo.drain(0).scenes == ()
         until(lambda: not servo.drain(0).records, publish)
+        servo.publish(scene_at(10**6 + 2, 1.0))
         servo.record(True)
-        until(lambda: servo.drain(0).start is not None, publish)
+        servo.publish(scene_at(10**6 + 3, 1.0))
+        later: list[Cycles] = []
+        until(lambda: later.append(servo.drain(0)) or later[-1].start is not None, servo.heartbeat)
+        assert [state.beat for state in later[-1].scenes] == [10**6 + 2, 10**6 + 3]
         for bad in ((2, 1.0, 1.0), (0, -1.0, None), (0, None, "strong")):
             with pytest.raises(InputError):
                 servo.set_gains(*bad)
