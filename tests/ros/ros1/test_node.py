@@ -5,15 +5,20 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import xmlrpc.client
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from otwarp.errors import InputError
 from otwarp.ros.ros1 import receiving
+from otwarp.ros.ros1.journal import Journal
 from otwarp.ros.ros1.messages import message_type, types
 from otwarp.ros.ros1.node import Node, check_master
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
 from otwarp.ros.ros1.sending import receive_header
+from otwarp.ros.ros1.slave import answer
 from otwarp.ros.ros1.wire import decode_header, encode_header, packed
 
 from .golden import bytes_of, message_of
@@ -264,6 +269,31 @@ def test_slave_calls(node, master):
             call(a.uri, *bad)
     assert call(a.uri, "publisherUpdate", "/x", "/s", ["nonsense", "http://a:b", "ftp://x:1"]) == 0
     assert call(a.uri, "publisherUpdate", "/x", "/unheard", ["http://127.0.0.1:1/"]) == 0
+
+
+ARGUMENT = st.one_of(
+    st.sampled_from(["/s", "/p", "/x", "http://127.0.0.1:1/", [["TCPROS"]], ["http://127.0.0.1:1/", "x:"], []]),
+    st.recursive(st.integers(0, 9) | st.booleans() | st.text("/a:", max_size=4), st.lists, max_leaves=5),
+)
+
+
+def test_no_arguments_break_the_slave_calls(node):
+    """Every method of the slave but `shutdown`, with arguments near the right ones and far from them."""
+    a = node("a")
+    a.publisher("/p", TWIST)
+    heard = a.subscribe("/s", TWIST)
+    methods = {name: method for name, method in a._methods().items() if name != "shutdown"}
+
+    @given(st.sampled_from(sorted(methods)), st.lists(ARGUMENT, max_size=4))
+    @settings(max_examples=300, deadline=None)
+    def any_call(name, arguments):
+        body = xmlrpc.client.dumps(tuple(arguments), name).encode()
+        ((code, text, _),), _ = xmlrpc.client.loads(answer(methods, body, Journal()))
+        assert code in (-1, 0, 1) and isinstance(text, str)
+
+    any_call()
+    call(a.uri, "publisherUpdate", "/master", "/s", [a.uri])
+    assert set(heard.feed._links) == {a.uri} and a.alive
 
 
 def test_the_master_may_shut_a_node_down(node, master):

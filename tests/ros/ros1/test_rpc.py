@@ -39,7 +39,7 @@ def methods(seen: list[Any]) -> dict[str, Any]:
         if not isinstance(caller, str):
             raise TypeError("caller")
         seen.append((caller, number))
-        return [1, "", number]
+        return [1, "", number if isinstance(number, int) else 0]
 
     return {"one": one}
 
