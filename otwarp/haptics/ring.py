@@ -1,7 +1,7 @@
 """What the servo did in every cycle, in a ring of shared memory: one producer that never waits, one consumer.
 
 A cycle is one record of 8-byte little-endian fields (`CYCLE`), so that a batch of them is at once the body of a ROS 2
-message (`otwarp.teleop.take_types`). With it, the chain of a hand can be run again on what it was given.
+message (`otwarp.haptics.messages`). With it, the chain of a hand can be run again on what it was given.
 
 Memory ordering. The producer fills a slot and then raises `written`; the consumer copies the slots below `written` and
 then raises `taken`. x86-64 keeps stores in order and loads in order. ARM may not: there a slot may be seen before it is

@@ -28,13 +28,14 @@ from otwarp.haptics.servo_link import Cycles
 from otwarp.haptics.types import SceneNow
 from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Command
-from otwarp.teleop.frame import LiveFrame
+from otwarp.teleop.frame import LiveFrame, PaceNow
 from otwarp.teleop.take_file import COMMANDS, CONFIG, END, PACE, START, TakeFile, part_of
 from otwarp.teleop.take_laws import laws_to_dict
 
 if TYPE_CHECKING:
     from otwarp.teleop.live import LiveLoop
 
+PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
 FORMAT = 1
 """Version of what a take holds."""
 ROOM, FRAMES = 4096, 1024
@@ -95,13 +96,12 @@ class TakeWriter:
             # seconds of the loop's clock become ns since 1970 by: epoch + (t - began)
             "clock": {"began": self._began, "epoch": self._epoch},
         }
-        hands = [hand.name for hand in config.hands]
-        self._lost = dict.fromkeys(hands, 0)
+        self._lost = {hand.name: 0 for hand in config.hands}
         self._starts: dict[str, Any] = {}
         self._beats: deque[int] = deque(maxlen=4 * FRAMES)
         self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
         self._closed = False
-        self._thread = threading.Thread(target=self._run, args=(scene, hands, about), name="take", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
         self._thread.start()
 
     def frame(self, live: LiveFrame, scene: SceneNow | None = None) -> None:
@@ -183,11 +183,11 @@ class TakeWriter:
         self.dropped += 1
         self.complaint = f"recording {self.file}: {self.dropped} messages dropped, the disk is too slow"
 
-    def _run(self, scene: Scene, hands: Sequence[str], about: dict[str, Any]) -> None:
+    def _run(self, scene: Scene, about: dict[str, Any]) -> None:
         """The thread: writes until it is told to end; after an error it only takes what is handed over."""
         file: TakeFile | None = None
         try:
-            file = TakeFile(self.file, scene, hands)
+            file = TakeFile(self.file, scene)
             # the digest of a large scene takes 0.1 s
             file.text(CONFIG, self._epoch, json.dumps(about | {"scene": _about(scene)}))
             while (item := self._waiting.get()) is not None:
@@ -207,7 +207,7 @@ def _frame(file: TakeFile, live: LiveFrame, stamp: int) -> None:
     """A frame, and how time goes."""
     file.frame(live, stamp)
     pace = {"beat": live.beat, "wall": live.wall, "step": live.frame.step, "simulated": live.frame.time}
-    file.text(PACE, stamp, json.dumps(pace | dataclasses.asdict(live.pace)))
+    file.text(PACE, stamp, json.dumps(pace | {name: getattr(live.pace, name) for name in PACE_FIELDS}))
 
 
 def _checked(path: str | Path) -> Path:

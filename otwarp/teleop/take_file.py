@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -13,7 +13,8 @@ import numpy as np
 from otwarp.haptics.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.haptics.types import SceneNow
 from otwarp.scene.description import Scene
-from otwarp.teleop.frame import LiveFrame
+from otwarp.teleop.frame import HANDS, LiveFrame
+from otwarp.teleop.take_templates import Template, array_of, pose, transforms, wrench
 
 CONFIG, COMMANDS, PACE, END, SCENE = (
     "/otwarp/config",
@@ -40,13 +41,12 @@ class TakeFile:
     Args:
         path: Where it will be; until `close` it is `PATH.part/NAME.part.mcap`.
         scene: Names of bodies and traps.
-        hands: Their names.
 
     Raises:
         OSError: It cannot be written.
     """
 
-    def __init__(self, path: Path, scene: Scene, hands: Sequence[str]):
+    def __init__(self, path: Path, scene: Scene):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -58,10 +58,13 @@ class TakeFile:
         self._writer.open()
         self._topics: dict[str, Any] = {}
         self._flushed = monotonic()
-        self._bodies = [body.name.lstrip("/") for body in scene.bodies]
-        self._traps = [trap.prim.lstrip("/") for trap in scene.traps]
-        self._hands, self._warned = tuple(hands), ()
-        self._still: np.ndarray = np.array([0.0, 0.0, 0.0, 1.0])
+        # tf names have no leading slash
+        names = [name.lstrip("/") for name in (*(b.name for b in scene.bodies), *(t.prim for t in scene.traps))]
+        self._transforms, self._poses = transforms(WORLD, names), np.zeros((len(names), 7))
+        self._poses[:, 6] = 1.0
+        self._of_hand = {hand: (pose(f"{hand}_device"), wrench(f"{hand}_device")) for hand in HANDS}
+        self._arrays: dict[tuple[str, tuple[int, ...]], Template] = {}
+        self._warned: tuple[str, ...] = ()
 
     def text(self, topic: str, time: int, text: str) -> None:
         """A line, or JSON."""
@@ -77,19 +80,20 @@ class TakeFile:
 
     def frame(self, live: LiveFrame, time: int) -> None:
         """A frame of the session: poses, forces, loads, distances, warnings."""
-        frame, head = live.frame, self._header(time, WORLD)
-        places = zip(self._bodies, frame.position[0].tolist(), frame.orientation[0].tolist(), strict=True)
-        foci = [(name, place, self._still) for name, place in zip(self._traps, frame.trap_position[0], strict=True)]
-        transforms = [self._transform(head, name, place, turn) for name, place, turn in (*places, *foci)]
-        self._message("/tf", TRANSFORMS, time, transforms=transforms)
+        frame, tf = live.frame, self._poses
+        bodies = len(frame.position[0])
+        tf[:bodies, :3], tf[:bodies, 3:], tf[bodies:, :3] = (
+            frame.position[0],
+            frame.orientation[0],
+            frame.trap_position[0],
+        )
+        self._write("/tf", TRANSFORMS, time, self._transforms.fill(time, tf.ravel()))
         for hand in live.hands:
             if hand.now is not None:
-                head = self._header(time, f"{hand.name}_device")
-                pose = self._make("Pose", position=self._point(hand.now.position), orientation=self._turn(self._still))
-                self._message(f"/hand/{hand.name}/pose", POSE, time, header=head, pose=pose)
-                force = {"force": self._vector(hand.now.force), "torque": self._vector((0.0, 0.0, 0.0))}
-                wrench = self._make("Wrench", **force)
-                self._message(f"/hand/{hand.name}/force", WRENCH, time, header=head, wrench=wrench)
+                pose, wrench = self._of_hand[hand.name]
+                still = (0.0, 0.0, 0.0, 1.0)
+                self._write(f"/hand/{hand.name}/pose", POSE, time, pose.fill(time, (*hand.now.position, *still)))
+                self._write(f"/hand/{hand.name}/force", WRENCH, time, wrench.fill(time, (*hand.now.force, *still[:3])))
         self._numbers("/trap/force", time, ("trap", "axis"), frame.trap_force[0])
         self._numbers("/trap/distance", time, ("trap",), frame.trap_distance[0])
         self._numbers("/trap/power", time, ("trap",), frame.trap_power[0])
@@ -128,39 +132,12 @@ class TakeFile:
             storage.close_chunk()
             storage.bio.flush()
 
-    def _message(self, topic: str, kind: str, time: int, **fields: Any) -> None:
-        self._write(topic, kind, time, self._store.serialize_cdr(self._store.types[kind](**fields), kind))
-
     def _numbers(self, topic: str, time: int, axes: Sequence[str], values: np.ndarray) -> None:
         """An array whose layout says what its axes are."""
-        make, dims = self._of("std_msgs/msg/MultiArrayDimension"), []
-        for n, axis in enumerate(axes):
-            dims.append(make(label=axis, size=values.shape[n], stride=int(np.prod(values.shape[n:]))))
-        layout = self._of("std_msgs/msg/MultiArrayLayout")(dim=dims, data_offset=0)
-        self._message(topic, NUMBERS, time, layout=layout, data=np.ascontiguousarray(values, dtype=np.float64).ravel())
-
-    def _header(self, time: int, frame: str) -> Any:
-        stamp = self._of("builtin_interfaces/msg/Time")(sec=time // 10**9, nanosec=time % 10**9)
-        return self._of("std_msgs/msg/Header")(stamp=stamp, frame_id=frame)
-
-    def _transform(self, head: Any, name: str, place: Sequence[float], turn: Sequence[float]) -> Any:
-        transform = self._make("Transform", translation=self._vector(place), rotation=self._turn(turn))
-        return self._make("TransformStamped", header=head, child_frame_id=name, transform=transform)
-
-    def _point(self, place: Sequence[float]) -> Any:
-        return self._make("Point", x=float(place[0]), y=float(place[1]), z=float(place[2]))
-
-    def _vector(self, v: Sequence[float]) -> Any:
-        return self._make("Vector3", x=float(v[0]), y=float(v[1]), z=float(v[2]))
-
-    def _turn(self, q: Sequence[float]) -> Any:
-        return self._make("Quaternion", x=float(q[0]), y=float(q[1]), z=float(q[2]), w=float(q[3]))
-
-    def _make(self, name: str, **fields: Any) -> Any:
-        return self._of(f"geometry_msgs/msg/{name}")(**fields)
-
-    def _of(self, kind: str) -> Callable[..., Any]:
-        return self._store.types[kind]
+        template = self._arrays.get((topic, values.shape))
+        if template is None:
+            template = self._arrays[topic, values.shape] = array_of(axes, values.shape)
+        self._write(topic, NUMBERS, time, template.fill(time, values.ravel()))
 
 
 def part_of(path: Path) -> Path:

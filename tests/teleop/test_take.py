@@ -289,3 +289,21 @@ def test_a_killed_session_leaves_what_it_had_written_readable(tmp_path):
 def test_an_isotropic_law_is_not_taken_for_another():
     laws = {0: (IsotropicLaw(RADIAL), SplitLaw(RADIAL, RADIAL), IsotropicLaw(replace(RADIAL, cutoff=math.inf)))}
     assert laws_from_dict(json.loads(json.dumps(laws_to_dict(laws)))) == laws
+
+
+@pytest.mark.parametrize("bodies", [0, 1, 3])
+def test_frames_of_any_size_are_what_rosbags_writes(tmp_path, bodies):
+    scene = replace(SCENE, bodies=SCENE.bodies[:bodies])
+    live = frame(1)
+    cut = {n: getattr(live.frame, n)[:, :bodies] for n, (axis, _) in SHAPES.items() if axis == "body"}
+    with begin(tmp_path / "a.mcap", scene=scene) as take:
+        take.frame(replace(live, frame=replace(live.frame, **cut)))
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Reader(tmp_path / "a.mcap") as reader:
+        for connection, _, data in reader.messages():
+            if not connection.topic.startswith("/otwarp"):
+                message = store.deserialize_cdr(data, connection.msgtype)
+                assert bytes(store.serialize_cdr(message, connection.msgtype)) == data, connection.topic
+    told = messages(tmp_path / "a.mcap")
+    assert len(told["/tf"][0][1].transforms) == bodies + 3
+    assert len(told["/body/contact_load"][0][1].data) == bodies
