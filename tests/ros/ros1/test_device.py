@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import socket
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, find_devices
+from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import Device, DeviceLost
 from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.node import Node
+from tests.haptics.setups import chain_for, hand_config, scene_at
 
 from .setups import LocalNode, wait_for
 
@@ -176,3 +180,29 @@ def test_over_the_wire_with_a_driver_double(master, monkeypatch):
         if turn == 1.0:
             with pytest.raises(DeviceLost):
                 device.read(10.0)
+
+
+def test_a_servo_renders_to_a_ros_device_and_ends_with_zero_force(master, monkeypatch):
+    """The servo's own process holds the device: the driver hears the force of a spring, then zero."""
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    forces = []
+    hand = hand_config(motion_gain=100.0, force_gain=0.05)
+    with Node("driver") as driver:
+        out = driver.publisher(f"{NS}/pose", "geometry_msgs/PoseStamped", latch=True)
+        driver.subscribe(f"{NS}/force_feedback", "geomagic_control/DeviceFeedback", forces.append)
+        out.publish(pose(0.0, 0.0, 0.0))
+        beats = itertools.count(1)
+        with ServoProcess([HandSetup(f"ros1:{NS}", partial(chain_for, hand))], spheres=1, traps=1) as servo:
+
+            def pulls() -> bool:
+                """A hand at rest, its trap 0.3 µm beside the sphere; armed again if a busy machine let it disarm."""
+                beat = next(beats)
+                servo.publish(scene_at(beat, beat * PERIOD, sphere=(0.3, 0.0, 0.0)))
+                out.publish(pose(0.0, 0.0, 1e-6 * beat))
+                now = servo.hand(0)
+                if now is not None and now.state == "disarmed":
+                    servo.arm()
+                return bool(forces) and abs(forces[-1].force.x) > 0.05
+
+            wait_for(pulls, "a force")
+        wait_for(lambda: forces[-1].force.x == 0.0, "zero force at the end")
