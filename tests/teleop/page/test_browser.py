@@ -29,9 +29,9 @@ GAIN = 200.0
 STEP = 1.0 / 60.0
 TURNS = 3000
 """Turns of the loop within which anything must have happened: 50 s of simulated time, not of the clock."""
-SHORT, LONG = 20, 60
+SHORT, LONG = 10, 60
 """Pixels of the drags: of one trap, no farther than it can pull, and of a hand."""
-PICKED = 3.0
+PICKED = 2.0
 """Pixels by which a drag may differ from the way of the mouse, which takes the arrow by the middle of a pixel."""
 
 
