@@ -6,6 +6,8 @@ viser checks nobody. Every request, websocket handshakes included, is judged her
   rebinding) still names itself.
 - A request with an `Origin` must come from this very page: other pages in the same browser may open websockets to
   anywhere, but cannot lie about where they come from.
+- Its query may hold nothing but what is known to be harmless. viser's browser side lets a link choose another server
+  (`?websocket=`) or a recording (`?playbackPath=`), and does what that says, scripts included, in this page's name.
 - With a token, the request must carry it: once in the address, afterwards in a cookie.
 """
 
@@ -17,20 +19,23 @@ import re
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
-from urllib.parse import parse_qs, quote, urlsplit
+from urllib.parse import parse_qs, quote
 
 from otwarp.errors import InputError
 
 SHORTEST_TOKEN = 16
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
 HEADERS = (
-    ("Content-Security-Policy", "frame-ancestors 'none'"),
+    ("Content-Security-Policy", "frame-ancestors 'none'; connect-src 'self' data: blob:"),
     ("X-Frame-Options", "DENY"),
     ("X-Content-Type-Options", "nosniff"),
     ("Referrer-Policy", "no-referrer"),
     ("Cache-Control", "no-store"),
 )
-"""Of every answer: not inside another page (which could make users click what they do not see), and the token stays."""
+"""Of every answer: not inside another page, which could make users click what they do not see; not connected with
+others, should a link have got past the rules; and the token stays."""
+QUERY = re.compile(r"token|fixedDpr|showStats|logCamera|darkMode|initialCamera\w*")
+"""Names that a query may hold."""
 
 Fields = Sequence[tuple[str, str]]
 
@@ -83,9 +88,12 @@ class Access:
         origins = _values(headers, "origin")
         if origins and (len(origins) > 1 or not _same_origin(origins[0], hosts[0])):
             return Verdict(403, "this page takes no orders from other pages")
+        query = parse_qs(target.partition("?")[2], keep_blank_values=True)
+        if not all(QUERY.fullmatch(name) for name in query):
+            return Verdict(403, "this page may not be told such things by its address")
         if self.token is None:
             return Verdict(200)
-        given = parse_qs(urlsplit(target).query).get("token", [])
+        given = query.get("token", [])
         if len(given) == 1 and _equal(given[0], self.token):
             cookie = f"{self.cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
             return Verdict(200, cookie=cookie)

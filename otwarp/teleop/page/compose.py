@@ -30,6 +30,8 @@ CENTRED = 1e-9
 """Offset of a ball from its body's origin below which its rotation cannot be seen [µm]."""
 NARROW = 0.9
 """Width over height of the picture between the page's two panels on a common screen."""
+SMALL = 0.7
+"""Size over that of the largest solid beside it below which a ball gets fewer faces."""
 ROBOT, CELL, THING = (0.90, 0.27, 0.04), (0.92, 0.20, 0.36), (0.24, 0.34, 0.55)
 """Linear colours of bodies and obstacles for a scene without a stage."""
 LIGHT = {"left": (1.0, 0.1, 0.07), "right": (0.03, 0.75, 1.0), "none": (0.15, 1.0, 0.35)}
@@ -145,8 +147,10 @@ def _obstacle(o: Obstacle) -> tuple[int, tuple[float, float, float], tuple[float
 def _parts(drawn: Iterable[Drawn], frame: np.ndarray) -> tuple[Part, ...]:
     """Solids in the frame with this pose, merged by colour and opacity."""
     inverse, groups = np.linalg.inv(frame), {}
-    for d in drawn:
-        triangles = solid(d.kind, d.size, d.mesh)
+    drawn = list(drawn)
+    sizes = [float(np.cbrt(np.abs(np.linalg.det(d.transform[:, :3, :3])).max(initial=0.0))) for d in drawn]
+    for d, size in zip(drawn, sizes, strict=True):
+        triangles = solid(d.kind, d.size, d.mesh, small=size < SMALL * max(sizes))
         for matrix, colour, opacity in zip(d.transform, d.colour, d.opacity, strict=True):
             key = (display(colour), round(float(opacity), 3))
             groups.setdefault(key, []).append(placed(triangles, inverse @ matrix))

@@ -7,6 +7,7 @@ in the figure, and the drawing after it is not: an upper bound of the arrival, n
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,7 @@ class Latency:
         while True:
             self._asked.wait()
             self._measure()
-            threading.Event().wait(INTERVAL)
+            time.sleep(INTERVAL)
             self._asked.clear()
 
     def _measure(self) -> None:

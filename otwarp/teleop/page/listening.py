@@ -125,6 +125,7 @@ def refuses(access: Access, place: tuple[str, int]) -> bool:
     answer: list[int] = []
 
     def ask() -> None:
+        """In a thread: a server that does not answer must not hold up the start for longer than told."""
         with suppress(OSError, http.client.HTTPException):
             connection.request("GET", "/", headers={"Host": "elsewhere.invalid", "Origin": "http://other.invalid"})
             answer.append(connection.getresponse().status)

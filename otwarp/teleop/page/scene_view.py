@@ -22,6 +22,8 @@ CROWD, CROWD_INTERVAL = 2000, 0.1
 """From that many balls on they are moved at most once in that many seconds: each time is 120 kB to every window."""
 FAINTEST, BRIGHTEST = 0.08, 0.5
 """Opacity of a beam without power, and at the largest power seen."""
+SKY, KEY, FILL = 1.9, 2.2, 0.7
+"""Strength of the light from all sides, of that from above on the left, and of that from the right."""
 TRAP_RADIUS = 0.28
 """Radius of a trap's marker [µm]."""
 ARROW_COLOURS = ((255, 201, 89), (255, 64, 92))
@@ -134,12 +136,16 @@ class SceneView:
         first.fov, first.near, first.far = camera.fov, camera.near, camera.far
         server.scene.world_axes.visible = False
         server.scene.configure_default_lights(enabled=False)
-        server.scene.configure_environment_map("studio", environment_intensity=0.28)
+        # no environment map: to prepare one takes a machine without a graphics card some ten seconds
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_hemisphere(
+            "/light/sky", sky_color=(214, 226, 245), ground_color=(70, 80, 105), intensity=SKY
+        )
         toward = np.subtract(camera.position, camera.look_at) / self._size
         right = np.cross([0.0, 0.0, 1.0], toward)
         for name, direction, strength in (
-            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, 1.15),
-            ("fill", 0.7 * toward + 0.9 * right, 0.3),
+            ("key", 0.55 * toward + np.array([0.0, 0.0, 1.0]) - 0.8 * right, KEY),
+            ("fill", 0.7 * toward + 0.9 * right, FILL),
         ):
             place = np.array(camera.look_at) + self._size * direction / np.linalg.norm(direction)
             server.scene.add_light_directional(f"/light/{name}", intensity=strength, position=tuple(place))

@@ -87,9 +87,9 @@ def tube(top: float) -> Triangles:
 
 def capsule(half: float) -> Triangles:
     """Radius 1 about the segment z = ±half."""
-    angle = np.linspace(0.0, np.pi / 2.0, 9)
+    angle = np.linspace(0.0, np.pi / 2.0, 6)
     upper = np.stack([np.cos(angle), half + np.sin(angle)], axis=1)
-    return turned(np.concatenate([upper[::-1] * (1.0, -1.0), upper]), 24)
+    return turned(np.concatenate([upper[::-1] * (1.0, -1.0), upper]), 18)
 
 
 def rectangle(half_width: float, half_length: float) -> Triangles:
@@ -105,10 +105,10 @@ def beam() -> Triangles:
     return turned(np.stack([BEAM_WAIST * np.sqrt(1.0 + (z / rayleigh) ** 2), z], axis=1), 24)
 
 
-def solid(kind: int, size: tuple[float, float], mesh: TriangleMesh | None = None) -> Triangles:
-    """A canonical solid of `otwarp.scene.draw_list`."""
+def solid(kind: int, size: tuple[float, float], mesh: TriangleMesh | None = None, *, small: bool = False) -> Triangles:
+    """A canonical solid of `otwarp.scene.draw_list`; of a small ball nobody sees the corners of fewer faces."""
     if kind == SPHERE:
-        return ball()
+        return ball(2 if small else 3)
     if kind == BOX:
         return box()
     if kind == TUBE:

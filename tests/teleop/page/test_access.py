@@ -55,6 +55,26 @@ def test_only_the_page_itself_may_be_an_origin(origin: str, passes: bool):
     assert LOCAL.judge("/", fields(origin=origin)).passes is passes
 
 
+@pytest.mark.parametrize(
+    ("target", "passes"),
+    [
+        ("/?websocket=ws://evil.example", False),
+        ("/?%77ebsocket=ws://evil.example", False),
+        ("/?showStats&websocket=ws://evil.example", False),
+        ("/?websocket", False),
+        ("/?playbackPath=https://evil.example/x.viser", False),
+        ("//x/?websocket=ws://evil.example", False),
+        ("/??websocket=1", False),
+        ("/?fixedDpr=0.5&showStats", True),
+        ("/?initialCameraPosition=1,2,3", True),
+        ("/hdri/studio.jpg", True),
+        ("/?", True),
+    ],
+)
+def test_a_link_cannot_make_the_page_obey_another_server(target: str, passes: bool):
+    assert LOCAL.judge(target, fields()).passes is passes
+
+
 def test_two_origins_are_none():
     both = [*fields(origin="http://127.0.0.1:8080"), ("Origin", "http://127.0.0.1:8080")]
     assert LOCAL.judge("/", both).status == 403

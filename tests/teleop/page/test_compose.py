@@ -16,8 +16,8 @@ from otwarp.teleop.page.shapes import ball, beam, box, capsule, placed, solid, t
 from tests.teleop.page.test_browser import SCENE
 
 SCENES = sorted(file for file in SCENE.parent.glob("*.usda") if file.stem != "ten_thousand_cells")
-FINE = 0.03
-"""Relative error of the volume of a round solid made of flat faces, at 24 to 32 of them around."""
+FINE = 0.05
+"""Relative error of the volume of a round solid made of flat faces, at 18 to 32 of them around."""
 
 
 def volume(triangles: tuple[np.ndarray, np.ndarray]) -> float:

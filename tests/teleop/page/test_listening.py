@@ -59,6 +59,7 @@ def test_pages_and_websockets_need_the_token(locked: tuple[object, Access]):
     assert shake(port, Cookie=cookie, Origin=f"http://127.0.0.1:{port}") == 101
     assert shake(port, Cookie=cookie, Origin="http://evil.example") == 403
     assert shake(port, Cookie=cookie, Host="evil.example") == 403
+    assert ask(port, "/?websocket=ws://evil.example", Cookie=cookie).status == 403
 
 
 def test_viser_can_open_no_tunnel_to_the_world(locked: tuple[object, Access]):

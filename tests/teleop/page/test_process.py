@@ -88,6 +88,19 @@ def test_a_page_that_dies_is_told_once_and_the_session_goes_on(loop: Loop, bead:
     page.close()
 
 
+def test_a_page_that_hangs_is_killed_at_the_end(loop: Loop, bead: ot.Scene, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "STOP_WITHIN", 0.2)
+    page = PageProcess(bead, port=0)
+    page.start()
+    process = page._process
+    assert process is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    page.publish(loop.frame())
+    page.close()
+    assert process.returncode == -signal.SIGKILL and not page.alive
+    assert not any(thread.is_alive() for thread in page._threads)
+
+
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for the process in /proc")
 def test_the_page_ends_with_its_session(bead: ot.Scene):
     page = PageProcess(bead, port=0)
