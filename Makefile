@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test validate lint scenes schema clean help
+.PHONY: demo test validate debian lint scenes schema clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -25,6 +25,9 @@ test: $(READY)  ## run the tests (a few minutes on two cores)
 
 validate: $(READY)  ## run the long statistical tests as well
 	$(BIN)/python -m pytest -n 2 --validate
+
+debian:  ## as root: ROS 1, Fast DDS and Chromium, for the tests that need them
+	bash .ci/debian
 
 lint: $(READY)  ## formatting, lint and types
 	$(BIN)/ruff format --check .

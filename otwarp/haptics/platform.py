@@ -70,7 +70,7 @@ def schedule(priority: int = PRIORITY) -> Grant:
 
 
 def favour() -> Callable[[], None]:
-    """Let this thread run before ordinary processes, where the system allows it; the call that is returned takes it back.
+    """Let this thread run before ordinary processes, where the system allows it; what is returned takes it back.
 
     By SCHED_RR at the lowest priority, which nothing that it starts inherits; else by the nice value, which on Linux is
     the thread's as well. Where measured, with a browser that drew by software on both cores, the ticks of a live loop

@@ -25,17 +25,6 @@ class ServoLike(Protocol):
         """Open the devices and run."""
         ...
 
-    def _notice(self, n: int, now: HandNow | None) -> None:
-        """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
-        if now is None:
-            return
-        armed = now.state in ("ramping", "armed", "decaying")
-        if self._armed[n] and now.state == "disarmed":
-            self._notes[n] = "disarmed, for the simulation or the device was silent for too long; arm it again"
-        elif armed:
-            self._notes[n] = ""
-        self._armed[n] = armed
-
     def publish(self, scene: SceneNow) -> None:
         """A new state of the simulation."""
         ...

@@ -47,6 +47,11 @@ class Take(Protocol):
         """Where it will be once it is closed."""
         ...
 
+    @property
+    def complaint(self) -> str:
+        """One line about what is missing in it, or ""."""
+        ...
+
     def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
         """A frame, and the state that was published to the servo with it."""
         ...
@@ -217,9 +222,11 @@ class LiveLoop:
         try:
             self.hands.stop()
         finally:
-            self._end_take()
-            for outlet in self._outlets:
-                outlet.close()
+            try:
+                self._end_take()
+            finally:
+                for outlet in self._outlets:
+                    outlet.close()
 
     def _step(self, now: float) -> int:
         """Take the steps that are due while the traps glide to where they are commanded; how many."""
@@ -273,6 +280,8 @@ class LiveLoop:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
         warnings = self._watch.warnings(frame, hands, pace)
+        if self._take is not None and self._take.complaint:
+            warnings = (*warnings, self._take.complaint)
         forces = self.sim.readout.hand_force.numpy()
         return LiveFrame(
             beat=self.frames,

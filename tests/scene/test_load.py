@@ -364,8 +364,13 @@ def test_ten_thousand_cells_load_in_proportion(tmp_path) -> None:
         builder = SceneBuilder()
         builder.add_cells("/World/Cells", prototype, grid[:count])
         path = builder.save(tmp_path / f"cells_{count}.usdc")
-        begin = time.process_time()
-        return Scene.load(path), time.process_time() - begin
+        found, best = None, float("inf")
+        for _ in range(3):  # the least of three: a neighbour on the machine fills caches, and costs time of the process
+            begin = time.process_time()
+            found = Scene.load(path)
+            best = min(best, time.process_time() - begin)
+        assert found is not None
+        return found, best
 
     load(10)
     scene, whole = load(len(grid))
