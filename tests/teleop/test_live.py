@@ -14,8 +14,8 @@ from otwarp.teleop import commands as c
 from otwarp.teleop.frame import LiveFrame
 from otwarp.teleop.hand_plan import plan_hands
 from otwarp.teleop.live import LiveLoop
+from otwarp.teleop.virtual_servo import LinkedClock, VirtualServo
 from tests.teleop.scenes import PLACES, three_beads
-from tests.teleop.virtual_servo import LinkedClock, VirtualServo
 
 RATE = 120.0
 SLEW = 1000.0

@@ -1,4 +1,8 @@
-"""A servo on the loop's own virtual clock: every wait of the loop runs the cycles that fall into it."""
+"""A servo on a live loop's own virtual clock: every wait of the loop runs the cycles that fall into it.
+
+For tests and studies that must come out the same on every machine: devices, chains, loop and simulation are the real
+ones, only time is not.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +25,18 @@ PERIOD = 1e-3
 
 
 class LinkedClock(VirtualClock):
-    """Time passes by waiting; the servo lives through it."""
+    """Time passes by waiting; the servo lives through it.
+
+    Attributes:
+        servo: That is linked to it.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.servo: VirtualServo | None = None
 
     def sleep_until(self, deadline: float) -> None:
+        """See `Clock`."""
         while self.servo is not None and self.servo.running and self.servo.next <= deadline:
             self._now = max(self._now, self.servo.next)
             self.servo.cycle()
@@ -37,8 +46,16 @@ class LinkedClock(VirtualClock):
 class VirtualServo:
     """`ServoLike` in this process.
 
+    Args:
+        clock: Of the loop.
+        plans: Hands.
+        local: What they feel.
+        traps: Number of traps of the scene.
+
     Attributes:
-        forces: Every force that was sent, per hand.
+        forces: Every cycle of each hand.
+        next: When the next cycle is due [s].
+        running: Whether it was started, and not stopped.
     """
 
     def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
@@ -62,6 +79,7 @@ class VirtualServo:
         clock.servo = self
 
     def cycle(self) -> None:
+        """One cycle."""
         self._servo.cycle()
         self.next += PERIOD
         for n in range(len(self._boxes)):
@@ -70,6 +88,7 @@ class VirtualServo:
                 self.forces[n].append(now)
 
     def start(self) -> ServoStatus:
+        """See `ServoLike`."""
         for hand in self._hands:
             hand.open()
         self.running, self.next = True, self._clock.now() + PERIOD
@@ -80,38 +99,47 @@ class VirtualServo:
 
     @property
     def alive(self) -> bool:
+        """See `ServoLike`."""
         return self.running
 
     def publish(self, scene: SceneNow) -> None:
+        """See `ServoLike`."""
         self._scenes.write(scene)
         self.heartbeat()
 
     def heartbeat(self) -> None:
+        """See `ServoLike`."""
         self._tell(self._orders.next())
 
     def arm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
         for n in range(len(self._boxes)) if hand is None else (hand,):
             self._tell(self._orders.next(arm=n))
 
     def disarm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
         for n in range(len(self._boxes)) if hand is None else (hand,):
             self._tell(self._orders.next(disarm=n))
 
     def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """See `ServoLike`."""
         new, was = checked_gains(motion_gain, force_gain), self._orders.gains
         pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
         self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
 
     def hand(self, hand: int) -> HandNow | None:
+        """See `ServoLike`."""
         new = self._boxes[hand].read()
         if new is not None:
             self._seen[hand] = new
         return self._seen[hand]
 
     def status(self) -> ServoStatus | None:
+        """See `ServoLike`."""
         return self._status_box.read() or self._last_status()
 
     def stop(self) -> None:
+        """See `ServoLike`."""
         if self.running:
             self.running = False
             for hand in self._hands:
