@@ -1,9 +1,9 @@
 """Plays positions and buttons of a recording, without feeling anything.
 
-Three formats. MCAP: a take of `otwarp teleop --record`, of which it plays one hand; it may be of a session that was
-killed. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON
-lines: one object per line with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase,
-positions in metres. Numbers written by `repr` come back bit for bit.
+MCAP: a take of `otwarp teleop --record`, of which it plays one hand; it may be of a session that was killed. ROS bag:
+poses of a topic, see `bag`. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are
+ignored. JSON lines: one object per line with `time`, `position` (three numbers) and, if there are any, `buttons`. Times
+[s] increase, positions in metres. Numbers written by `repr` come back bit for bit.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 
 from otwarp.errors import InputError
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
+from otwarp.haptics.devices.bag import SUFFIXES, UNITS, bag_samples, is_bag
 from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 EDGE = 1e-9
@@ -25,8 +26,8 @@ FARTHEST = 10.0
 """Metres; no hand is farther from its device."""
 COLUMNS = ("time", "x", "y", "z")
 TAKE = ".mcap"
-OPTIONS = {"loop": ("0", "1"), "hand": ("left", "right")}
-"""What may come after the file's name, and its values."""
+OPTIONS = {"loop": ("0", "1"), "hand": ("left", "right"), "unit": tuple(UNITS), "topic": None}
+"""What may come after the file's name, and its values, if it has only a few."""
 
 
 class ReplayDevice:
@@ -35,14 +36,25 @@ class ReplayDevice:
     After the last sample the hand stays where it was, lets go of all buttons, and is no longer fresh.
 
     Args:
-        file: The recording, `.mcap`, `.csv` or `.jsonl`.
+        file: The recording, `.mcap`, a bag, `.csv` or `.jsonl`.
         name: As the user named it.
         loop: Whether to start again at the end.
         hand: Which hand of a take; None for the one that it has.
+        topic, unit: Of a bag, see `bag.bag_samples`.
     """
 
-    def __init__(self, file: Path, name: str = "replay", loop: bool = False, hand: str | None = None):
+    def __init__(
+        self,
+        file: Path,
+        name: str = "replay",
+        loop: bool = False,
+        hand: str | None = None,
+        *,
+        topic: str | None = None,
+        unit: str = "m",
+    ):
         self._file, self._loop, self._hand = file, loop, hand
+        self._topic, self._unit = topic, unit
         self._info = DeviceInfo(name=name, kind="replay")
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
         self._start: float | None = None
@@ -60,9 +72,11 @@ class ReplayDevice:
         Raises:
             InputError: It is not there, or a line is not what it must be.
         """
-        word = "cycle" if self._file.suffix.lower() == TAKE else "line"
+        bag = is_bag(self._file)
+        word = "pose" if bag else "cycle" if self._file.suffix.lower() == TAKE else "line"
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
-        for line, time, position, buttons in _samples(self._file, self._hand):
+        samples = bag_samples(self._file, self._topic, self._unit) if bag else _samples(self._file, self._hand)
+        for line, time, position, buttons in samples:
             where = f"{self._file}, {word} {line}"
             if not math.isfinite(time) or (self._times and time <= self._times[-1]):
                 raise InputError(f"{where}: time = {time!r} must be a number above the one before")
@@ -111,7 +125,7 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
         return
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InputError(f"{file}: a recording must be one of {', '.join((TAKE, *readers))}")
+        raise InputError(f"{file}: a recording must be one of {', '.join((TAKE, *SUFFIXES, *readers))}")
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             yield from reader(file, lines)
@@ -175,7 +189,8 @@ def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, Seque
 
 
 def create(spec: DeviceSpec) -> ReplayDevice:
-    """`replay:FILE`, and after it `,loop=1` and, for a take, `,hand=left`: by default the hand of the same name."""
+    """`replay:FILE`, and after it `,loop=1`; for a take `,hand=left`, by default the hand of the same name; for a bag
+    `,topic=/NAME` and `,unit=mm`."""
     # a file's name may hold commas and equals signs; only these endings are options
     path, options = spec.argument or "", ["replay"]
     while True:
@@ -187,7 +202,8 @@ def create(spec: DeviceSpec) -> ReplayDevice:
     where = f"device {spec.text!r}"
     _, found = parse_parameters(where, ",".join(options), tuple(OPTIONS))
     for name, value in found.items():
-        if value not in OPTIONS[name]:
-            raise InputError(f"{where}: {name} = {value!r} must be {' or '.join(OPTIONS[name])}")
-    hand = found.get("hand", spec.name)
-    return ReplayDevice(Path(path), spec.text, found.get("loop") == "1", hand)
+        choices = OPTIONS[name]
+        if choices and value not in choices:
+            raise InputError(f"{where}: {name} = {value!r} must be {' or '.join(choices)}")
+    hand, bag = found.get("hand", spec.name), {"topic": found.get("topic"), "unit": found.get("unit", "m")}
+    return ReplayDevice(Path(path), spec.text, found.get("loop") == "1", hand, **bag)
