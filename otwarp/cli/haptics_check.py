@@ -14,6 +14,7 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.options import json_option
+from otwarp.errors import InputError
 
 if TYPE_CHECKING:
     from otwarp.haptics.check import Check
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 )
 @click.option("--rate", type=float, default=1000.0, show_default=True, help="Cycles of the servo per second.")
 @click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
+@click.option("--page/--no-page", default=True, show_default=True, help="Measure the latency from state to page.")
+@click.option("--browser", metavar="FILE", help="Browser to measure it with; default: a Chromium, if there is one.")
 @click.option("--scene", type=click.Path(path_type=Path), help="Also say how fast this scene runs here.")
 @click.option("--scene-device", metavar="NAME", help="Where it runs: cpu, cuda:0, …; default: the best available.")
 @json_option
@@ -36,6 +39,8 @@ def check(
     device: str | None,
     rate: float,
     width: bool,
+    page: bool,
+    browser: str | None,
     scene: Path | None,
     scene_device: str | None,
     as_json: bool,
@@ -49,12 +54,25 @@ def check(
 
     with _progress(as_json) as say:
         found = run_check(seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say)
+        if page:
+            found = dataclasses.replace(found, page=_page_latency(seconds, browser, say))
         if scene is not None:
             found = dataclasses.replace(found, scene=_scene_cost(scene, scene_device, say))
     if as_json:
         click.echo(json.dumps(found.json(), indent=2, ensure_ascii=False, allow_nan=False))
     else:
         _print(found)
+
+
+def _page_latency(seconds: float, browser: str | None, say: Callable[[str], None]) -> dict[str, Any]:
+    """How long a state takes to the page; without viser, that it is needed."""
+    from otwarp.teleop.page.measure import measure_page
+
+    say("latency from state to page (a browser without a window takes some seconds to load it)")
+    try:
+        return dataclasses.asdict(measure_page(seconds, browser=browser))
+    except InputError as error:
+        return {"trouble": str(error)}
 
 
 def _scene_cost(file: Path, device: str | None, say: Callable[[str], None]) -> dict[str, Any]:
@@ -101,6 +119,23 @@ def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
         yield show
 
 
+def _page_text(page: dict[str, Any]) -> str:
+    """The page's latency in a line or two."""
+    if "trouble" in page:
+        return f"state to page: {page['trouble']}"
+    middle, worst = (1e3 * t for t in page["applied"])
+    lines = [f"state to page: handed to the browsers {middle:.3g} ms after it was published (at most {worst:.3g} ms)"]
+    if page["delay"]:
+        middle, worst = (1e3 * t for t in page["delay"])
+        lines.append(
+            f"               answered by {page['browser']} after {middle:.3g} ms (at most {worst:.3g} ms in "
+            f"{page['answers']}), the way back included"
+        )
+    else:
+        lines.append(f"               browser: {page['browser']}")
+    return "\n".join(lines)
+
+
 def _print(found: Check) -> None:
     from rich.console import Console
 
@@ -113,6 +148,8 @@ def _print(found: Check) -> None:
         console.print(table)
     for line in found.trouble:
         console.print(line, markup=False)
+    if found.page is not None:
+        click.echo(_page_text(found.page))
     scene = found.scene
     if scene is not None:
         console.print(

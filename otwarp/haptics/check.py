@@ -101,6 +101,7 @@ class Check:
         limits: What bounds what is felt.
         trouble: What could not be measured, and why.
         scene: What a scene costs, if one was given; see the command.
+        page: How long a state takes to the page, if it was measured; see the command.
     """
 
     system: str
@@ -113,6 +114,7 @@ class Check:
     limits: list[Limit]
     trouble: list[str]
     scene: dict[str, Any] | None = None
+    page: dict[str, Any] | None = None
 
     def json(self) -> dict[str, Any]:
         """For a program; times in seconds."""

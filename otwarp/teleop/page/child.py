@@ -7,6 +7,7 @@ It ends when its stdin ends: by order, or because its session is gone.
 from __future__ import annotations
 
 import io
+import logging
 import math
 import os
 import queue
@@ -148,7 +149,7 @@ class Page:
         try:
             self._show(frame)
         finally:
-            self._tell(Shown(frame.beat))
+            self._tell(Shown(frame.beat, self._latency.delay))
 
     def _show(self, frame: PageFrame) -> None:
         now = time.monotonic()
@@ -240,6 +241,8 @@ def _nothing() -> None:
 def child() -> None:
     """What the child does: take its order from stdin, listen, serve, end."""
     ordinary()
+    # a browser that opens a connection and thinks better of it is no news for the terminal
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
     pipe, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # viser prints its own address, which is not the one to open

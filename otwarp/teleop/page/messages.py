@@ -109,9 +109,15 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A frame was applied: the next one may come."""
+    """A frame was applied: the next one may come.
+
+    Attributes:
+        beat: Of the frame.
+        delay: The latest `latency.Latency.delay` [s], None without one.
+    """
 
     beat: int
+    delay: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,6 +103,8 @@ class PageProcess:
         self._credit, self._over, self._told = True, False, False
         self._asked: deque[Command] = deque()
         self._visitors = 0
+        self._sent, self._applied = 0.0, 0.0
+        self._delay: float | None = None
         self._threads: list[threading.Thread] = []
         self._url = ""
         self.dropped = 0
@@ -122,6 +124,21 @@ class PageProcess:
     def visitors(self) -> int:
         """How many browser windows look at it."""
         return self._visitors if self.alive else 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether the page has shown the frame before, so that another would be sent."""
+        return self._credit
+
+    @property
+    def applied(self) -> float:
+        """Time from `publish` to the word that the page's process has handed the frame to the browsers [s]."""
+        return self._applied
+
+    @property
+    def delay(self) -> float | None:
+        """Time from `publish` to the latest answer of a browser, see `latency.Latency` [s]; None without one."""
+        return self._delay
 
     @property
     def pid(self) -> int | None:
@@ -176,7 +193,8 @@ class PageProcess:
                 self.dropped += 1
                 return
             self._credit = False
-            self._frame = PageFrame.of(live, time.monotonic())
+            self._sent = time.monotonic()
+            self._frame = PageFrame.of(live, self._sent)
             self._wake.notify()
 
     def commands(self) -> Sequence[Command]:
@@ -255,6 +273,8 @@ class PageProcess:
             except (EOFError, OSError, ValueError):
                 return
             if isinstance(message, Shown):
+                self._applied = time.monotonic() - self._sent
+                self._delay = message.delay
                 self._credit = True
             elif isinstance(message, Asked):
                 self._asked.append(message.command)
