@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from otwarp.haptics.types import Vec3
-from otwarp.teleop.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed
+from otwarp.teleop.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
 from otwarp.teleop.frame import HANDS, HandFrame
 from otwarp.teleop.page.drawing import Drawing
 from otwarp.teleop.page.gizmos import MODES, Gizmos
@@ -26,6 +26,10 @@ TEXT_INTERVAL = 0.25
 SPEEDS = (0.05, 2.0)
 MOTION_DECADES, FORCE_DECADES, ARROW_DECADES = (0.0, 4.0), (-4.0, 2.0), (-2.0, 2.0)
 """Ends of the logarithmic sliders: log₁₀ of µm/m, N/pN and µm/pN."""
+SURE_WITHIN = 4.0
+"""Seconds after the first click on the button that ends the session in which a second one does."""
+END, SURE = "End session", "Really end?"
+"""Labels of that button."""
 _FILE = re.compile(r"[\w-][\w .-]*")
 
 Post = Callable[[Callable[[], None]], None]
@@ -52,7 +56,7 @@ class Follower:
 
 
 def file_name(text: str) -> str | None:
-    """Name of a recording as a user typed it, None for none.
+    """File of a recording by the name that a user typed, with its ending; None for none.
 
     Raises:
         ValueError: One that would lead out of the session's folder.
@@ -62,7 +66,7 @@ def file_name(text: str) -> str | None:
         return None
     if not _FILE.fullmatch(text):
         raise ValueError(f"file = {text!r}: must be a plain name of letters, digits, '-', '_', '.' and blanks")
-    return text
+    return text if text.lower().endswith(".mcap") else f"{text}.mcap"
 
 
 class Controls:
@@ -95,7 +99,7 @@ class Controls:
         self._server, self._drawing, self._view, self._gizmos = server, drawing, view, gizmos
         self._post, self._ask, self._tell, self._clock, self._screenshot = post, ask, tell, clock, screenshot
         self._paused, self._recording = False, False
-        self._texts_at = -math.inf
+        self._texts_at = self._sure_until = -math.inf
         self._followers: dict[str, Follower] = {}
         self._hand_texts: dict[str, Any] = {}
         gui = server.gui
@@ -109,10 +113,11 @@ class Controls:
 
     def update(self, frame: PageFrame, now: float, rate: float, delay: float | None, visitors: int) -> None:
         """Show a frame; the last arguments as in `readout.figures`."""
-        _assign(self._banner, "content", banner(frame.warnings, frame.pace, frame.recording))
+        _assign(self._banner, "content", banner(frame.warnings, frame.pace, frame.recording, frame.task))
         self._paused, self._recording = frame.pace.paused, frame.recording is not None
         _assign(self._pause, "label", "Go on" if self._paused else "Pause")
         _assign(self._record, "label", "Stop recording" if self._recording else "Record")
+        _assign(self._end, "label", SURE if now < self._sure_until else END)
         for hand in frame.hands:
             if hand.name not in self._hand_texts:
                 self._hand(hand)
@@ -131,8 +136,10 @@ class Controls:
 
     def _session(self) -> None:
         gui = self._server.gui
-        self._stop = gui.add_button("Disarm all", color="red", visible=False, hint="Let all forces fall to zero, now")
-        self._on_click(self._stop, lambda: self._ask(Disarm()))
+        self._disarm_all = gui.add_button(
+            "Disarm all", color="red", visible=False, hint="Let all forces fall to zero, now"
+        )
+        self._on_click(self._disarm_all, lambda: self._ask(Disarm()))
         with gui.add_folder("Session"):
             self._pause = gui.add_button("Pause", hint="Stand still; disarms the hands")
             self._on_click(self._pause, lambda: self._ask(Pause(not self._paused)))
@@ -146,6 +153,18 @@ class Controls:
             self._on_click(self._record, self._toggle_recording)
             shot = gui.add_button("Screenshot", color="gray", hint="Download what this window shows of the scene")
             shot.on_click(lambda event: self._screenshot(event.client))
+            self._end = gui.add_button(
+                END, color="gray", hint="Forces fall to zero, the recording is finished, all ends"
+            )
+            self._on_click(self._end, self._end_session)
+
+    def _end_session(self) -> None:
+        """End it by the second of two clicks: it cannot be taken back."""
+        now = self._clock()
+        if now < self._sure_until:
+            self._ask(Stop())
+        self._sure_until = now + SURE_WITHIN
+        _assign(self._end, "label", SURE)
 
     def _toggle_recording(self) -> None:
         try:
@@ -156,7 +175,7 @@ class Controls:
     def _hand(self, hand: HandFrame) -> None:
         """Controls of a hand with a device, once it is known."""
         gui, name = self._server.gui, hand.name
-        self._hands_folder.visible = self._stop.visible = True
+        self._hands_folder.visible = self._disarm_all.visible = True
         with self._hands_folder, gui.add_folder(f"{name.capitalize()} hand"):
             self._hand_texts[name] = gui.add_html(hand_text(hand))
             arm = gui.add_button("Arm", color="green", hint="Let it push")

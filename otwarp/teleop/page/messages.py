@@ -45,7 +45,7 @@ class PageFrame:
         position, orientation: (B, 3) and (B, 4) of the bodies' prims.
         trap_position, trap_power, trap_force, trap_distance: (T, 3), (T,), (T, 3), (T,).
         contact_force, contact_load: (B, 3), (B,).
-        beat, time, hand_force, hands, servo, pace, warnings, recording: See `LiveFrame` and `Frame`.
+        beat, time, hand_force, hands, servo, pace, warnings, task, recording: See `LiveFrame` and `Frame`.
     """
 
     stamp: float
@@ -64,6 +64,7 @@ class PageFrame:
     servo: ServoStatus | None
     pace: PaceNow
     warnings: tuple[str, ...]
+    task: str
     recording: str | None
 
     @classmethod
@@ -81,6 +82,7 @@ class PageFrame:
             servo=live.servo,
             pace=live.pace,
             warnings=live.warnings,
+            task=live.task,
             recording=live.recording,
         )
 

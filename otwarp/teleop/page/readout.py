@@ -1,4 +1,4 @@
-"""Texts of the page: the banner of warnings, the state of each hand, the figures of the loop. HTML, all escaped."""
+"""Texts of the page: task and warnings, the state of each hand, the figures of the loop. HTML, all escaped."""
 
 from __future__ import annotations
 
@@ -12,18 +12,22 @@ from otwarp.teleop.page.messages import PageFrame
 QUIET = 6.0
 """Seconds after which the same warning, whatever its numbers, is notified again if it had gone meanwhile."""
 MOST_SHOWN = 6
+LONGEST_DEVICE = 30
+"""Characters of a device's name that fit on its row; the pointer shows the whole of a longer one."""
 KEEPS_UP = 0.95
 """Share of the wanted pace below which the figures turn amber."""
 _RED, _AMBER, _GREEN, _GREY = "#ff405c", "#ffc24a", "#4ade80", "#8ea2b8"
 STATE_COLOURS = {"armed": _GREEN, "ramping": _AMBER, "decaying": _AMBER, "fault": _RED, "disarmed": _GREY}
 
 
-def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None) -> str:
-    """A red box with the warnings, or one quiet line."""
+def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None, task: str = "") -> str:
+    """How the session goes, how the task stands, and a red box with the warnings if there are any."""
     state = _dot(_GREY, "paused") if pace.paused else _dot(_slow(pace), f"running at {pace.factor:.2f} ×")
     if recording is not None:
         state += " &nbsp; " + _dot(_RED, f"recording {_escape(_last(recording))}")
     head = f'<div style="padding:2px 12px 6px;font-size:13px">{state}</div>'
+    if task:
+        head += f'<div style="padding:0 12px 6px;font-size:13px">{_escape(task)}</div>'
     if not warnings:
         return head
     lines = "".join(f"<div>⚠ {_escape(line)}</div>" for line in warnings[:MOST_SHOWN])
@@ -31,7 +35,7 @@ def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None) -> str
         lines += f"<div>and {len(warnings) - MOST_SHOWN} more</div>"
     return (
         head + f'<div style="margin:0 10px 8px;padding:8px 10px;border-radius:6px;background:{_RED};color:#fff;'
-        f'font-weight:600;font-size:13px;line-height:1.45">{lines}</div>'
+        f'font-weight:600;font-size:13px;line-height:1.45;overflow-wrap:anywhere">{lines}</div>'
     )
 
 
@@ -41,7 +45,10 @@ def hand_text(hand: HandFrame) -> str:
     colour = STATE_COLOURS.get(state, _GREY)
     force = sum(f * f for f in hand.force) ** 0.5
     rows = [
-        ("device", _escape(hand.device) + ("" if hand.present else f' <b style="color:{_RED}">absent</b>')),
+        (
+            "device",
+            _short(hand.device, LONGEST_DEVICE) + ("" if hand.present else f' <b style="color:{_RED}">absent</b>'),
+        ),
         ("state", f'<b style="color:{colour}">{_escape(state)}</b>'),
         ("force", f"{force:.2f} N of {hand.clamp:.2f} N"),
         ("motion gain", f"{hand.motion_gain:.4g} µm/m"),
@@ -84,7 +91,7 @@ def table(rows: Sequence[tuple[str, str]]) -> str:
     """Rows of name and value; values are HTML already."""
     body = "".join(
         f'<tr><td style="color:{_GREY};padding:1px 12px 1px 0;white-space:nowrap">{_escape(name)}</td>'
-        f'<td style="font-variant-numeric:tabular-nums">{value}</td></tr>'
+        f'<td style="font-variant-numeric:tabular-nums;overflow-wrap:anywhere">{value}</td></tr>'
         for name, value in rows
     )
     return f'<div style="padding:2px 12px 6px"><table style="font-size:12.5px;line-height:1.4">{body}</table></div>'
@@ -114,6 +121,14 @@ def _slow(pace: PaceNow) -> str:
 
 def _dot(colour: str, text: str) -> str:
     return f'<span style="color:{colour}">●</span> {text}'
+
+
+def _short(text: str, most: int) -> str:
+    """Its beginning and its end where it is too long: a device begins with its kind, a file ends with its name."""
+    if len(text) <= most:
+        return _escape(text)
+    end = (most - 1) // 2
+    return f'<span title="{_escape(text)}">{_escape(text[: most - 1 - end])}…{_escape(text[-end:])}</span>'
 
 
 def _last(path: str) -> str:

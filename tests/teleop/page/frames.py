@@ -32,6 +32,7 @@ def page_frame(traps: Any = (), bodies: int = 0, **more: Any) -> PageFrame:
         "servo": None,
         "pace": PaceNow(),
         "warnings": (),
+        "task": "",
         "recording": None,
     }
     return PageFrame(**(values | more))

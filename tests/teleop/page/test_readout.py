@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import pytest
@@ -8,7 +9,7 @@ from otwarp.haptics.servo_link import HandStatus, ServoStatus
 from otwarp.haptics.types import HandNow
 from otwarp.teleop.frame import HandFrame, PaceNow
 from otwarp.teleop.page.controls import HOLD, Follower, file_name
-from otwarp.teleop.page.readout import QUIET, News, banner, figures, hand_text
+from otwarp.teleop.page.readout import LONGEST_DEVICE, QUIET, News, banner, figures, hand_text
 from tests.teleop.page.frames import page_frame
 
 EVIL = '<img src=x onerror="alert(1)">'
@@ -31,6 +32,8 @@ def test_the_banner_says_what_is_wrong_and_what_goes_on():
     quiet = banner((), PaceNow(), None)
     assert "running at 1.00" in quiet and "recording" not in quiet and "⚠" not in quiet
     loud = banner(("robot lost",), PaceNow(paused=True), "/a/b/take1.mcap")
+    task = banner((), PaceNow(), None, f"cell is 3.2 µm from the goal {EVIL}")
+    assert "cell is 3.2 µm from the goal &lt;img" in task and "<img" not in task
     assert "paused" in loud and "recording take1.mcap" in loud and "⚠ robot lost" in loud
 
 
@@ -49,6 +52,16 @@ def test_a_hand_says_its_state():
     assert "absent" in absent and "unplugged at 3.2 s" in absent and "no word yet" in absent
     now = HandNow(1, 0.0, (0, 0, 0), (0.3, 0.4, 0), (), "armed", 0.0)
     assert "0.50 N of 3.00 N" in hand_text(hand(now=now, present=True))
+
+
+def test_a_long_name_of_a_device_fits_its_row_and_is_shown_whole_by_the_pointer():
+    name = "replay:/a/folder/that/lies/very/far/down/take1.mcap,hand=left"
+    text = hand_text(hand(device=name, present=True))
+    shown = re.sub(r"<[^>]*>", "", text)
+    assert "replay:/a" in shown and "hand=left" in shown and "…" in shown and name not in shown
+    assert len(re.search(r"device(.*?)state", shown)[1]) == LONGEST_DEVICE  # type: ignore[index]
+    assert f'title="{name}"' in text
+    assert "<img" not in hand_text(hand(device=EVIL * 3))
 
 
 def test_a_warning_is_news_once_whatever_its_numbers():
@@ -87,7 +100,8 @@ def test_a_slider_follows_frames_but_not_against_its_user():
 
 
 @pytest.mark.parametrize(
-    ("text", "name"), [("", None), ("  ", None), ("take 1.mcap", "take 1.mcap"), (" a-b_c ", "a-b_c")]
+    ("text", "name"),
+    [("", None), ("  ", None), ("take 1.mcap", "take 1.mcap"), (" a-b_c ", "a-b_c.mcap"), ("A.MCAP", "A.MCAP")],
 )
 def test_a_recording_has_a_plain_name(text: str, name: str | None):
     assert file_name(text) == name
