@@ -13,6 +13,7 @@ from benchmarks import (
     speed,
     stability,
     startup,
+    teleop,
     terms,
 )
 from benchmarks.report import PAGE, command, options, put_on_page, save_json
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "stability": stability.measure,
     "budget": budget.measure,
     "haptics": haptics.measure,
+    "teleop": teleop.measure,
 }
 
 

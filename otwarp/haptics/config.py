@@ -85,7 +85,8 @@ class ChainConfig:
         motion_filter: Of the motion that the traps are commanded; the force does not wait for it. None filters nothing.
         force_filter: Of the force; it delays, so that b/τ bounds the stiffness that passivity control need not touch.
         pose_filter: Of the sphere positions, which arrive at the simulation's rate, not the servo's.
-        pose_prediction: Whether spheres go on between two published states as they did before, see `law.LocalModel`;
+        pose_prediction: Whether spheres follow the hand between two published states as they did before, see
+            `law.LocalModel`;
             stable mode only, for the release does not.
         damping: Virtual damping of the hand [N·s/m]; in paper mode that of the release's device node.
         distance_damping: The release's D [raw force·s/µm], paper mode only; it ships 0.

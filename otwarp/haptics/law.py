@@ -14,10 +14,14 @@ from typing import Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.config import HandConfig
-from otwarp.haptics.types import SceneNow, TrapLaw, Vec3
+from otwarp.haptics.types import ZERO, SceneNow, TrapLaw, Vec3
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
 """Direction in which beams travel unless a scene turns them."""
+
+MEMORY = 15 / 16
+"""Of a model that predicts, from one state to the next: at 120 states/s it forgets within 0.13 s. Thermal motion of 20 nm
+spoils the share by 3 % at 5 µm/s; a hand that runs into a wall feels at most k·v·T too little until it is forgotten."""
 
 
 class Law(Protocol):
@@ -181,11 +185,12 @@ class LocalModel:
         laws: For each trap of the scene that a hand moves, its law for each kind.
         kinds: Kind of each sphere, in the order of `SceneNow.spheres`; empty for kind 0 throughout.
         smoothing: α per servo period with which sphere positions follow what is published, 1 for at once.
-        prediction: Whether spheres are taken to go on between two published states as they did between the last two,
-            but no farther than the hand has carried its traps meanwhile. A sphere that follows its trap then does not
-            seem to lag by what the trap moved since the last state: at 120 states/s, 10 pN/µm and 5 µm/s that is 0.2 pN
-            on average, where the drag on a bead of 1 µm is 0.08 pN. A hand at rest feels no prediction, so neither a
-            kick nor thermal motion is carried on.
+        prediction: Whether spheres are taken to have followed the hand since a state was computed: by the share of the
+            traps' way that each went lately, of the way from where the state has the traps to where they are. A sphere
+            that follows its trap then does not seem to lag by what the trap moved since: at 120 states/s, 10 pN/µm and
+            5 µm/s that is 0.2 pN on average, where the drag on a bead of 1 µm is 0.08 pN. How old a state is does not
+            matter, for its traps say where the hand was. A hand at rest feels no prediction, so neither a kick nor
+            thermal motion is carried on, and a sphere that is held back stays where it was seen.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
@@ -213,9 +218,11 @@ class LocalModel:
         self._spheres: list[list[Vec3]] = []
         self._targets: list[list[Vec3]] = []
         self.prediction = prediction
-        self._velocities: list[list[Vec3]] = []
-        self._periods = 0
-        self._carried: Vec3 | None = None
+        self._shares: list[list[float]] = []
+        self._went: list[list[float]] = []
+        self._way = 0.0
+        self._focus: Vec3 | None = None
+        self._carried = ZERO
 
     def refresh(self, scene: SceneNow, traps: Mapping[int, Vec3]) -> bool:
         """See `ForceModel.refresh`.
@@ -233,6 +240,8 @@ class LocalModel:
             total += x + y + z
             targets[self._kinds[n] if self._kinds else 0].append(sphere.position)
         rows = []
+        focus: Vec3 | None = None
+        carried = ZERO
         for trap in scene.traps:
             if trap.index not in traps:
                 continue
@@ -240,6 +249,10 @@ class LocalModel:
                 raise InputError(f"trap {trap.index} has no force law; allowed: {sorted(self.laws)}")
             x, y, z = traps[trap.index]
             total += x + y + z + trap.power
+            if focus is None:  # a hand carries all its traps alike
+                focus = u, v, w = trap.position
+                carried = (u - x, v - y, w - z)
+                total += u + v + w
             choices = self.laws[trap.index]
             rows += [(x, y, z, trap.power, choices[kind], kind) for kind in range(groups)]
         if not math.isfinite(total):
@@ -247,20 +260,35 @@ class LocalModel:
         self._traps = rows
         same = [len(group) for group in targets] == [len(group) for group in self._spheres]
         if self.prediction:
-            self._velocities = self._rates(targets) if same and self._periods else []
-            self._periods, self._carried = 0, None
+            self._learn(targets, focus, same)
+            self._carried = carried
         if self.smoothing == 1.0 or not same:
             self._spheres = targets
         self._targets = targets
         return True
 
-    def _rates(self, targets: list[list[Vec3]]) -> list[list[Vec3]]:
-        """How far each sphere went per servo period between the last two states [µm]."""
-        k = 1.0 / self._periods
-        return [
-            [(k * (u - x), k * (v - y), k * (w - z)) for (x, y, z), (u, v, w) in zip(before, now, strict=True)]
-            for before, now in zip(self._targets, targets, strict=True)
+    def _learn(self, targets: list[list[Vec3]], focus: Vec3 | None, same: bool) -> None:
+        """How much of its trap's way each sphere went lately: Σ(way of sphere · way of trap)/Σ(way of trap)².
+
+        Both are sums over the states since the model was made, each state's part weighing `MEMORY` of the one after it.
+        Thermal motion is in the ends of a way alone, so that it counts little once the trap has gone far.
+        """
+        before = self._focus
+        self._focus = focus
+        if not same or before is None or focus is None:
+            self._shares, self._went, self._way = [], [[0.0] * len(group) for group in targets], 0.0
+            return
+        a, b, c = focus[0] - before[0], focus[1] - before[1], focus[2] - before[2]
+        self._way = MEMORY * self._way + a * a + b * b + c * c
+        self._went = [
+            [
+                MEMORY * sum_ + a * (u - x) + b * (v - y) + c * (w - z)
+                for sum_, (x, y, z), (u, v, w) in zip(sums, then, now, strict=True)
+            ]
+            for sums, then, now in zip(self._went, self._targets, targets, strict=True)
         ]
+        way = self._way
+        self._shares = [[min(max(s / way, 0.0), 1.0) for s in sums] for sums in self._went] if way > 0.0 else []
 
     def force(self, x: float, y: float, z: float) -> Vec3:
         """See `ForceModel.force`."""
@@ -277,25 +305,14 @@ class LocalModel:
 
     def _ahead(self, x: float, y: float, z: float) -> list[list[Vec3]]:
         """The spheres where they have come to by now, with the hand's traps carried by x, y, z [µm]."""
-        self._periods += 1
-        if self._carried is None:
-            self._carried = (x, y, z)
-        if not self._velocities:
+        if not self._shares:
             return self._spheres
         a, b, c = self._carried
-        far = math.sqrt((x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2)
-        if not 0.0 < far < math.inf:
-            return self._spheres
-        n = float(self._periods)
-        out = []
-        for group, rates in zip(self._spheres, self._velocities, strict=True):
-            ahead = []
-            for (u, v, w), (p, q, r) in zip(group, rates, strict=True):
-                way = n * math.sqrt(p * p + q * q + r * r)
-                k = n if way <= far else n * far / way
-                ahead.append((u + k * p, v + k * q, w + k * r))
-            out.append(ahead)
-        return out
+        a, b, c = x - a, y - b, z - c
+        return [
+            [(u + s * a, v + s * b, w + s * c) for (u, v, w), s in zip(group, shares, strict=True)]
+            for group, shares in zip(self._spheres, self._shares, strict=True)
+        ]
 
     def _approach(self) -> None:
         """Move the spheres one servo period on towards where they were last published."""

@@ -35,8 +35,9 @@ RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
 
 GLIDE = 1e-3
-"""Simulated seconds after which a moving trap is put farther: a leap each frame would let its spheres catch up, and the
-force at the end of the frame would lack their drag."""
+"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part: a leap each frame
+would let its spheres catch up, and the force at the end of the frame would lack their drag. With spheres that relax in τ it
+is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
 
 
 class Take(Protocol):
@@ -248,9 +249,12 @@ class LiveLoop:
         done = 0
         while done < steps:
             part = min(part, steps - done)
-            done += part
-            self._traps.write(self.sim, done / steps)
+            # half-way through each part, so that spheres lag by the drag on average; a single leap goes all the way
+            self._traps.write(self.sim, (done + 0.5 * part) / steps if part < steps else 1.0)
             self.sim.step(part)
+            done += part
+        if steps:
+            self._traps.write(self.sim)
 
     def _capture(self) -> Frame:
         """The present state, in arrays of its own: outlets may keep them."""

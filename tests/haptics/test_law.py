@@ -12,7 +12,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.haptics.config import ChainConfig, HandConfig
 from otwarp.haptics.filters import LowPass
-from otwarp.haptics.law import IsotropicLaw, LocalModel, SplitLaw, fitted_for, local_model
+from otwarp.haptics.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, fitted_for, local_model
 from otwarp.haptics.table import TableLaw
 from otwarp.haptics.types import SceneNow, SphereNow, TrapLaw, TrapNow
 from otwarp.optics import ForceTable
@@ -144,6 +144,61 @@ def test_spheres_glide_to_where_they_are_published():
     model.refresh(scene([(1.0, 0.0, 0.0)], [((0.0, 0.0, 0.0), 1.0)], 1), hold)
     forces = [model.force(0.0, 0.0, 0.0)[0] for _ in range(10)]
     assert forces[-1] == pytest.approx(-1.0 + math.exp(-1.0), rel=1e-9)
+
+
+SPRING = TrapLaw(1.0, 9.0, 0.0, 0.0, 9.0)
+"""1 pN/µm at 1 mW."""
+
+
+def predicted(ways: list[float], *, carried: list[float], later: float = 0.05, anchor: float = 0.3) -> list[float]:
+    """Force along x after each state, the hand `later` µm farther than the state's trap; `ways` are of the sphere."""
+    model = LocalModel({0: (IsotropicLaw(SPRING),)}, prediction=True)
+    out = []
+    for beat, (way, far) in enumerate(zip(ways, carried, strict=True)):
+        trap = (anchor + far, 0.0, 0.0)
+        assert model.refresh(scene([(way, 0.0, 0.0)], [(trap, 1.0)], beat), {0: (anchor, 0.0, 0.0)})
+        out.append(model.force(far + later, 0.0, 0.0)[0])
+    return out
+
+
+def test_a_sphere_that_follows_its_trap_is_felt_with_its_lag_alone():
+    way = [0.1 * n for n in range(20)]
+    forces = predicted([0.3 + w - 0.02 for w in way], carried=way)
+    # trap − sphere is 0.02; before anything is known of it, it seems to stay
+    assert forces[0] == pytest.approx(0.07) and forces[1:] == pytest.approx([0.02] * 19)
+
+
+def test_a_sphere_that_is_held_stays_and_one_that_was_let_go_follows():
+    way = [0.01 * n for n in range(200)]
+    held = predicted([0.3] * 200, carried=way)
+    assert held == pytest.approx([w + 0.05 for w in way])
+    # runs into a wall after 100 states, and is forgotten to have followed
+    stopped = predicted([0.3 + min(w, 1.0) for w in way], carried=way)
+    missing = [w - 0.95 - f for w, f in zip(way, stopped, strict=True)][101:]
+    assert min(missing) >= 0.0 and max(missing) <= 0.05 and missing[50] < 0.05 * MEMORY**50 * 1.01
+
+
+def test_no_share_is_below_zero_or_above_one():
+    way = [0.1 * n for n in range(5)]
+    assert predicted([0.3 - w for w in way], carried=way)[-1] == pytest.approx(2.0 * way[-1] + 0.05)
+    assert predicted([0.3 + 2.0 * w for w in way], carried=way)[-1] == pytest.approx(-way[-1])
+
+
+def test_a_hand_at_rest_feels_no_prediction():
+    rng = np.random.default_rng(3)
+    places = rng.normal(0.3, 0.1, 50).tolist()
+    for far in ([0.2] * 50, [0.01 * n for n in range(50)]):
+        found = predicted(places, carried=far, later=0.0)
+        assert found == pytest.approx([0.3 + f - x for f, x in zip(far, places, strict=True)], abs=1e-15)
+
+
+def test_noise_hardly_spoils_the_share():
+    """The thermal motion of a bead in 10 pN/µm, with the trap at 5 µm/s."""
+    rng = np.random.default_rng(4)
+    way = [5.0 / 120.0 * n for n in range(1000)]
+    places = [0.3 + w + x for w, x in zip(way, rng.normal(0.0, 0.02, 1000), strict=True)]
+    share = 1.0 - (np.array(predicted(places, carried=way)) + np.array(places) - np.array(way) - 0.3) / 0.05
+    assert share[100:].mean() > 0.97 and share[100:].min() > 0.85
 
 
 def test_what_is_not_finite_is_refused_and_changes_nothing():
