@@ -10,6 +10,7 @@ import json
 import math
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from otwarp.errors import InputError
@@ -212,6 +213,8 @@ class Hand:
     def _lose(self, now: float, why: str) -> None:
         name = self._device.info.name
         self._flags |= LOST
+        with suppress(Exception):  # one that failed in reading may still be told to let go
+            self._device.write(ZERO)
         self._rendering.drop()
         self._try_at = now + REOPEN_AFTER
         self.status = HandStatus(False, self.status.losses + 1, f"{name}: lost, disarmed ({why})")

@@ -32,6 +32,11 @@ from otwarp.haptics.types import DeviceInfo
 
 SWITCH = 2e-4
 """Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
+ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+"""Signals that end a servo in order: a closed terminal and Ctrl-\\ reach the whole group of processes."""
+UNHEEDED = ("SIGINT", "SIGTSTP", "SIGTTIN", "SIGTTOU")
+"""Signals that a servo does not heed. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
+parent alone, for a servo that stood still would leave the last force on, with nobody there to take it back."""
 LENGTH = struct.Struct("!Q")
 """Goes before the pickled order in the pipe."""
 
@@ -60,10 +65,19 @@ def child() -> None:
     order: Order = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
     ended = threading.Event()
     threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which stops the servo in order
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    _heed_signals(ended)
     # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
     os._exit(_serve(order, ended.is_set))
+
+
+def _heed_signals(ended: threading.Event) -> None:
+    """No signal that a terminal sends ends this process, or stops it, with a force on; systems lack some of them."""
+    for name in ENDING:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    for name in UNHEEDED:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _serve(order: Order, ended: Callable[[], bool]) -> int:

@@ -238,7 +238,7 @@ class LiveLoop:
             if not self._outlets:
                 raise
             self.failure = str(error)
-            self.hands.arm(on=False)
+            self._let_go()
             self._complain(f"{error}; reset to go on")
             return 0
         return steps
@@ -341,8 +341,7 @@ class LiveLoop:
             case c.Arm(hand):
                 self._arm(hand)
             case c.Disarm(hand):
-                self._arm_soon = False
-                self.hands.arm(hand, on=False)
+                self._let_go(hand)
             case c.Stop():
                 self.over = True
         if self._take is not None:
@@ -353,14 +352,19 @@ class LiveLoop:
             raise InputError("arm: the simulation stands still; allowed: while it runs")
         self.hands.arm(hand)
 
+    def _let_go(self, hand: str | None = None) -> None:
+        """Disarm, also those that were to be armed once they hold their traps."""
+        self._arm_soon = False
+        self.hands.arm(hand, on=False)
+
     def _pause(self, on: bool) -> None:
         if on:
-            self.hands.arm(on=False)
+            self._let_go()
         self.pace.pause(on, self._clock.now())
 
     def _reset(self) -> None:
         """Begin anew; the hands are disarmed, and take hold of their traps where the scene has them."""
-        self.hands.arm(on=False)
+        self._let_go()
         self.sim = self._make_sim()
         self.failure = ""
         self._traps.restart()

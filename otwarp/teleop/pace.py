@@ -77,7 +77,8 @@ class Pace:
     def due(self, now: float) -> int:
         """Steps to take now."""
         elapsed = max(now - self._last, 0.0)
-        self._last = now
+        # a tick that paused or reset began before it did
+        self._last = max(self._last, now)
         if self._paused:
             self.stood += elapsed
             return 0

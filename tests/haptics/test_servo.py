@@ -239,6 +239,8 @@ def test_a_lost_device_disarms_says_so_and_comes_back_disarmed(error):
     assert rig.state(0.3).state == "fault"
     assert rig.state(0.3).force == ZERO
     assert rig.state(0.3).traps == rig.state(0.19).traps  # the traps stay where the hand left them
+    # one that gave no sample is told to let go in the same cycle, not when it is opened anew
+    assert rig.force(0.2 + CYCLE) == 0.0
     # at first, in vain 0.5 and 1.0 s after the loss, then with success
     assert device.opens == 4
     assert seen["back"] == HandStatus(True, 1, "virtual: back; arm it to feel it again")

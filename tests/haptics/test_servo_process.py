@@ -115,16 +115,29 @@ def test_a_killed_parent_leaves_zero_force_and_no_process():
         assert reports.read().state == "stopped"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGTERM")
-def test_a_terminated_servo_lets_go_in_order_and_its_parent_sees_it():
+@pytest.mark.skipif(sys.platform == "win32", reason="sends signals of POSIX")
+@pytest.mark.parametrize("ending", ["SIGTERM", "SIGHUP", "SIGQUIT"])
+def test_a_terminated_servo_lets_go_in_order_and_its_parent_sees_it(ending):
+    """Also by a terminal that is closed, or by Ctrl-\\: both reach the servo as well as its parent."""
     with ServoProcess([HandSetup(HOLD, SpringChain)], spheres=1, traps=1) as servo:
         publish = publishing(servo)
         until(lambda: servo.hand(0) is not None and servo.hand(0).force[0] < 0.0, publish)
         os.kill(servo.pid, signal.SIGINT)  # Ctrl-C in the parent's terminal reaches both; the servo waits for its order
-        os.kill(servo.pid, signal.SIGTERM)
+        os.kill(servo.pid, getattr(signal, ending))
         until(lambda: not servo.alive, publish)
         assert servo.status().state == "stopped"
         assert servo.hand(0).force == ZERO
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends signals of POSIX")
+def test_a_session_that_is_suspended_does_not_suspend_the_servo_with_its_force():
+    """Ctrl-Z reaches both: the parent stands still, and the servo has to notice."""
+    with ServoProcess([HandSetup(HOLD, SpringChain)], spheres=1, traps=1) as servo:
+        publish = publishing(servo)
+        until(lambda: servo.hand(0) is not None and servo.hand(0).force[0] < 0.0, publish)
+        os.kill(servo.pid, signal.SIGTSTP)
+        until(lambda: servo.hand(0).state == "disarmed" and servo.hand(0).force == ZERO)
+        assert servo.alive
 
 
 def test_a_pointer_moves_a_mouse():

@@ -204,6 +204,34 @@ def test_a_pause_disarms_and_reset_begins_anew(stage):
     assert np.linalg.norm(live.frame.trap_position[0, 1] - PLACES["right"]) <= 2.0
 
 
+@pytest.mark.parametrize("command", [c.Pause(True), c.Reset(), c.Disarm()], ids=lambda v: type(v).__name__)
+def test_what_disarms_before_the_hands_hold_their_traps_also_keeps_them_from_being_armed(stage, command):
+    s = stage(right="virtual:sine,amplitude=0.01,frequency=2,mass=0")
+    s.loop.start(arm=True)
+    s.watcher.asked = [command]
+    s.run(0.3)
+    s.watcher.asked = [c.Pause(False)]
+    assert s.run(0.3).hands[0].now.state == "disarmed"
+    assert {now.state for now in s.servo.forces[0]} == {"disarmed"}
+    assert {now.force for now in s.servo.forces[0]} == {(0.0, 0.0, 0.0)}
+
+
+def test_what_a_reset_takes_is_not_owed(stage):
+    s = stage(right="virtual:hold,at=0/0/0")
+    s.loop.start()
+    s.run(0.5)
+    make = s.loop._make_sim
+
+    def slowly():
+        s.clock.sleep_until(s.clock.now() + 2.0)
+        return make()
+
+    s.loop._make_sim = slowly
+    s.watcher.asked = [c.Reset()]
+    live = s.run(0.1)
+    assert live.pace.slipped == 0.0 and live.frame.time == pytest.approx(0.1, abs=0.02)
+
+
 def test_the_operator_is_told_of_a_lost_sphere(stage):
     s = stage()
     s.loop.start()

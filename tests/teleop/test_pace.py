@@ -42,6 +42,15 @@ def test_a_pause_is_no_debt():
     assert pace.stood == pytest.approx(4.5)
 
 
+def test_a_restart_within_a_tick_is_no_debt():
+    pace = Pace(STEP, rate=120.0)
+    pace.due(0.5)
+    pace.restart(2.5)  # a reset took two seconds of the tick that began at 0.51
+    assert pace.due(0.51) == 0
+    assert pace.due(2.51) in (9, 10)
+    assert pace.slipped == pytest.approx(0.45)
+
+
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=60), st.floats(0.01, 10.0))
 def test_no_simulated_second_is_lost_without_being_counted(waits, speed):
     pace, now = Pace(STEP, rate=120.0, speed=speed), 0.0
