@@ -38,7 +38,7 @@ class Chain:
         model: What it feels, `local_model(config, laws)` for the traps of a scene.
 
     Raises:
-        InputError: Paper mode with a law that is not isotropic.
+        InputError: Paper mode with a table.
 
     Attributes:
         asked: Force that was asked of safety in the last step [N].

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from otwarp.errors import InputError
 from otwarp.haptics.config import ChainConfig, HandConfig
 from otwarp.haptics.filters import LowPass, VectorFilter
-from otwarp.haptics.law import ForceModel, IsotropicLaw, LocalModel
+from otwarp.haptics.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
 from otwarp.haptics.types import ZERO, SceneNow, TrapLaw, Vec3
 
 RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, constant=-1568.0, cutoff=0.10)
@@ -124,21 +124,26 @@ class PaperTwist:
 class PaperRenderer:
     """The release's force node fed from published states, one trap and one sphere per hand.
 
-    Its trap is the hand's first, its robot the sphere that was nearest to it when the hand took hold.
+    Its trap is the hand's first, its robot the sphere that was nearest to it when the hand took hold. The release knows
+    the distance alone: of a law with two curves it takes the one across the beam, for whatever direction.
 
     Args:
         config: Of the hand.
-        model: Holds the trap's law, which must be isotropic, for kind 0.
+        model: Holds the trap's laws, which must be authored curves.
 
     Raises:
-        InputError: A hand without a trap, or a law with a direction.
+        InputError: A hand without a trap, or a trap whose force is a table.
     """
 
     def __init__(self, config: HandConfig, model: ForceModel) -> None:
-        law = model.laws.get(config.traps[0], (None,))[0] if isinstance(model, LocalModel) and config.traps else None
-        if not isinstance(law, IsotropicLaw):
-            raise InputError(f"chain.mode is 'paper' with traps {config.traps}; allowed: a first trap of isotropic law")
-        self._law, self._hand, self._gain = law, config, config.force_gain
+        choices = model.laws.get(config.traps[0], ()) if isinstance(model, LocalModel) and config.traps else ()
+        curves = [_curve(law) for law in choices]
+        if not curves or None in curves:
+            allowed = "a first trap with a force curve"
+            raise InputError(f"chain.mode is 'paper' with traps {config.traps}; allowed: {allowed}")
+        self._curves = [curve for curve in curves if curve is not None]
+        self._kinds = model.kinds if isinstance(model, LocalModel) else ()
+        self._hand, self._gain = config, config.force_gain
         self._node = self._restarted()
         self._robot = -1
 
@@ -164,10 +169,18 @@ class PaperRenderer:
         if not 0 <= self._robot < len(scene.spheres):
             gaps = [math.dist(sphere.position, trap.position) for sphere in scene.spheres]
             self._robot = gaps.index(min(gaps))
-        self._node.pull = curve_of(self._law.curve, trap.power)
+        kind = self._kinds[self._robot] if self._kinds else 0
+        self._node.pull = curve_of(self._curves[kind], trap.power)
         robot = scene.spheres[self._robot].position
         if self._hand.chain.messages_per_state == 1:
             self._node._trap = trap.position
         else:
             self._node.trap_message(trap.position, time)
         return self._node.robot_message(robot, time)
+
+
+def _curve(law: Law) -> TrapLaw | None:
+    """The law's force as a function of distance, None for one that is none."""
+    if isinstance(law, SplitLaw):
+        return law.radial
+    return law.curve if isinstance(law, IsotropicLaw) else None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from array import array
+from dataclasses import replace
 
 import pytest
 
@@ -13,6 +15,7 @@ from otwarp.haptics.law import IsotropicLaw, SplitLaw, local_model
 from otwarp.haptics.motion import Motion
 from otwarp.haptics.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
 from otwarp.haptics.presets import PAPER_CHAIN
+from otwarp.haptics.table import Grid, TableLaw
 from otwarp.haptics.types import DeviceSample, SceneNow, SphereNow, TrapNow
 
 PRINTED = 5e-4
@@ -144,8 +147,20 @@ def test_device_node_damps_when_a_force_arrives():
     assert chain.asked[0] == pytest.approx(-0.1)
 
 
-def test_refuses_a_law_with_a_direction():
+def test_a_law_of_two_curves_and_kinds_is_the_radial_one_of_the_robots_kind():
+    config = HandConfig(traps=(4,), force_gain=0.0022, axis_map=IDENTITY, chain=PAPER_CHAIN)
+    half = replace(RELEASE_LAW, stiffness=0.5 * RELEASE_LAW.stiffness)
+    laws = (SplitLaw(half, RELEASE_LAW), SplitLaw(RELEASE_LAW, half))
+    # the robot is the nearest sphere, the second one; in `kinds` it is of the first kind
+    chain = Chain(config, local_model(config, {4: laws}, (1, 0)))
+    for n in range(1000):
+        chain.step(DeviceSample(n * 1e-3, (0.0, 0.0, 0.0)), state(n * 60 // 1000))
+    assert chain.asked[1] == pytest.approx(0.5 * 1.32 * (1.0 - 0.95**119), rel=1e-9)
+
+
+def test_refuses_a_table():
     config = HandConfig(traps=(0,), chain=PAPER_CHAIN)
-    with pytest.raises(InputError, match="isotropic"):
-        Chain(config, local_model(config, {0: (SplitLaw(RELEASE_LAW, RELEASE_LAW),)}))
+    grid = Grid(1.0, 1.0, 1.0, 3, array("f", [0.0] * 27))
+    with pytest.raises(InputError, match="allowed: a first trap with a force curve"):
+        Chain(config, local_model(config, {0: (TableLaw((grid,), 1, False, 1.0),)}))
     assert PAPER_CHAIN.motion_filter == LowPass(alpha=0.05, rate=1000.0)
