@@ -42,7 +42,7 @@ CONSTANT = {
     "_filter": {"alpha"},
     "_velocity": {"_period", "_quantum", "_axes"},
     "model": {"laws", "smoothing", "prediction", "_kinds", "_traps", "_spheres", "_targets"},
-    "_paper": {"_law", "_hand", "_node"},
+    "_paper": {"_curves", "_kinds", "_hand", "_node"},
     "_paper._node": {"_damping", "_filter", "pull"},
     "_paper._node._filter": {"alpha"},
 }
