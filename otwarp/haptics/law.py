@@ -20,9 +20,10 @@ UPWARD: Vec3 = (0.0, 0.0, 1.0)
 """Direction in which beams travel unless a scene turns them."""
 
 MEMORY = 15 / 16
-"""Of a model that predicts, from one state to the next: at 120 states/s it forgets within 0.13 s. Thermal motion of
-20 nm spoils the share by 3 % at 5 µm/s; a hand that runs into a wall feels at most k·v·T too little until it is
-forgotten."""
+"""Of a model that predicts, from one state to the next: at 120 states/s it forgets within 0.13 s.
+
+Thermal motion of 20 nm then spoils the share by 3 % at 5 µm/s; a hand that runs into a wall feels at most k·v·T too
+little until it is forgotten."""
 
 
 class Law(Protocol):

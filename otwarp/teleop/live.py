@@ -35,9 +35,10 @@ RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
 
 GLIDE = 1e-3
-"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part: a leap each frame
-would let its spheres catch up, and the force at the end of the frame would lack their drag. With spheres that relax in
-τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
+"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part.
+
+A leap each frame would let its spheres catch up, and the force at the end of the frame would lack their drag. With
+spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
 
 
 class Take(Protocol):
