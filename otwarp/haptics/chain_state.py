@@ -26,7 +26,7 @@ REMEMBERED: dict[str, tuple[str, ...]] = {
     "motion._filter": ("value",),
     "_coupling": ("_hand", "proxy"),
     "_filter": ("value",),
-    "model": ("_velocities", "_periods", "_carried"),
+    "model": ("_velocities", "_periods", "_carried", "_bodies", "_time"),
     "_paper": ("_gain", "_robot"),
     "_paper._node": ("_last", "_robot", "_trap", "force", "gain"),
     "_paper._node._filter": ("value",),

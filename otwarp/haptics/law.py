@@ -185,7 +185,10 @@ class LocalModel:
             but no farther than the hand has carried its traps meanwhile. A sphere that follows its trap then does not
             seem to lag by what the trap moved since the last state: at 120 states/s, 10 pN/µm and 5 µm/s that is 0.2 pN
             on average, where the drag on a bead of 1 µm is 0.08 pN. A hand at rest feels no prediction, so neither a
-            kick nor thermal motion is carried on.
+            kick nor thermal motion is carried on. A state in which simulated time has not gone on, as in slow motion,
+            changes nothing of it.
+
+    A place in `SceneNow.spheres` that goes to another body has that body's sphere at once: it did not move there.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
@@ -212,6 +215,8 @@ class LocalModel:
         self._traps: list[tuple[float, float, float, float, Law, int]] = []
         self._spheres: list[list[Vec3]] = []
         self._targets: list[list[Vec3]] = []
+        self._bodies: Sequence[Sequence[int]] = ()
+        self._time = -math.inf
         self.prediction = prediction
         self._velocities: list[list[Vec3]] = []
         self._periods = 0
@@ -227,11 +232,14 @@ class LocalModel:
             raise InputError(f"the scene has {len(scene.spheres)} spheres; allowed: {len(self._kinds)}, one per kind")
         groups = 1 + max(self._kinds, default=0)
         targets: list[list[Vec3]] = [[] for _ in range(groups)]
+        bodies: list[list[int]] = [[] for _ in range(groups)]
         total = 0.0
         for n, sphere in enumerate(scene.spheres):
             x, y, z = sphere.position
             total += x + y + z
-            targets[self._kinds[n] if self._kinds else 0].append(sphere.position)
+            kind = self._kinds[n] if self._kinds else 0
+            targets[kind].append(sphere.position)
+            bodies[kind].append(sphere.body)
         rows = []
         for trap in scene.traps:
             if trap.index not in traps:
@@ -246,13 +254,29 @@ class LocalModel:
             return False
         self._traps = rows
         same = [len(group) for group in targets] == [len(group) for group in self._spheres]
-        if self.prediction:
+        if same and bodies != [list(group) for group in self._bodies]:
+            self._exchange(targets, bodies)
+        stood = same and scene.time == self._time and targets == self._targets
+        if self.prediction and not stood:
             self._velocities = self._rates(targets) if same and self._periods else []
             self._periods, self._carried = 0, None
         if self.smoothing == 1.0 or not same:
             self._spheres = targets
-        self._targets = targets
+        self._targets, self._bodies, self._time = targets, bodies, scene.time
         return True
+
+    def _exchange(self, targets: list[list[Vec3]], bodies: list[list[int]]) -> None:
+        """Where a place goes to another body, its past is where that body is now."""
+        standing = self._spheres is self._targets
+
+        def of(past: list[list[Vec3]]) -> list[list[Vec3]]:
+            return [
+                [new if a != b else old for old, new, a, b in zip(*rows, strict=True)]
+                for rows in zip(past, targets, self._bodies, bodies, strict=True)
+            ]
+
+        self._targets, spheres = of(self._targets), self._spheres
+        self._spheres = self._targets if standing else of(spheres)
 
     def _rates(self, targets: list[list[Vec3]]) -> list[list[Vec3]]:
         """How far each sphere went per servo period between the last two states [µm]."""

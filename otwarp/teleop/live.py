@@ -199,7 +199,8 @@ class LiveLoop:
         steps = self._step(begun)
         frame = self._capture()
         self._traps.note(frame.trap_position[0])
-        state = self._next_state(frame) if steps else None
+        # a simulation that waits for its next step, as in slow motion, lives; one that is paused or failed says nothing
+        state = None if self.failure or self.pace.paused else self._next_state(frame)
         self.hands.publish(state)
         if steps:
             self.monitor.update(frame)

@@ -146,6 +146,68 @@ def test_spheres_glide_to_where_they_are_published():
     assert forces[-1] == pytest.approx(-1.0 + math.exp(-1.0), rel=1e-9)
 
 
+LINEAR = IsotropicLaw(TrapLaw(1.0, 900.0, 0.0, 0.0, 900.0))
+"""1 pN/µm: the force at the origin is how far the spheres are to the other side."""
+
+
+def predicting(*states: SceneNow, smoothing: float = 1.0, carried: float = 1.0, periods: int = 8) -> LocalModel:
+    """A model that was told these states, `periods` servo periods apart, in each of which a hand carried its trap."""
+    model = LocalModel({0: (LINEAR,)}, smoothing=smoothing, prediction=True)
+    x = 0.0
+    for n, state in enumerate(states):
+        model.refresh(state, {0: (0.0, 0.0, 0.0)})
+        for _ in range(periods if n < len(states) - 1 else 0):
+            model.force(x, 0.0, 0.0)
+            x += carried / periods
+    return model
+
+
+def moving(x: float, time: float, body: int = 0) -> SceneNow:
+    return SceneNow(1, time, (SphereNow((x, 0.0, 0.0), body),), (TrapNow(0, (0.0, 0.0, 0.0), 1.0),))
+
+
+def ahead(model: LocalModel, x: float) -> float:
+    """Where the sphere is taken to be [µm], with the trap carried by x."""
+    return x - model.force(x, 0.0, 0.0)[0]
+
+
+def test_spheres_go_on_as_they_went_but_no_farther_than_the_hand():
+    model = predicting(moving(0.0, 0.0), moving(0.8, 8e-3))
+    assert ahead(model, 1.0) == pytest.approx(0.8)  # a hand that has not moved since
+    assert ahead(model, 1.5) == pytest.approx(0.8 + 2 * 0.1)
+    assert ahead(model, 1.1) == pytest.approx(0.8 + 0.1)
+    assert ahead(model, 1.1) == pytest.approx(0.8 + 0.1)  # no farther than the hand
+
+
+def test_a_state_told_again_changes_nothing_of_the_prediction():
+    once = predicting(moving(0.0, 0.0), moving(0.8, 8e-3))
+    again = predicting(moving(0.0, 0.0), moving(0.8, 8e-3))
+    for n in range(1, 30):
+        if n % 8 == 0:
+            again.refresh(moving(0.8, 8e-3), {0: (0.0, 0.0, 0.0)})
+        x = 1.0 + 0.05 * n
+        assert ahead(again, x) == ahead(once, x)
+    for model in (once, again):
+        model.refresh(moving(1.6, 16e-3), {0: (0.0, 0.0, 0.0)})
+    assert once._velocities == again._velocities
+    # one that stands still while time goes on is predicted to stand
+    once.refresh(moving(1.6, 24e-3), {0: (0.0, 0.0, 0.0)})
+    once.force(3.0, 0.0, 0.0)
+    assert ahead(once, 4.0) == pytest.approx(1.6)
+
+
+@pytest.mark.parametrize("smoothing", [1.0, 0.1])
+def test_a_place_that_goes_to_another_body_brings_no_motion_of_its_own(smoothing):
+    """The nearest spheres are told; one that was 20 µm away and is near now did not cross the trap in between."""
+    model = predicting(moving(-20.0, 0.0), moving(5.0, 8e-3, body=1), smoothing=smoothing, carried=30.0)
+    model.force(30.0, 0.0, 0.0)
+    assert [ahead(model, 30.0 + n) for n in range(1, 5)] == pytest.approx([5.0] * 4)
+    # and then it moves
+    model.refresh(moving(5.5, 16e-3, body=1), {0: (0.0, 0.0, 0.0)})
+    model.force(40.0, 0.0, 0.0)
+    assert ahead(model, 41.0) > 5.0
+
+
 def test_what_is_not_finite_is_refused_and_changes_nothing():
     model = LocalModel({0: (IsotropicLaw(CURVE),)})
     good = scene([(0.1, 0, 0)], [((0.0, 0.0, 0.0), 1.0)])

@@ -216,6 +216,23 @@ def test_what_disarms_before_the_hands_hold_their_traps_also_keeps_them_from_bei
     assert {now.force for now in s.servo.forces[0]} == {(0.0, 0.0, 0.0)}
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.01])
+def test_slow_motion_keeps_the_hands_armed(stage, speed):
+    """Steps of 1 ms at a hundredth of real time come every 100 ms, which is no simulation that died."""
+    s = stage(right="virtual:sine,amplitude=0.01,frequency=2,mass=0")
+    s.loop.start(arm=True)
+    s.run(0.7)
+    s.watcher.asked = [c.SetSpeed(speed)]
+    before = len(s.servo.forces[0])
+    begun = s.run(1.0 / RATE).frame.time
+    live = s.run(1.0)
+    assert live.frame.time - begun == pytest.approx(speed, abs=2e-3)
+    assert {now.state for now in s.servo.forces[0][before:]} == {"armed"}
+    # a pause is still one
+    s.watcher.asked = [c.Pause(True)]
+    assert s.run(0.2).hands[0].now.traps == ()
+
+
 def test_what_a_reset_takes_is_not_owed(stage):
     s = stage(right="virtual:hold,at=0/0/0")
     s.loop.start()
