@@ -26,7 +26,7 @@ REMEMBERED: dict[str, tuple[str, ...]] = {
     "motion._filter": ("value",),
     "_coupling": ("_hand", "proxy"),
     "_filter": ("value",),
-    "model": ("_shares", "_went", "_way", "_focus", "_carried"),
+    "model": ("_shares", "_went", "_way", "_focus", "_carried", "_bodies", "_time"),
     "_paper": ("_gain", "_robot"),
     "_paper._node": ("_last", "_robot", "_trap", "force", "gain"),
     "_paper._node._filter": ("value",),

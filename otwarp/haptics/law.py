@@ -192,7 +192,10 @@ class LocalModel:
             that follows its trap then does not seem to lag by what the trap moved since: at 120 states/s, 10 pN/µm and
             5 µm/s that is 0.2 pN on average, where the drag on a bead of 1 µm is 0.08 pN. How old a state is does not
             matter, for its traps say where the hand was. A hand at rest feels no prediction, so neither a kick nor
-            thermal motion is carried on, and a sphere that is held back stays where it was seen.
+            thermal motion is carried on, and a sphere that is held back stays where it was seen. A state
+            in which simulated time has not gone on, as in slow motion, teaches it nothing.
+
+    A place in `SceneNow.spheres` that goes to another body has that body's sphere at once: it did not move there.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
@@ -219,6 +222,8 @@ class LocalModel:
         self._traps: list[tuple[float, float, float, float, Law, int]] = []
         self._spheres: list[list[Vec3]] = []
         self._targets: list[list[Vec3]] = []
+        self._bodies: Sequence[Sequence[int]] = ()
+        self._time = -math.inf
         self.prediction = prediction
         self._shares: list[list[float]] = []
         self._went: list[list[float]] = []
@@ -241,11 +246,14 @@ class LocalModel:
             raise InputError(f"the scene has {len(scene.spheres)} spheres; allowed: {len(self._kinds)}, one per kind")
         groups = 1 + max(self._kinds, default=0)
         targets: list[list[Vec3]] = [[] for _ in range(groups)]
+        bodies: list[list[int]] = [[] for _ in range(groups)]
         total = 0.0
         for n, sphere in enumerate(scene.spheres):
             x, y, z = sphere.position
             total += x + y + z
-            targets[self._kinds[n] if self._kinds else 0].append(sphere.position)
+            kind = self._kinds[n] if self._kinds else 0
+            targets[kind].append(sphere.position)
+            bodies[kind].append(sphere.body)
         rows = []
         focus: Vec3 | None = None
         carried = ZERO
@@ -266,13 +274,35 @@ class LocalModel:
             return False
         self._traps = rows
         same = [len(group) for group in targets] == [len(group) for group in self._spheres]
+        if same and bodies != [list(group) for group in self._bodies]:
+            self._exchange(targets, bodies)
+        stood = same and scene.time == self._time and targets == self._targets
         if self.prediction:
-            self._learn(targets, focus, same)
+            if not stood:
+                self._learn(targets, focus, same)
             self._carried = carried
         if self.smoothing == 1.0 or not same:
             self._spheres = targets
-        self._targets = targets
+        self._targets, self._bodies, self._time = targets, bodies, scene.time
         return True
+
+    def _exchange(self, targets: list[list[Vec3]], bodies: list[list[int]]) -> None:
+        """Where a place goes to another body, its past is where that body is now, and nothing is known of its way."""
+        standing = self._spheres is self._targets
+
+        def _of(past: list[list[Vec3]]) -> list[list[Vec3]]:
+            return [
+                [new if a != b else old for old, new, a, b in zip(*rows, strict=True)]
+                for rows in zip(past, targets, self._bodies, bodies, strict=True)
+            ]
+
+        self._targets, spheres = _of(self._targets), self._spheres
+        self._spheres = self._targets if standing else _of(spheres)
+        if self._went:  # only of a model that predicts
+            self._went = [
+                [sum_ if a == b else 0.0 for sum_, a, b in zip(*rows, strict=True)]
+                for rows in zip(self._went, self._bodies, bodies, strict=True)
+            ]
 
     def _learn(self, targets: list[list[Vec3]], focus: Vec3 | None, same: bool) -> None:
         """How much of its trap's way each sphere went lately: Σ(way of sphere · way of trap)/Σ(way of trap)².

@@ -34,6 +34,10 @@ from otwarp.teleop.watch import Watch
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
 
+LONGEST_TICK = 0.014
+"""Seconds of work after which a tick with hands should end: they need a state every 20 ms, or their forces fall. On a
+machine that is too slow simulated time slips instead."""
+
 GLIDE = 1e-3
 """Simulated seconds after which a moving trap is put farther, to half-way through the next such part.
 
@@ -118,6 +122,11 @@ class LiveLoop:
             raise InputError(f"rate is {rate!r}; allowed: {RATES[0]:g} to {RATES[1]:g} frames per second")
         if plans and make_servo is None:
             raise InputError("make_servo is None; allowed with hands: what makes their servo")
+        slowest = max((1.0 / plan.config.safety.decay_after for plan in plans), default=0.0)
+        if rate <= slowest:
+            raise InputError(
+                f"rate is {rate!r}; allowed with hands: above {slowest:g} frames per second, or forces fall between"
+            )
         self.plans = tuple(plans)
         self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
@@ -132,7 +141,8 @@ class LiveLoop:
         self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
         self._traps = TrapCommands(scene, moved)
         self._watch, self.monitor = self._watchers()
-        self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
+        now, longest = self._clock.now(), LONGEST_TICK if self.plans else np.inf
+        self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=now, longest_tick=longest)
         self._beat = 0
         self._take: Take | None = None
         self._arm_soon = False
@@ -201,7 +211,8 @@ class LiveLoop:
         steps = self._step(begun)
         frame = self._capture()
         self._traps.note(frame.trap_position[0])
-        state = self._next_state(frame) if steps else None
+        # a simulation that waits for its next step, as in slow motion, lives; one that is paused or failed says nothing
+        state = None if self.failure or self.pace.paused else self._next_state(frame)
         self.hands.publish(state)
         if steps:
             self.monitor.update(frame)

@@ -14,6 +14,8 @@ LONGEST_DEBT = 0.05
 """Seconds by which simulated time may lag before the lag is given up: catching up more would show as a leap."""
 WINDOW = 1.0
 """Seconds over which factor and load are taken."""
+LEAST = 0.25
+"""Part of a frame's steps that a tick takes at least, however long they take: below, its other work would be all."""
 
 
 def check_speed(speed: float) -> None:
@@ -31,6 +33,8 @@ class Pace:
         rate: Frames per second that the loop aims at [1/s].
         speed: Simulated seconds per second.
         now: Time of the loop's clock [s].
+        longest_tick: Work of a tick [s] above which fewer steps are taken than are due, judged by the faster of the
+            last two: one that was held up says nothing of the next.
 
     Attributes:
         slipped: Simulated time given up [s].
@@ -38,9 +42,18 @@ class Pace:
         stood: Time of the clock in which it was paused [s].
     """
 
-    def __init__(self, time_step: float, *, rate: float, speed: float = 1.0, now: float = 0.0):
+    def __init__(
+        self,
+        time_step: float,
+        *,
+        rate: float,
+        speed: float = 1.0,
+        now: float = 0.0,
+        longest_tick: float = math.inf,
+    ):
         check_speed(speed)
         self._time_step, self._rate, self._speed = time_step, rate, speed
+        self._longest_tick, self._affordable, self._taken = longest_tick, (math.inf, math.inf), 0
         self._last, self._debt, self._paused = now, 0.0, False
         self.slipped = self.simulated = self.stood = 0.0
         self._ticks: deque[tuple[float, float, float, float]] = deque()  # time, simulated, wanted, busy
@@ -79,6 +92,7 @@ class Pace:
         elapsed = max(now - self._last, 0.0)
         # a tick that paused or reset began before it did
         self._last = max(self._last, now)
+        self._taken = 0
         if self._paused:
             self.stood += elapsed
             return 0
@@ -88,7 +102,8 @@ class Pace:
         if self._debt > longest:
             self.slipped += self._debt - longest
             self._debt = longest
-        steps = int(self._debt / self._time_step)
+        least = max(1.0, LEAST * self._speed / (self._rate * self._time_step))
+        steps = self._taken = int(min(self._debt / self._time_step, max(*self._affordable, least)))
         self._debt -= steps * self._time_step
         self.simulated += steps * self._time_step
         self._note(now, steps * self._time_step, wanted)
@@ -96,6 +111,8 @@ class Pace:
 
     def worked(self, seconds: float) -> None:
         """How long the tick's work took [s]."""
+        if self._taken and seconds > 0.0:
+            self._affordable = self._affordable[1], self._taken * self._longest_tick / seconds
         if self._ticks:
             time, simulated, wanted, busy = self._ticks[-1]
             self._ticks[-1] = (time, simulated, wanted, busy + seconds)

@@ -156,7 +156,8 @@ def predicted(ways: list[float], *, carried: list[float], later: float = 0.05, a
     out = []
     for beat, (way, far) in enumerate(zip(ways, carried, strict=True)):
         trap = (anchor + far, 0.0, 0.0)
-        assert model.refresh(scene([(way, 0.0, 0.0)], [(trap, 1.0)], beat), {0: (anchor, 0.0, 0.0)})
+        now = dataclasses.replace(scene([(way, 0.0, 0.0)], [(trap, 1.0)], beat), time=8e-3 * beat)
+        assert model.refresh(now, {0: (anchor, 0.0, 0.0)})
         out.append(model.force(far + later, 0.0, 0.0)[0])
     return out
 
@@ -199,6 +200,38 @@ def test_noise_hardly_spoils_the_share():
     places = [0.3 + w + x for w, x in zip(way, rng.normal(0.0, 0.02, 1000), strict=True)]
     share = 1.0 - (np.array(predicted(places, carried=way)) + np.array(places) - np.array(way) - 0.3) / 0.05
     assert share[100:].mean() > 0.97 and share[100:].min() > 0.85
+
+
+def told(model: LocalModel, place: float, focus: float, time: float, body: int = 0) -> None:
+    """A state with a sphere and a trap along x [µm]; the hand's trap began at 0."""
+    spheres, traps = (SphereNow((place, 0.0, 0.0), body),), (TrapNow(0, (focus, 0.0, 0.0), 1.0),)
+    assert model.refresh(SceneNow(1, time, spheres, traps), {0: (0.0, 0.0, 0.0)})
+
+
+@pytest.mark.parametrize("smoothing", [1.0, 0.1])
+def test_a_state_told_again_teaches_nothing(smoothing):
+    """In slow motion the simulation publishes states in which its time has not gone on."""
+    once, again = (LocalModel({0: (IsotropicLaw(SPRING),)}, smoothing=smoothing, prediction=True) for _ in range(2))
+    for n in range(20):
+        for model, times in ((once, 1), (again, 5)):
+            for _ in range(times):
+                told(model, 0.1 * n, 0.2 * n, 8e-3 * n)
+    assert once._shares == again._shares == [[pytest.approx(0.5)]] and once._way == again._way
+    # one that stands still while time goes on teaches that it stands
+    told(once, 1.9, 4.8, 1.0)
+    assert once._shares[0][0] < 0.4
+
+
+@pytest.mark.parametrize("smoothing", [1.0, 0.1])
+@pytest.mark.parametrize("prediction", [True, False])
+def test_a_place_that_goes_to_another_body_brings_no_motion_of_its_own(smoothing, prediction):
+    """The nearest spheres are told; one that was 6 µm away and is near now did not cross the trap in between."""
+    model = LocalModel({0: (IsotropicLaw(SPRING),)}, smoothing=smoothing, prediction=prediction)
+    told(model, -6.0, 0.0, 0.0)
+    told(model, -5.0, 1.0, 8e-3)
+    told(model, 5.0, 2.0, 16e-3, body=1)
+    # it is where it was told, however far the hand goes on
+    assert [x - model.force(x, 0.0, 0.0)[0] for x in (2.0, 2.5, 3.0)] == pytest.approx([5.0] * 3)
 
 
 def test_what_is_not_finite_is_refused_and_changes_nothing():

@@ -216,6 +216,23 @@ def test_what_disarms_before_the_hands_hold_their_traps_also_keeps_them_from_bei
     assert {now.force for now in s.servo.forces[0]} == {(0.0, 0.0, 0.0)}
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.01])
+def test_slow_motion_keeps_the_hands_armed(stage, speed):
+    """Steps of 1 ms at a hundredth of real time come every 100 ms, which is no simulation that died."""
+    s = stage(right="virtual:sine,amplitude=0.01,frequency=2,mass=0")
+    s.loop.start(arm=True)
+    s.run(0.7)
+    s.watcher.asked = [c.SetSpeed(speed)]
+    before = len(s.servo.forces[0])
+    begun = s.run(1.0 / RATE).frame.time
+    live = s.run(1.0)
+    assert live.frame.time - begun == pytest.approx(speed, abs=2e-3)
+    assert {now.state for now in s.servo.forces[0][before:]} == {"armed"}
+    # a pause is still one
+    s.watcher.asked = [c.Pause(True)]
+    assert s.run(0.2).hands[0].now.traps == ()
+
+
 def test_what_a_reset_takes_is_not_owed(stage):
     s = stage(right="virtual:hold,at=0/0/0")
     s.loop.start()
@@ -292,6 +309,40 @@ def test_run_ends_by_order_or_by_time_and_closes_everything(stage):
     assert other.loop.over and len(other.watcher.frames) == 1
 
 
-def test_the_loop_refuses_a_rate_out_of_range():
+class Heavy:
+    """A simulation that takes some seconds for each simulated one."""
+
+    def __init__(self, sim, clock, cost: float):
+        self._sim, self._clock, self._cost = sim, clock, cost
+
+    def __getattr__(self, name):
+        return getattr(self._sim, name)
+
+    def step(self, steps: int) -> None:
+        self._sim.step(steps)
+        self._clock.sleep_until(self._clock.now() + self._cost * steps * self._sim.time_step)
+
+
+@pytest.mark.parametrize("cost", [1.1, 2.5])
+def test_a_machine_that_is_too_slow_keeps_the_hands_armed(stage, cost):
+    """Simulated time slips, and is told; forces do not fall for want of states."""
+    s = stage(right="virtual:sine,amplitude=0.01,frequency=2,mass=0")
+    s.loop.sim = Heavy(s.loop.sim, s.clock, cost)
+    before = 0
+
+    def look(live):
+        nonlocal before
+        before = before or (len(s.servo.forces[0]) if live.wall > 1.0 else 0)
+
+    s.watcher.publish = look
+    s.loop.run(3.0, arm=True)
+    assert {now.state for now in s.servo.forces[0][before:-200]} == {"armed"}
+    assert 0.5 / cost < s.loop.pace.simulated / 3.0 < 1.0 / cost
+    assert s.loop.pace.simulated + s.loop.pace.slipped == pytest.approx(3.0, abs=0.1)
+
+
+def test_the_loop_refuses_a_rate_out_of_range(stage):
+    with pytest.raises(InputError, match=r"rate is 50.0; allowed with hands: above 50 frames per second"):
+        LiveLoop(three_beads(), stage(right="virtual:hold,at=0/0/0").plans, make_servo=id, rate=50.0, device="cpu")
     with pytest.raises(InputError, match=r"rate is 5.0; allowed: 10 to 1000 frames per second"):
         LiveLoop(three_beads(), rate=5.0, device="cpu")

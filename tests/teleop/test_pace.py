@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -72,3 +74,36 @@ def test_a_machine_that_is_too_slow_says_so():
     report = pace.report()
     assert report.factor == pytest.approx(LONGEST_DEBT / 0.2, rel=0.05)
     assert report.slipped == pytest.approx(4.0 * (1.0 - LONGEST_DEBT / 0.2), rel=0.05)
+
+
+@pytest.mark.parametrize("cost", [1.1, 2.0, 3.0])
+def test_a_machine_that_is_too_slow_takes_short_ticks_where_it_is_told_to(cost):
+    """`cost` seconds of work for a simulated second: states come often, time slips, and both are told."""
+    pace, now, works = Pace(STEP, rate=120.0, longest_tick=0.014), 0.0, []
+    for _ in range(600):
+        work = 1e-3 + cost * STEP * pace.due(now)
+        pace.worked(work)
+        works.append(work)
+        now += math.ceil(work * 120.0) / 120.0
+    assert max(works[30:]) <= 0.014 + cost * STEP
+    assert pace.simulated > 0.7 * 600 * 0.013 / cost
+    assert pace.simulated + pace.slipped == pytest.approx(now, abs=LONGEST_DEBT + 0.02)
+    assert pace.report().factor == pytest.approx(pace.simulated / now, abs=0.02)
+
+
+def test_one_slow_tick_is_caught_up():
+    pace = Pace(STEP, rate=120.0, longest_tick=0.014)
+    steps = []
+    for n in range(1, 61):
+        steps.append(pace.due(n / 120.0 + (0.03 if n > 20 else 0.0)))
+        pace.worked(1e-3 + 3e-4 * steps[-1] + (0.03 if n == 20 else 0.0))
+    assert pace.slipped == 0.0
+    assert sum(steps) * STEP == pytest.approx(0.53, abs=2e-3)
+
+
+def test_a_tick_whose_other_work_is_long_still_takes_steps():
+    pace = Pace(STEP, rate=120.0, longest_tick=0.014)
+    for n in range(1, 121):
+        pace.due(n / 60.0)
+        pace.worked(0.016)
+    assert pace.due(2.1) >= 2
