@@ -62,8 +62,12 @@ class Take(Protocol):
         """A command that was carried out."""
         ...
 
+    def end(self) -> bool:
+        """Begin to finish the file, or go on with it; whether that is done. Does not wait."""
+        ...
+
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file, and wait for it."""
         ...
 
 
@@ -135,6 +139,7 @@ class LiveLoop:
         self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=self._clock.now())
         self._beat = 0
         self._take: Take | None = None
+        self._ending: list[Take] = []
         self._arm_soon = False
         self._closed = False
         self.over, self.failure = False, ""
@@ -197,6 +202,8 @@ class LiveLoop:
         """One turn of the loop; returns what was published."""
         begun = self._clock.now()
         self._obey()
+        for error in self._close_takes([take for take in self._ending if take.end()]):
+            self._complain(str(error))
         self._traps.hold(self.hands.listen().items())
         steps = self._step(begun)
         frame = self._capture()
@@ -217,7 +224,11 @@ class LiveLoop:
         return live
 
     def close(self) -> None:
-        """Zero forces, finish the recording, close the outlets; may be called more than once."""
+        """Zero forces, finish the recording, close the outlets; may be called more than once.
+
+        Raises:
+            OSError: A recording could not be finished.
+        """
         if self._closed:
             return
         self._closed = self.over = True
@@ -226,6 +237,8 @@ class LiveLoop:
         finally:
             try:
                 self._end_take()
+                for error in self._close_takes(self._ending):
+                    raise error
             finally:
                 for outlet in self._outlets:
                     outlet.close()
@@ -382,9 +395,22 @@ class LiveLoop:
             self._take = self._make_take(file, self)
 
     def _end_take(self) -> None:
+        """No more comes; to wait for the disk here would be a stall that disarms the hands."""
         take, self._take = self._take, None
         if take is not None:
-            take.close()
+            take.end()
+            self._ending.append(take)
+
+    def _close_takes(self, takes: Sequence[Take]) -> list[OSError]:
+        """Close these, waiting for those that are not finished; why some could not be."""
+        errors: list[OSError] = []
+        for take in tuple(takes):
+            self._ending.remove(take)
+            try:
+                take.close()
+            except OSError as error:
+                errors.append(error)
+        return errors
 
     def _complain(self, line: str) -> None:
         for outlet in self._outlets:

@@ -21,6 +21,7 @@ from otwarp.teleop.live import LiveLoop, Take
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
 from otwarp.teleop.summary import summarize
+from otwarp.teleop.take_file import load_writer
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -158,6 +159,7 @@ class Session:
         o, loop = self._options, self.loop
         back_to_normal = favour()
         try:
+            load_writer()  # somebody may press Record while hands are armed
             if self._page is not None:
                 url = self._page.start()
                 self._say(f"page      {url}")
