@@ -17,9 +17,10 @@ from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Record
 from otwarp.teleop.hand_plan import HandPlan, plan_hands
 from otwarp.teleop.hands import ServoLike, servo_process
-from otwarp.teleop.live import LiveLoop, Take
+from otwarp.teleop.live import LiveLoop
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
+from otwarp.teleop.recordings import Take
 from otwarp.teleop.summary import summarize
 from otwarp.teleop.take_file import load_writer
 
