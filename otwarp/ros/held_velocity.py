@@ -45,6 +45,19 @@ class HeldVelocity:
             self._waiting.append((time, velocity))
             self.heard = time
 
+    def drop(self) -> None:
+        """Forget every velocity, and when it was last read: zero from now on."""
+        with self._lock:
+            self._waiting.clear()
+        self._velocity, self._until, self._read = ZERO, -math.inf, None
+
+    def at(self, now: float) -> Vec3:
+        """The velocity that holds at this time [s], of those that have come."""
+        with self._lock:
+            waiting = [(velocity, time + self._timeout) for time, velocity in self._waiting if time <= now]
+        velocity, until = waiting[-1] if waiting else (self._velocity, self._until)
+        return velocity if now < until else ZERO
+
     def displacement(self, now: float) -> Vec3:
         """∫ v dt since the last reading; the first one starts the count and is zero."""
         with self._lock:

@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from otwarp.errors import InputError
 from otwarp.ros.ros2.motion import Group, move_pair
-from otwarp.ros.twin import Twin
+from otwarp.ros.twin import Twin, TwinNow
 from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps
 from otwarp.teleop.frame import LiveFrame
 
@@ -45,10 +46,11 @@ class Ros1Outlet:
     ):
         self._node, self._border, self._twin, self._clock = node, border, twin, clock
         self._say = _Sayer(say)
-        self._warned = False
+        self._warned = self._still = False
 
     def publish(self, live: LiveFrame) -> None:
         """See `Outlet`."""
+        self._still = live.pace.paused
         if not self._node.alive:
             self._warn_once("ros1: the node was shut down through ROS; the session goes on without it")
             return
@@ -56,8 +58,10 @@ class Ros1Outlet:
         self._border.publish(self._clock(), now.centres, now.robots, now.obstacles)
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`: how far the hands' twists move each group."""
+        """See `Outlet`: how far the hands' twists move each group; in a pause they move nothing."""
         moved = self._border.commands(self._clock())
+        if self._still:  # or the traps would leap when it ends, and lose what they hold
+            return []
         return [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, moved, strict=True) if any(by)]
 
     def complain(self, line: str) -> None:
@@ -99,11 +103,19 @@ class Ros2Outlet:
         self._node, self._border, self._twin, self._clock = node, border, twin, clock
         self._traps: tuple[Group, Group] | None = None
         self._say = _Sayer(say)
+        self._still = False
 
     def publish(self, live: LiveFrame) -> None:
-        """See `Outlet`."""
+        """See `Outlet`; a state that is none is told and not sent."""
+        self._still = live.pace.paused
         now = self._twin.now(live)
         self._traps = now.traps
+        try:
+            self._send(now)
+        except InputError as error:
+            self._say(f"ros2: {error}")
+
+    def _send(self, now: TwinNow) -> None:
         hit = [force for touched, force in now.hits if touched]
         self._border.publish(
             self._clock(),
@@ -120,10 +132,12 @@ class Ros2Outlet:
         )
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`: a reset, motions of the pair as one, motions of each group."""
+        """See `Outlet`: a reset, motions of the pair as one, motions of each group; in a pause nothing moves."""
         asked = self._border.commands(self._clock())
         if asked.reset:
             return [Reset()]
+        if self._still:
+            return []
         out: list[Command] = []
         if self._traps is not None and (asked.angle or any(asked.shift)):
             moved = move_pair(*self._traps, asked.shift, asked.angle)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from otwarp.teleop.hands import Hands, ServoFactory
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
 from otwarp.teleop.pace import Pace
+from otwarp.teleop.recordings import Recordings, Take
 from otwarp.teleop.trap_commands import TrapCommands
 from otwarp.teleop.watch import Watch
 
@@ -43,32 +43,6 @@ GLIDE = 1e-3
 
 A leap each frame would let its spheres catch up, and the force at the end of the frame would lack their drag. With
 spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
-
-
-class Take(Protocol):
-    """A recording that is being written; nothing in it blocks."""
-
-    @property
-    def file(self) -> Path:
-        """Where it will be once it is closed."""
-        ...
-
-    @property
-    def complaint(self) -> str:
-        """One line about what is missing in it, or ""."""
-        ...
-
-    def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
-        """A frame, and the state that was published to the servo with it."""
-        ...
-
-    def command(self, command: c.Command, wall: float) -> None:
-        """A command that was carried out."""
-        ...
-
-    def close(self) -> None:
-        """Finish the file."""
-        ...
 
 
 TakeFactory = Callable[[str | None, "LiveLoop"], Take]
@@ -144,7 +118,7 @@ class LiveLoop:
         now, longest = self._clock.now(), LONGEST_TICK if self.plans else np.inf
         self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=now, longest_tick=longest)
         self._beat = 0
-        self._take: Take | None = None
+        self._recordings = Recordings()
         self._arm_soon = False
         self._closed = False
         self.over, self.failure = False, ""
@@ -159,7 +133,7 @@ class LiveLoop:
     @property
     def recording(self) -> Path | None:
         """File that is being written."""
-        return self._take.file if self._take else None
+        return self._recordings.file
 
     def add(self, outlet: Outlet) -> None:
         """One more who watches and commands; closed with the session."""
@@ -207,6 +181,8 @@ class LiveLoop:
         """One turn of the loop; returns what was published."""
         begun = self._clock.now()
         self._obey()
+        for error in self._recordings.finished():
+            self._complain(str(error))
         self._traps.hold(self.hands.listen().items())
         steps = self._step(begun)
         frame = self._capture()
@@ -218,8 +194,8 @@ class LiveLoop:
             self.monitor.update(frame)
         self._arm_when_held()
         live = self._live(frame)
-        if self._take is not None:
-            self._take.frame(live, state)
+        if self._recordings.take is not None:
+            self._recordings.take.frame(live, state)
         for n, outlet in enumerate(self._outlets):
             if begun >= self._due[n]:
                 self._due[n] = begun + outlet.interval
@@ -228,7 +204,11 @@ class LiveLoop:
         return live
 
     def close(self) -> None:
-        """Zero forces, finish the recording, close the outlets; may be called more than once."""
+        """Zero forces, finish the recording, close the outlets; may be called more than once.
+
+        Raises:
+            OSError: A recording could not be finished.
+        """
         if self._closed:
             return
         self._closed = self.over = True
@@ -236,7 +216,7 @@ class LiveLoop:
             self.hands.stop()
         finally:
             try:
-                self._end_take()
+                self._recordings.close()
             finally:
                 for outlet in self._outlets:
                     outlet.close()
@@ -296,8 +276,8 @@ class LiveLoop:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
         warnings = self._watch.warnings(frame, hands, pace)
-        if self._take is not None and self._take.complaint:
-            warnings = (*warnings, self._take.complaint)
+        if self._recordings.complaint:
+            warnings = (*warnings, self._recordings.complaint)
         forces = self.sim.readout.hand_force.numpy()
         return LiveFrame(
             beat=self.frames,
@@ -309,7 +289,7 @@ class LiveLoop:
             pace=pace,
             warnings=(self.failure, *warnings) if self.failure else warnings,
             task=self._task(frame),
-            recording=str(self.recording) if self._take else None,
+            recording=str(self.recording) if self.recording else None,
         )
 
     def _arm_when_held(self) -> None:
@@ -356,8 +336,8 @@ class LiveLoop:
                 self._let_go(hand)
             case c.Stop():
                 self.over = True
-        if self._take is not None:
-            self._take.command(command, self._clock.now())
+        if self._recordings.take is not None:
+            self._recordings.take.command(command, self._clock.now())
 
     def _arm(self, hand: str | None) -> None:
         if self.pace.paused or self.failure:
@@ -386,16 +366,11 @@ class LiveLoop:
         self.hands.publish(self._next_state(self._capture()))
 
     def _record(self, on: bool, file: str | None) -> None:
-        self._end_take()
+        self._recordings.end()
         if on:
             if self._make_take is None:
                 raise InputError("record: this session cannot; allowed: with the rosbags package")
-            self._take = self._make_take(file, self)
-
-    def _end_take(self) -> None:
-        take, self._take = self._take, None
-        if take is not None:
-            take.close()
+            self._recordings.take = self._make_take(file, self)
 
     def _complain(self, line: str) -> None:
         for outlet in self._outlets:

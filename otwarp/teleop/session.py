@@ -17,10 +17,12 @@ from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Record
 from otwarp.teleop.hand_plan import HandPlan, plan_hands
 from otwarp.teleop.hands import ServoLike, servo_process
-from otwarp.teleop.live import LiveLoop, Take
+from otwarp.teleop.live import LiveLoop
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
+from otwarp.teleop.recordings import Take
 from otwarp.teleop.summary import summarize
+from otwarp.teleop.take_file import load_writer
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -158,6 +160,7 @@ class Session:
         o, loop = self._options, self.loop
         back_to_normal = favour()
         try:
+            load_writer()  # somebody may press Record while hands are armed
             if self._page is not None:
                 url = self._page.start()
                 self._say(f"page      {url}")

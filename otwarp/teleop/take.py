@@ -100,7 +100,7 @@ class TakeWriter:
         self._starts: dict[str, Any] = {}
         self._beats: deque[int] = deque(maxlen=4 * FRAMES)
         self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
-        self._closed = False
+        self._ending = self._told = self._closed = False
         self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
         self._thread.start()
 
@@ -147,6 +147,17 @@ class TakeWriter:
         told = {"time": wall, "command": type(command).__name__, **dataclasses.asdict(command)}
         self._put(TakeFile.text, COMMANDS, self._stamp(wall), json.dumps(told))
 
+    def end(self) -> bool:
+        """Take no more, and finish the file behind the caller's back; whether that is done. May be called again."""
+        self._ending = True
+        if not self._told:
+            try:
+                self._waiting.put_nowait(None)
+            except queue.Full:  # the disk is slow: told at the next call
+                return False
+            self._told = True
+        return not self._thread.is_alive()
+
     def close(self) -> None:
         """Write what waits, finish the file and put it in its place; may be called more than once.
 
@@ -156,7 +167,9 @@ class TakeWriter:
         if self._closed:
             return
         self._closed = True
-        self._waiting.put(None)
+        if not self.end() and not self._told:
+            self._told = True
+            self._waiting.put(None)
         self._thread.join(CLOSE_WITHIN)
         if self._thread.is_alive():
             raise OSError(f"recording {self.file}: not finished after {CLOSE_WITHIN:g} s; see {part_of(self.file)}")
@@ -199,7 +212,7 @@ class TakeWriter:
             self.complaint = f"recording {self.file}: ended ({error})"
             if file is not None:
                 file.abort()
-            while not self._closed or not self._waiting.empty():
+            while not self._ending or not self._waiting.empty():
                 self._waiting.get()
 
 
@@ -283,15 +296,21 @@ class LiveTake:
         """A command that was carried out."""
         self._writer.command(command, wall)
 
+    def end(self) -> bool:
+        """Take the last cycles, then as `TakeWriter.end`."""
+        if self._servo is not None:
+            self._servo.record(False)
+            self._fetch()
+            self._servo = None
+        return self._writer.end()
+
     def close(self) -> None:
         """Finish the file.
 
         Raises:
             OSError: As `TakeWriter.close`.
         """
-        if self._servo is not None:
-            self._servo.record(False)
-            self._fetch()
+        self.end()
         self._writer.close()
 
     def _fetch(self) -> None:

@@ -254,7 +254,7 @@ def test_specs_say_which(text, serial, index):
     assert isinstance(device, ForceDimensionDevice) and (device._serial, device._index) == (serial, index)
 
 
-@pytest.mark.parametrize("text", ["omega", "-1", "65536", "index=256", "index=", "serial=1", "1,2", "²"])
+@pytest.mark.parametrize("text", ["omega", "-1", "65536", "index=256", "index=", "serial=1", "1,2", "²", "9" * 5000])
 def test_bad_specs_are_one_clear_line(text):
     (spec,) = parse_devices([f"forcedimension:{text}"])
     with pytest.raises(InputError, match="must be forcedimension:<serial number") as error:

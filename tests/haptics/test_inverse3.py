@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.clock import VirtualClock
 from otwarp.haptics.devices import create_device, inverse3, parse_devices
-from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE
-from otwarp.haptics.devices.inverse3 import SERVICE, Inverse3Device, find_devices
+from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange
+from otwarp.haptics.devices.inverse3 import MOST_ANSWERS, SERVICE, Inverse3Device, Link, find_devices
 from otwarp.haptics.devices.inverse3_messages import (
     ABSENT,
     BadMessage,
@@ -281,6 +281,19 @@ def test_junk_is_ignored_and_counted(device, service):
     service.says = None
     service.turns(3)
     assert device.read(0.0).fresh
+
+
+def test_a_service_that_does_not_stop_talking_does_not_keep_forces_from_being_sent():
+    class Endless:
+        said = 0
+
+        def recv(self, **_: object) -> bytes:
+            self.said += 1
+            return b"{}"
+
+    link = Link(Endless(), Exchange("x"), "049D", None, "vector")
+    link._hear()
+    assert link._socket.said == MOST_ANSWERS
 
 
 json_values = st.recursive(

@@ -276,6 +276,7 @@ def test_absent_taken_forbidden_and_broken_devices_are_one_line_each():
         "spacemouse:speed=fast",
         "spacemouse:dead_zone=1",
         "spacemouse:#0",
+        "spacemouse:#" + "9" * 5000,
         "spacemouse:#two",
         "spacemouse:#2,gain=3",
         "spacemouse:AB,speed=1,speed=1",

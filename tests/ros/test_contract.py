@@ -176,6 +176,20 @@ def test_the_integral_does_not_depend_on_when_it_is_read(messages, readings, tim
     assert total == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+def test_a_velocity_can_be_asked_for_and_forgotten():
+    held = HeldVelocity(timeout=0.1)
+    held.displacement(0.0)
+    held.message((1.0, 0.0, 0.0), 0.1)
+    assert (held.at(0.05), held.at(0.15), held.at(0.25)) == ((0.0,) * 3, (1.0, 0.0, 0.0), (0.0,) * 3)
+    held.displacement(0.12)
+    assert held.at(0.15) == (1.0, 0.0, 0.0)
+    held.message((2.0, 0.0, 0.0), 0.13)
+    held.drop()
+    assert held.at(0.15) == (0.0,) * 3 and held.displacement(0.05) == held.displacement(0.2) == (0.0,) * 3
+    held.message((3.0, 0.0, 0.0), 0.2)
+    assert held.displacement(0.25)[0] == pytest.approx(0.15, rel=EXACT)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 11.0])
 def test_speeds_that_no_hand_has_are_refused(bad):
     held = HeldVelocity(timeout=1.0, fastest=10.0)

@@ -20,6 +20,7 @@ from otwarp.ros.touching import gap
 from otwarp.ros.twin import Twin
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.track import Track
+from otwarp.teleop.commands import Pause
 from otwarp.teleop.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
 
@@ -103,6 +104,13 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     assert robot.x == pytest.approx(second.x, abs=0.01)
     assert len(node.out["/firstOTposition"].messages) == pytest.approx(1.4 * 60, abs=3)
     assert not node.out["/DynaOb01"].messages and not lines
+    loop.do(Pause(True))
+    run(loop, clock, 2.0 / RATE)
+    node.into["/GeomagicRight/smoothed_twist"].callback(twist)
+    run(loop, clock, 0.3)
+    loop.do(Pause(False))
+    still = run(loop, clock, 0.1)
+    assert np.array_equal(still.frame.trap_position, live.frame.trap_position)  # what came in the pause moved nothing
     node.alive = False
     run(loop, clock, 0.1)
     assert lines == ["ros1: the node was shut down through ROS; the session goes on without it"]
@@ -116,8 +124,11 @@ class Border2:
     def __init__(self) -> None:
         self.said: list[dict[str, Any]] = []
         self.asked = Ros2Commands()
+        self.fails: InputError | None = None
 
     def publish(self, now: float, **state: Any) -> bool:
+        if self.fails is not None:
+            raise self.fails
         self.said.append(state)
         return True
 
@@ -143,9 +154,21 @@ def test_a_controller_moves_turns_and_resets_the_pair():
     border.asked = Ros2Commands(shift=(9.0, 9.0), reset=True)
     live = run(loop, clock, 0.1)
     assert live.frame.time < 0.12 and live.frame.trap_position[0, 0] == pytest.approx(PLACES["left"])
+    loop.do(Pause(True))
+    run(loop, clock, 2.0 / RATE)
+    border.asked = Ros2Commands(shift=(9.0, 9.0), hands=((9.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    run(loop, clock, 0.1)
+    loop.do(Pause(False))
+    live = run(loop, clock, 0.1)
+    assert live.frame.trap_position[0, 0] == pytest.approx(PLACES["left"])  # what came in the pause moved nothing
+    border.fails = InputError("robot01 is (nan, 0.0, 0.0); allowed: finite")
+    run(loop, clock, 1.0 / RATE)
+    border.fails = None
+    run(loop, clock, 0.1)
+    assert lines.pop() == "ros2: robot01 is (nan, 0.0, 0.0); allowed: finite" and not lines
     for _ in range(LINES + 5):
         outlet.complain("no")
-    assert len(lines) == LINES and lines[-1] == "no (no more of these are shown)"
+    assert len(lines) == LINES - 1 and lines[-1] == "no (no more of these are shown)"
     loop.close()
 
 

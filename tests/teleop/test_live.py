@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -346,3 +347,47 @@ def test_the_loop_refuses_a_rate_out_of_range(stage):
         LiveLoop(three_beads(), stage(right="virtual:hold,at=0/0/0").plans, make_servo=id, rate=50.0, device="cpu")
     with pytest.raises(InputError, match=r"rate is 5.0; allowed: 10 to 1000 frames per second"):
         LiveLoop(three_beads(), rate=5.0, device="cpu")
+
+
+class SlowTake:
+    """A recording whose disk needs a few looks to finish it, and may fail."""
+
+    complaint = ""
+
+    def __init__(self, looks: int = 5, fails: str = ""):
+        self.file, self.looks, self.fails, self.closed = Path("a.mcap"), looks, fails, False
+
+    def frame(self, live, scene) -> None: ...
+
+    def command(self, command, wall) -> None: ...
+
+    def end(self) -> bool:
+        self.looks -= 1
+        return self.looks <= 0
+
+    def close(self) -> None:
+        self.closed = True
+        if self.fails:
+            raise OSError(self.fails)
+
+
+def test_the_loop_does_not_wait_for_a_recording_that_is_finished(stage):
+    takes = [SlowTake(), SlowTake(fails="disk full"), SlowTake(looks=10**6, fails="no disk")]
+    left = list(takes)
+    s = stage()
+    s.loop._make_take = lambda file, loop: left.pop(0)
+    s.loop.start()
+    s.watcher.asked = [c.Record(True), c.Record(False), c.Record(True)]  # the first is not finished yet
+    s.run(1.0 / RATE)
+    assert not takes[0].closed and s.loop.recording is not None
+    s.run(0.1)
+    assert takes[0].closed and not s.watcher.lines
+    s.watcher.asked = [c.Record(False)]
+    s.run(0.1)
+    assert takes[1].closed and s.watcher.lines == ["disk full"] and s.loop.recording is None
+    s.watcher.asked = [c.Record(True), c.Record(False)]
+    s.run(0.1)
+    assert not takes[2].closed
+    with pytest.raises(OSError, match="no disk"):
+        s.loop.close()
+    assert takes[2].closed

@@ -101,7 +101,9 @@ def parse_devices(
         if kind.argument == "none" and colon:
             raise InputError(f"device {text!r}: {name} takes nothing after it")
         same = [spec for spec in specs if spec.kind == name]
-        if argument is not None and not kind.several and any(spec.argument == argument for spec in same):
+        # a ROS namespace is the same with and without its first slash
+        there = [spec.argument.strip("/") for spec in same if spec.argument is not None]
+        if argument is not None and not kind.several and argument.strip("/") in there:
             raise InputError(f"device {text!r}: both hands name it; each hand must have its own")
         if not kind.several and same and (argument is None) != (same[0].argument is None):
             raise InputError(f"devices {same[0].text!r} and {text!r}: name both or neither, lest they be the same one")

@@ -40,6 +40,8 @@ TIMEGUARD = 1
 """What the SDK returns when it was asked again too early: the position is the one before."""
 MOST_SERIAL, MOST_INDEX = 0xFFFF, 255
 """Serial numbers of the SDK are unsigned shorts; no machine has more devices than that."""
+MOST_DIGITS = 9
+"""More make no such number, and Python refuses to read very many."""
 
 _open: set[int] = set()
 """The SDK's ids of devices that hands of this process have."""
@@ -229,7 +231,7 @@ def create(spec: DeviceSpec) -> ForceDimensionDevice:
         return ForceDimensionDevice(None, spec.ordinal, spec.text)
     head, equals, tail = spec.argument.partition("=")
     number, limit = (tail, MOST_INDEX) if equals else (head, MOST_SERIAL)
-    valid = number.isascii() and number.isdigit() and int(number) <= limit
+    valid = number.isascii() and number.isdigit() and len(number) <= MOST_DIGITS and int(number) <= limit
     if not valid or (equals and head.strip() != "index"):
         raise InputError(
             f"device {spec.text!r}: must be forcedimension:<serial number to {MOST_SERIAL}> or "

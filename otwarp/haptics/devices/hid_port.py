@@ -242,7 +242,7 @@ def parse_argument(
             raise InputError(f"{where}: {key} = {word!r} must be one of {', '.join(words[key])}")
     if not which.startswith("#"):
         return which or None, spec.ordinal, numbers, chosen
-    if not (which[1:].isascii() and which[1:].isdigit()) or not 1 <= int(which[1:]) <= 99:
+    if not (which[1:].isascii() and which[1:].isdigit() and len(which) <= 3) or not 1 <= int(which[1:]) <= 99:
         raise InputError(f"{where}: {which!r} must be # and a number from 1 to 99")
     return None, int(which[1:]) - 1, numbers, chosen
 

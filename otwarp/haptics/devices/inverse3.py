@@ -44,6 +44,8 @@ ABSENCES = 10
 """States in a row without the device after which it is unplugged."""
 CLOSE_WITHIN = 0.5
 """Seconds for the closing handshake."""
+MOST_ANSWERS = 64
+"""Messages taken at a time: a service that does not stop talking must not keep a fading force from being sent."""
 LARGEST = 2**20
 """Bytes of a message; an inventory of a device has 1.5 thousand."""
 
@@ -207,7 +209,7 @@ class Link:
         newest: bytes | None = None
         try:
             newest = self._socket.recv(timeout=ANSWER_WITHIN, decode=False)
-            while True:
+            for _ in range(MOST_ANSWERS - 1):
                 newest = self._socket.recv(timeout=0, decode=False)
         except TimeoutError:
             pass

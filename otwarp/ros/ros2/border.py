@@ -15,8 +15,9 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.presets import PAIRINGS
 from otwarp.haptics.types import ZERO, Vec3
+from otwarp.ros.held_velocity import HeldVelocity
 from otwarp.ros.ros2.config import Ros2Config
-from otwarp.ros.ros2.motion import Group, HeldVelocity, centroid, middle
+from otwarp.ros.ros2.motion import Group, centroid, middle
 from otwarp.ros.ros2.node import Ros2Node, load_messages
 from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA
 
@@ -219,9 +220,9 @@ class Ros2Border:
         _check_now(now)
         if now < self._last:
             self._drop()
-        last, self._last = (now if now < self._last or self._last == -math.inf else self._last), now
-        moved = self._pair.between(last, now)
-        hands = [hand.between(last, now) for hand in self._hands]
+        self._last = now
+        moved = self._pair.displacement(now)
+        hands = [hand.displacement(now) for hand in self._hands]
         self._read(self._velocity_in, self._planar, self._pair, now)
         for source, held in zip(self._hands_in, self._hands, strict=True):
             self._read(source, self._hand, held, now)
@@ -243,7 +244,7 @@ class Ros2Border:
             if value is None:
                 self.refused += 1
             else:
-                held.hold(value, now)
+                held.message(value, now)
 
     def _planar(self, twist: Any) -> Vec3 | None:
         """(µm/s, µm/s, rad/s) of a `/rl_vel`, or None."""

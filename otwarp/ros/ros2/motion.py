@@ -1,4 +1,4 @@
-"""Planar motion of the pair of trap groups, and a velocity that counts until it is too old."""
+"""Planar motion of the pair of trap groups."""
 
 from __future__ import annotations
 
@@ -43,36 +43,3 @@ def move_pair(first: Group, second: Group, shift: tuple[float, float], angle: fl
         return (mx + c * x - s * y + shift[0], my + s * x + c * y + shift[1], p[2])
 
     return [_moved(p) for p in first], [_moved(p) for p in second]
-
-
-class HeldVelocity:
-    """The last velocity that was sent, which counts for a time and then no more.
-
-    Args:
-        timeout: How long it counts after it came [s].
-    """
-
-    def __init__(self, timeout: float):
-        self._timeout = timeout
-        self._value: Vec3 = (0.0, 0.0, 0.0)
-        self._came = -math.inf
-
-    def hold(self, value: Vec3, now: float) -> None:
-        """Take a velocity that came at this time."""
-        self._value, self._came = value, now
-
-    def drop(self) -> None:
-        """Forget it: zero from now on."""
-        self._came = -math.inf
-
-    def at(self, now: float) -> Vec3:
-        """The velocity that counts at this time."""
-        return self._value if now - self._came < self._timeout else (0.0, 0.0, 0.0)
-
-    def between(self, last: float, now: float) -> Vec3:
-        """How far it leads from one time to another, of which the velocity counts for the part before its timeout."""
-        span = min(now, self._came + self._timeout) - max(last, self._came)
-        if not span > 0.0:
-            return (0.0, 0.0, 0.0)
-        vx, vy, vz = self._value
-        return (vx * span, vy * span, vz * span)

@@ -140,6 +140,8 @@ def test_two_hands_need_two_namespaces():
     assert len(parse_devices(["ros1:/GeomagicLeft", "ros1:/GeomagicRight"])) == 2
     with pytest.raises(InputError, match="both hands name it"):
         parse_devices(["ros1:/GeomagicLeft", "ros1:/GeomagicLeft"])
+    with pytest.raises(InputError, match="both hands name it"):
+        parse_devices(["ros1:/GeomagicLeft", "ros1:GeomagicLeft"])
 
 
 def test_no_master_is_one_line(monkeypatch):
