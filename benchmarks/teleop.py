@@ -48,8 +48,8 @@ SETTLED = 0.8
 LEAP = 1.0
 """Seconds that no tick lasts: a trap that is put farther that seldom leaps once a tick."""
 
-STILL, NOISY = 1.8, 20.8
-"""Seconds that the hand moves, without thermal noise and with it."""
+STILL, NOISY = 1.8, 19.8
+"""Seconds that the hand moves, without thermal noise and with it; 20 would be a metre, the farthest that it may go."""
 
 SLOW_TICK = 6e-3
 """Seconds that the work of a tick takes in the row of slow ticks, of 8.3 that there are."""
