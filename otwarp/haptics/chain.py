@@ -75,8 +75,7 @@ class Chain:
         self.complaint = ""
 
     def arm(self) -> None:
-        """Allow force, from zero by the ramp; clears a fault. The watchdog begins to count anew."""
-        self._scene_age = self._device_age = 0.0
+        """Allow force, from zero by the ramp; clears a fault. What is stale stays so, and disarms it again."""
         self.complaint = ""
         self.safety.arm()
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Protocol
 
+import numpy as np
+
 from otwarp.record.run import capture_frame
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
@@ -75,6 +77,7 @@ def measure_scene(
     device: str | None = None,
     speed: float = 1.0,
     rate: float = FRAME_RATE,
+    glide: float | None = None,
     seconds: float = SECONDS,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Cost:
@@ -85,6 +88,7 @@ def measure_scene(
     Args:
         speed: Simulated seconds per second that the session wants; decides how many steps lie between two frames.
         rate: Frames per second of wall time.
+        glide: Simulated seconds after which traps are put anew, as moving hands do; None for traps that nobody moves.
         seconds: How long to measure [s].
         clock: Seconds, for tests.
 
@@ -95,6 +99,9 @@ def measure_scene(
     begun = clock()
     sim = Simulation(scene, device=device, threads=1)
     steps = max(1, round(speed / rate / sim.time_step))
+    moving = glide is not None and len(scene.traps) > 0
+    part = max(1, round(glide / sim.time_step)) if glide is not None and moving else steps
+    place = np.array([trap.position.at(0.0) for trap in scene.traps])
     sim.step()
     capture_frame(sim)
     ready = clock() - begun
@@ -104,7 +111,10 @@ def measure_scene(
         frames = 0
         while frames == 0 or stepping + reading < seconds / BATCHES:
             before = clock()
-            sim.step(steps)
+            for done in range(0, steps, part):
+                if moving:
+                    sim.control.set(trap_position=place)
+                sim.step(min(part, steps - done))
             between = clock()
             capture_frame(sim)
             stepping, reading, frames = stepping + between - before, reading + clock() - between, frames + 1

@@ -352,6 +352,8 @@ class LiveLoop:
     def _pause(self, on: bool) -> None:
         if on:
             self._let_go()
+        elif self.pace.paused and not self.failure:  # whoever arms next does it with a fresh state
+            self.hands.publish(self._next_state(self._capture()))
         self.pace.pause(on, self._clock.now())
 
     def _reset(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from otwarp.errors import InputError
@@ -17,7 +18,7 @@ from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Record
 from otwarp.teleop.hand_plan import HandPlan, plan_hands
 from otwarp.teleop.hands import ServoLike, servo_process
-from otwarp.teleop.live import LiveLoop
+from otwarp.teleop.live import GLIDE, LiveLoop
 from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
 from otwarp.teleop.recordings import Take
@@ -132,7 +133,7 @@ class Session:
                 parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
             if self._boxes and o.page is None:
                 raise InputError(f"--{next(iter(self._boxes))} is 'mouse'; allowed with the page, which has the mouse")
-            scene, speed = self._reduced(scene)
+            scene, speed = self._reduced(scene, hands=bool(plans))
             self._page = self._open_page(scene, plans)
             watching = (*outlets, self._page) if self._page else tuple(outlets)
             self.loop = LiveLoop(
@@ -184,10 +185,11 @@ class Session:
         box = self._boxes.get(plan.name)
         return box.name if box else None
 
-    def _reduced(self, scene: Scene) -> tuple[Scene, float]:
-        """What this machine runs in real time, and the speed at which it does."""
+    def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
+        """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
         o = self._options
         from otwarp.teleop.budget import parse_budget, reduce_scene
+        from otwarp.teleop.cost import measure_scene
 
         if parse_budget(o.budget) == "off":
             return scene, o.speed
@@ -196,6 +198,7 @@ class Session:
         # how long an operator will stay is not known
         horizon = o.duration or max(SESSION, scene.settings.duration)
         how: dict[str, Any] = {"speed": o.speed, "rate": o.rate, "horizon": horizon}
+        how["measure"] = partial(measure_scene, glide=GLIDE if hands else None)
         reduced = reduce_scene(scene, device=o.device, budget=wanted, progress=self._say, **how)
         for line in reduced.report.lines():
             self._say(line)

@@ -100,6 +100,24 @@ def test_what_dies_lets_go(what):
     assert drive(chain, lambda t: (HAND[0] + 0.02 * (t - 0.47), 0, 0), 200, start=470)[-1].state == "armed"
 
 
+@pytest.mark.parametrize("every", [5, 15, 40, 90, 150])
+def test_arming_again_and_again_keeps_no_force_on(every):
+    """Who arms says nothing of the simulation: with a state that is 20 ms old the force falls, and stays away."""
+    chain, _ = armed_and_pulling()
+    out = []
+    for n in range(300, 900):
+        if n % every == 0:
+            chain.arm()
+        out.append(chain.step(DeviceSample(n * PERIOD, HAND), scene_at(299, 0.299)))
+    sizes = [size(now.force) for now in out]
+    assert all(b <= a for a, b in pairwise(sizes[20:]))
+    assert {now.force for now in out[100:]} == {(0.0, 0.0, 0.0)} and not chain.safety.wanted
+    assert {now.state for now in out[100:]} == {"disarmed"}
+    # with fresh states it is armed as before
+    chain.arm()
+    assert drive(chain, lambda t: HAND, 200, start=900)[-1].state == "armed"
+
+
 def test_a_late_state_ramps_in_again():
     chain, run = armed_and_pulling()
     stalled = drive(chain, lambda t: HAND, 50, start=300, scene=lambda n, t: scene_at(299, 0.299))

@@ -195,6 +195,8 @@ def test_a_pause_disarms_and_reset_begins_anew(stage):
     s.watcher.asked = [c.Arm()]
     s.run(0.02)
     assert s.watcher.lines == ["arm: the simulation stands still; allowed: while it runs"]
+    s.watcher.asked = [c.Pause(False), c.Arm()]
+    assert s.run(0.7).hands[0].now.state == "armed"
     s.watcher.asked = [c.Pause(False), c.Reset()]
     s.run(0.02)
     s.watcher.asked = [c.Arm()]
