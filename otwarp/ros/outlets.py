@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from otwarp.ros.ros2.node import Ros2Node
 
 LINES = 20
-"""Refused commands that are told on the terminal; a controller may repeat its mistake at 60 Hz."""
+"""Refused commands and peers that are told on the terminal; a controller may repeat its mistake at 60 Hz."""
 
 
 class Ros1Outlet:
@@ -47,10 +47,14 @@ class Ros1Outlet:
         self._node, self._border, self._twin, self._clock = node, border, twin, clock
         self._say = _Sayer(say)
         self._warned = self._still = False
+        self._noted = 0
 
     def publish(self, live: LiveFrame) -> None:
         """See `Outlet`."""
         self._still = live.pace.paused
+        self._noted, lines = self._node.journal.since(self._noted)
+        for line in lines:  # a peer of another type or md5, messages that are none, a master that went
+            self._say(f"ros1: {line}")
         if not self._node.alive:
             self._warn_once("ros1: the node was shut down through ROS; the session goes on without it")
             return

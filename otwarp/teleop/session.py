@@ -1,4 +1,4 @@
-"""`run_session`: a scene, live, with hands, page and recording: the Python call behind `otwarp teleop`."""
+"""`Session`: a scene, live, with hands, page and recording: what `otwarp teleop` runs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PageOptions:
 
     Attributes:
         host: Interface; loopback unless told otherwise.
-        port: First port that is tried.
+        port: That one or an error; 0 for any, None for 8080 or the next that is free.
         token: What a browser must know, None to make one where it is needed.
         browser: Whether to open a browser here.
     """

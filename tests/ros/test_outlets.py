@@ -15,6 +15,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.clock import VirtualClock
 from otwarp.ros.contract import ContractConfig
 from otwarp.ros.outlets import LINES, Ros1Outlet, Ros2Outlet
+from otwarp.ros.ros1.journal import Journal
 from otwarp.ros.ros2.border import Ros2Commands
 from otwarp.ros.touching import gap
 from otwarp.ros.twin import Twin
@@ -49,6 +50,7 @@ class Node:
         self.out: dict[str, Topic] = {}
         self.into: dict[str, Topic] = {}
         self.alive, self.closed = True, False
+        self.journal = Journal()
 
     def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 0) -> Topic:
         return self.out.setdefault(topic, Topic())
@@ -111,6 +113,11 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     loop.do(Pause(False))
     still = run(loop, clock, 0.1)
     assert np.array_equal(still.frame.trap_position, live.frame.trap_position)  # what came in the pause moved nothing
+    node.journal.note("md5", "md5sum of /robot01 is 1, subscriber has 2")
+    node.journal.count("dropped")
+    run(loop, clock, 0.1)
+    assert lines == ["ros1: md5: md5sum of /robot01 is 1, subscriber has 2"]
+    lines.clear()
     node.alive = False
     run(loop, clock, 0.1)
     assert lines == ["ros1: the node was shut down through ROS; the session goes on without it"]

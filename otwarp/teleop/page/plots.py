@@ -142,7 +142,6 @@ class Plots:
         self._hands: tuple[str, ...] | None = None
         self._charts: list[tuple[Panel, History, Any]] = []
         self._pushed = -math.inf
-        self.shown = True
 
     def update(self, frame: PageFrame, now: float) -> None:
         """Note a frame; push it to the browsers when it is time to."""
@@ -151,7 +150,7 @@ class Plots:
             self._build(hands)
         for panel, history, _ in self._charts:
             history.add(now, panel.read(frame))
-        if self.shown and now - self._pushed >= PUSH:
+        if now - self._pushed >= PUSH:
             self._pushed = now
             for panel, history, chart in self._charts:
                 chart.data = series_data(panel, history)
