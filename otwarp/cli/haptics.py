@@ -9,6 +9,7 @@ import click
 
 COMMANDS = {
     "check": "Find devices, and measure the servo on this machine.",
+    "config": "Print the hands' configuration, to change it.",
     "replay": "Feel a take again, and compare the forces bit for bit.",
 }
 """Commands and their one-line help; each lives in `haptics_NAME` and is imported when called."""

@@ -45,7 +45,12 @@ _LIVE = (
     ),
     click.option("--motion-gain", type=float, metavar="UM/M", help="Micrometres of trap per metre of hand."),
     click.option("--force-gain", type=float, metavar="N/PN", help="Newtons on the hand per piconewton in the scene."),
-    click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Haptics configuration, JSON."),
+    click.option(
+        "--config",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="What differs from the presets, JSON; `otwarp haptics config` prints them.",
+    ),
     click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second of the live loop."),
     click.option("--servo-rate", type=float, default=1000.0, show_default=True, help="Servo cycles per second."),
     click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token."),
@@ -87,6 +92,12 @@ def open_session(scene: Path, options: dict[str, Any]) -> Session:
     duration = options["duration"]
     if duration is not None and not 0.0 < duration < float("inf"):
         raise InputError(f"--duration is {duration:g}; allowed: above 0 s, finite")
+    if options["left"] is None and options["right"] is None:
+        asked = {"--arm": options["arm"] or None, "--config": options["config"]}
+        asked |= {"--motion-gain": options["motion_gain"], "--force-gain": options["force_gain"]}
+        for option, value in asked.items():
+            if value is not None:
+                raise InputError(f"{option} is given without a hand; allowed with --left or --right")
     page = None
     if options["page"]:
         page = PageOptions(**{name: options[name] for name in ("host", "port", "token", "browser")})
@@ -97,7 +108,9 @@ def open_session(scene: Path, options: dict[str, Any]) -> Session:
         page=page,
         **{name: options[name] for name in (*same, "duration", "seed", "device")},
     )
-    return Session(Scene.load(scene), asked, say=sayer(options))
+    loaded = Scene.load(scene)
+    stop.check_interrupt()
+    return Session(loaded, asked, say=sayer(options))
 
 
 def sayer(options: dict[str, Any]) -> Callable[[str], None]:
@@ -105,9 +118,11 @@ def sayer(options: dict[str, Any]) -> Callable[[str], None]:
     return lambda line: click.echo(line, err=options["as_json"])
 
 
-def run_session(session: Session, options: dict[str, Any]) -> None:
-    """Until it ends, then say what it was like."""
+def run_session(session: Session, options: dict[str, Any]) -> int:
+    """Until it ends, then say what it was like; the exit code, 1 if the servo died."""
+    stop.check_interrupt()
     report = session.run()
     text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) if options["as_json"] else report["text"]
     click.echo(text)
     stop.check()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
+    return int(session.loop.hands.died)

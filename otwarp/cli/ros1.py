@@ -44,7 +44,7 @@ def ros1(
     control_gain: float,
     namespaces: str | None,
     **options: Any,
-) -> None:
+) -> int:
     """Run SCENE live with the topics of the paper's release, so that its own ROS 1 nodes work with it unchanged.
 
     Publishes /firstOTposition, /secondOTposition, /robot01, /robot02, /xform and /DynaOb01 to /DynaOb04; moves the
@@ -70,6 +70,6 @@ def ros1(
         twin = Twin.of(model.scene, model.held, config.pairing)
         border = Ros1Border(node, config, clock=time.perf_counter)
         session.loop.add(Ros1Outlet(node, border, twin, say=sayer(options)))
-        run_session(session, options)
+        return run_session(session, options)
     finally:
         node.close()

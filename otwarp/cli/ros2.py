@@ -29,7 +29,7 @@ def ros2(
     control_rate: float,
     scene_unit: float,
     **options: Any,
-) -> None:
+) -> int:
     """Run SCENE live with ROS 2 topics: those of the paper's release, and of its reinforcement-learning companion.
 
     Beside the ROS 1 names it publishes /object and /DynaOb01Collide to /DynaOb04Collide, and obeys /rl_vel,
@@ -55,6 +55,6 @@ def ros2(
         model = session.loop.sim.model
         twin = Twin.of(model.scene, model.held, config.pairing)
         session.loop.add(Ros2Outlet(node, Ros2Border(node, config), twin, say=sayer(options)))
-        run_session(session, options)
+        return run_session(session, options)
     finally:
         node.close()

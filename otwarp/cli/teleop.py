@@ -14,10 +14,10 @@ from otwarp.cli.options import scene_argument
 @click.command()
 @scene_argument
 @live_options(page=True, browser=True)
-def teleop(scene: Path, **options: Any) -> None:
+def teleop(scene: Path, **options: Any) -> int:
     """Run SCENE live: move traps with the page's gizmos or with devices, feel and see what happens.
 
     Without --left and --right every trap has a gizmo on the page, and nothing is felt. A hand moves the traps whose
     ot:trap:hand names it. Ctrl-C ends the session.
     """
-    run_session(open_session(scene, options), options)
+    return run_session(open_session(scene, options), options)

@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import HandConfig, HapticsConfig, from_dict
+from otwarp.haptics.config import HandConfig, HapticsConfig, from_dict, to_dict
 from otwarp.haptics.presets import two_hands
 from otwarp.scene.description import Scene
 from otwarp.teleop.frame import HANDS
@@ -42,7 +43,7 @@ def plan_hands(
     scene: Scene,
     devices: Mapping[str, str],
     *,
-    config: HapticsConfig | None = None,
+    config: HapticsConfig | Mapping[str, Any] | None = None,
     mode: str = "stable",
     pairing: str = "release",
     motion_gain: float | None = None,
@@ -54,8 +55,8 @@ def plan_hands(
     Args:
         scene: Whose `ot:trap:hand` says which hand moves a trap, unless `config` does.
         devices: Hand → device; a hand without one moves nothing.
-        config: Replaces the presets; a hand in it without traps takes the scene's.
-        mode, pairing: As `presets.two_hands`; only without `config`. The older pairing swaps the hands' traps.
+        config: Replaces the presets, or, as a mapping, changes them; a hand in it without traps takes the scene's.
+        mode, pairing: Of the presets, as `presets.two_hands`. The older pairing swaps the hands' traps.
         motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
         rate: Servo rate [Hz].
 
@@ -65,9 +66,10 @@ def plan_hands(
     for hand in devices:
         if hand not in HANDS:
             raise InputError(f"hand is {hand!r}; allowed: {', '.join(HANDS)}")
-    if config is None:
+    if not isinstance(config, HapticsConfig):
         # the release's first group is its left hand's
-        config = two_hands(traps_of(scene, "left"), traps_of(scene, "right"), pairing=pairing, mode=mode)
+        preset = two_hands(traps_of(scene, "left"), traps_of(scene, "right"), pairing=pairing, mode=mode)
+        config = preset if config is None else changed(preset, config)
     configured = {hand.name: hand for hand in config.hands}
     plans = []
     for hand in (h for h in HANDS if h in devices):
@@ -97,8 +99,45 @@ def _tuned(
     return replace(hand, chain=chain, **{k: float(v) for k, v in gains.items() if v is not None})
 
 
-def load_config(file: str | Path) -> HapticsConfig:
-    """A configuration from a JSON file, as `haptics.config.to_dict` writes it; what is left out keeps its default.
+def slowed(plans: tuple[HandPlan, ...], speed: float) -> tuple[HandPlan, ...]:
+    """Plans for a session in slow motion: a trap's limit is per simulated second, a hand's per second of the clock."""
+    factor = min(speed, 1.0)
+    return tuple(
+        replace(plan, config=replace(plan.config, chain=replace(chain, trap_speed=chain.trap_speed * factor)))
+        for plan in plans
+        for chain in (plan.config.chain,)
+    )
+
+
+def changed(preset: HapticsConfig, changes: Mapping[str, Any]) -> HapticsConfig:
+    """A preset with what a mapping says otherwise; hands go by their names.
+
+    Raises:
+        InputError: A key or value that cannot be, or a hand without a name.
+    """
+    plain = to_dict(preset)
+    hands = {hand["name"]: hand for hand in plain["hands"]}
+    asked = changes.get("hands", [])
+    if not isinstance(asked, list) or not all(isinstance(hand, Mapping) for hand in asked):
+        raise InputError(f"hands is {asked!r}; allowed: a list of hands")
+    for hand in asked:
+        if hand.get("name") not in hands:
+            raise InputError(f"hands has one of name {hand.get('name')!r}; allowed: {', '.join(hands)}")
+        hands[hand["name"]] = _merged(hands[hand["name"]], hand)
+    return from_dict(HapticsConfig, {**plain, **changes, "hands": list(hands.values())})
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested keys of `changes` over those of `base`."""
+    out = dict(base)
+    for key, value in changes.items():
+        both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
+        out[key] = _merged(out[key], value) if both else value
+    return out
+
+
+def load_config(file: str | Path) -> Mapping[str, Any]:
+    """What a JSON file changes of the presets; `otwarp haptics config` prints one with all keys.
 
     Raises:
         InputError: The file cannot be read, or a key or value in it cannot be.
@@ -111,4 +150,12 @@ def load_config(file: str | Path) -> HapticsConfig:
         data = json.loads(text)
     except ValueError as error:
         raise InputError(f"--config {file}: is not JSON ({error})") from None
-    return from_dict(HapticsConfig, data)
+    try:
+        if not isinstance(data, Mapping):
+            raise InputError(
+                f"it holds {type(data).__name__}; allowed: keys and values, as otwarp haptics config prints"
+            )
+        changed(two_hands((), ()), data)  # told with the file's name, before there is a scene
+    except InputError as error:
+        raise InputError(f"--config {file}: {error}") from None
+    return data

@@ -157,7 +157,7 @@ class Hands:
             now, present = servo.hand(n), told is not None and told.present and not self._dead
             self._notice(n, now)
             message = told.message if told and told.message else self._notes[n]
-            message = "the servo has ended; start the session anew" if self._dead else message
+            message = "the servo has ended, nothing is felt any more; start the session anew" if self._dead else message
             frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)
         if self._dead:
@@ -170,7 +170,9 @@ class Hands:
             return
         armed = now.state in ("ramping", "armed", "decaying")
         if self._armed[n] and now.state == "disarmed":
-            self._notes[n] = "disarmed, for the simulation or the device was silent for too long; arm it again"
+            nobody = self.frames[n].device == "mouse" and not now.buttons
+            why = "no window of the page holds it" if nobody else "no fresh state of simulation or device for 0.1 s"
+            self._notes[n] = f"disarmed, for {why}; arm it again"
         elif armed:
             self._notes[n] = ""
         self._armed[n] = armed
@@ -210,6 +212,11 @@ class Hands:
         given = {"motion_gain": motion_gain, "force_gain": force_gain}
         changed = replace(self.frames[n], **{k: v for k, v in given.items() if v is not None})
         self.frames = (*self.frames[:n], changed, *self.frames[n + 1 :])
+
+    @property
+    def died(self) -> bool:
+        """Whether the servo ended by itself."""
+        return self._dead
 
     def stop(self) -> None:
         """Let the forces fall, end the servo; may be called more than once."""

@@ -58,6 +58,7 @@ class LiveLoop:
         outlets: Who watches and commands.
         make_servo: Makes the servo of the hands.
         make_take: Begins a recording; None refuses to record.
+        notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
         clock: Of the loop; the servo's must show the same time.
         rate: Frames per second [1/s].
         speed: Simulated seconds per second.
@@ -86,6 +87,7 @@ class LiveLoop:
         outlets: Sequence[Outlet] = (),
         make_servo: ServoFactory | None = None,
         make_take: TakeFactory | None = None,
+        notice: Callable[[str], None] | None = None,
         clock: Clock | None = None,
         rate: float = 120.0,
         speed: float = 1.0,
@@ -106,7 +108,8 @@ class LiveLoop:
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
         self._outlets: list[Outlet] = []
         self._due: list[float] = []
-        self._make_take = make_take
+        self._make_take, self._notice = make_take, notice
+        self._told = [""] * len(self.plans)
         for outlet in outlets:
             self.add(outlet)
         self.sim = self._make_sim()
@@ -157,8 +160,15 @@ class LiveLoop:
         self._arm_soon = arm
         self.hands.publish(self._next_state(self._capture()))
 
-    def run(self, duration: float | None = None, *, arm: bool = False) -> None:
+    def run(
+        self, duration: float | None = None, *, arm: bool = False, started: Callable[[], None] | None = None
+    ) -> None:
         """Start, tick until told to stop or for `duration` seconds of the clock, and close.
+
+        Args:
+            duration: [s]; None until told to stop.
+            arm: As `start`.
+            started: Called once it has started.
 
         Raises:
             InputError: As `start`.
@@ -166,6 +176,8 @@ class LiveLoop:
         """
         try:
             self.start(arm=arm)
+            if started is not None:
+                started()
             begun = deadline = self._clock.now()
             end = np.inf if duration is None else begun + duration
             while not self.over and self._clock.now() < end:
@@ -184,6 +196,7 @@ class LiveLoop:
         for error in self._recordings.finished():
             self._complain(str(error))
         self._traps.hold(self.hands.listen().items())
+        self._tell_of_hands()
         steps = self._step(begun)
         frame = self._capture()
         self._traps.note(frame.trap_position[0])
@@ -292,6 +305,14 @@ class LiveLoop:
             recording=str(self.recording) if self.recording else None,
         )
 
+    def _tell_of_hands(self) -> None:
+        """Each hand's news, once."""
+        for n, hand in enumerate(self.hands.frames):
+            if hand.message != self._told[n]:
+                self._told[n] = hand.message
+                if hand.message and self._notice is not None:
+                    self._notice(f"{hand.name} hand: {hand.message}")
+
     def _arm_when_held(self) -> None:
         """Arm once every hand has hold of its traps: before, the servo would refuse."""
         if self._arm_soon and all(hand.now is not None and hand.now.traps for hand in self.hands.frames):
@@ -323,7 +344,7 @@ class LiveLoop:
             case c.SetGains(hand, motion_gain, force_gain):
                 self.hands.set_gains(hand, motion_gain, force_gain)
             case c.SetSpeed(speed):
-                self.pace.set_speed(speed)
+                self._set_speed(speed)
             case c.Pause(on):
                 self._pause(on)
             case c.Reset():
@@ -348,6 +369,16 @@ class LiveLoop:
         """Disarm, also those that were to be armed once they hold their traps."""
         self._arm_soon = False
         self.hands.arm(hand, on=False)
+
+    def _set_speed(self, speed: float) -> None:
+        """Slower than at the start only where no trap of a hand has a limit: its chain keeps that of the start."""
+        limited = [plan.name for plan in self.plans if np.isfinite(plan.config.chain.trap_speed)]
+        if limited and speed < min(self._speed, 1.0):
+            raise InputError(
+                f"speed is {speed:g}; allowed: {min(self._speed, 1.0):g} or more, for a trap of the {limited[0]} hand has "
+                "a speed limit; start the session with --speed for slower motion"
+            )
+        self.pace.set_speed(speed)
 
     def _pause(self, on: bool) -> None:
         if on:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,13 +11,13 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.config import HapticsConfig
-from otwarp.haptics.devices import parse_devices
+from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import Mailbox
 from otwarp.haptics.platform import favour
 from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Record
-from otwarp.teleop.hand_plan import HandPlan, plan_hands
+from otwarp.teleop.hand_plan import HandPlan, plan_hands, slowed
 from otwarp.teleop.hands import ServoLike, servo_process
 from otwarp.teleop.live import GLIDE, LiveLoop
 from otwarp.teleop.local_scene import LocalScene
@@ -55,9 +56,9 @@ class SessionOptions:
 
     Attributes:
         devices: Hand → device.
-        config: Of the hands; None for the presets.
-        mode: `stable` or `paper`; only without `config`.
-        pairing: `release` or `older`; only without `config`.
+        config: Of the hands; None for the presets; a mapping, as a JSON file has it, for what differs from them.
+        mode: `stable` or `paper`; of the presets.
+        pairing: `release` or `older`; of the presets.
         motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
         record: File that is recorded from the start.
         arm: Whether hands are armed as soon as they hold their traps.
@@ -71,7 +72,7 @@ class SessionOptions:
     """
 
     devices: Mapping[str, str] = field(default_factory=dict)
-    config: HapticsConfig | None = None
+    config: HapticsConfig | Mapping[str, Any] | None = None
     mode: str = "stable"
     pairing: str = "release"
     motion_gain: float | None = None
@@ -130,10 +131,13 @@ class Session:
         self.budget: dict[str, Any] | None = None
         try:
             if plans:  # a bad name is told before anything is compiled
-                parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
-            if self._boxes and o.page is None:
-                raise InputError(f"--{next(iter(self._boxes))} is 'mouse'; allowed with the page, which has the mouse")
+                specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
+                if self._boxes and o.page is None:
+                    hand = next(iter(self._boxes))
+                    raise InputError(f"--{hand} is 'mouse'; allowed with the page, which has the mouse")
+                probe_devices(specs)
             scene, speed = self._reduced(scene, hands=bool(plans))
+            plans = slowed(plans, speed)
             self._page = self._open_page(scene, plans)
             watching = (*outlets, self._page) if self._page else tuple(outlets)
             self.loop = LiveLoop(
@@ -142,6 +146,7 @@ class Session:
                 outlets=watching,
                 make_servo=self._make_servo,
                 make_take=self._make_take,
+                notice=say,
                 rate=o.rate,
                 speed=speed,
                 seed=o.seed,
@@ -163,13 +168,10 @@ class Session:
         try:
             load_writer()  # somebody may press Record while hands are armed
             if self._page is not None:
-                url = self._page.start()
-                self._say(f"page      {url}")
-                if o.page is not None and o.page.browser:
-                    webbrowser.open(url)
+                self._page.start()
             if o.record is not None:
                 loop.do(Record(True, o.record))
-            loop.run(o.duration, arm=o.arm)
+            loop.run(o.duration, arm=o.arm, started=self._announce)
         except KeyboardInterrupt:
             self._say("")  # after the ^C of the terminal
         finally:
@@ -180,6 +182,15 @@ class Session:
         if self._recorded:
             report["text"] += f"\nrecorded  {self._recorded}"
         return report
+
+    def _announce(self) -> None:
+        """Say where the page is; once the devices are open, lest a browser shows a session that never began."""
+        if self._page is None:
+            return
+        self._say(f"page      {self._page.url}")
+        if self._options.page is not None and self._options.page.browser:
+            # it may wait for the browser, and the hands' forces would fall meanwhile
+            threading.Thread(target=webbrowser.open, args=(self._page.url,), daemon=True).start()
 
     def _pointer(self, plan: HandPlan) -> str | None:
         box = self._boxes.get(plan.name)

@@ -11,6 +11,7 @@ from otwarp.cli.main import main
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SMALL = str(SCENES / "teleop_small.usda")
+HOLD = "virtual:hold,at=0/0/0"
 QUIET = ["--no-page", "--budget", "off", "--device", "cpu"]
 
 
@@ -38,7 +39,13 @@ def test_a_session_without_a_page(capfd):
         ("teleop", ["--left", "virtual:hold,at=0/0/0", "--servo-rate", "1"], "chain.rate is 1.0; allowed: 100 to"),
         ("teleop", ["--budget", "plenty"], "plenty"),
         ("teleop", ["--duration", "-1"], "--duration is -1; allowed: above 0 s"),
-        ("teleop", ["--config", "absent.json"], "--config absent.json: cannot be read"),
+        (
+            "teleop",
+            ["--left", "virtual:hold,at=0/0/0", "--config", "absent.json"],
+            "--config absent.json: cannot be read",
+        ),
+        ("teleop", ["--arm"], "--arm is given without a hand; allowed with --left or --right"),
+        ("teleop", ["--force-gain", "0.1"], "--force-gain is given without a hand"),
         ("teleop", ["--left", "virtual:hold,at=0/0/0", "--force-gain", "-1"], "hand.force_gain is -1.0; allowed: 0 to"),
         ("teleop", ["--seed", "-1"], "seed is -1; allowed: 0 to"),
         ("teleop", ["--record", "no/such/folder/take.mcap"], "no/such/folder"),

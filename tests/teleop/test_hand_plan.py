@@ -9,7 +9,8 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.config import HandConfig, HapticsConfig, to_dict
-from otwarp.teleop.hand_plan import load_config, plan_hands
+from otwarp.haptics.presets import two_hands
+from otwarp.teleop.hand_plan import changed, load_config, plan_hands, slowed
 from tests.teleop.scenes import three_beads, trap
 
 
@@ -31,14 +32,37 @@ def test_a_hand_is_no_faster_than_its_traps():
     left, right = plan_hands(scene, {"left": "mouse", "right": "mouse"}, rate=500.0)
     assert left.config.chain.trap_speed == 7.0 and right.config.chain.trap_speed == float("inf")
     assert left.config.chain.rate == 500.0
+    # per simulated second: in slow motion the hand's clock sees less of it, and never more
+    assert [plan.config.chain.trap_speed for plan in slowed((left, right), 0.25)] == [1.75, float("inf")]
+    assert slowed((left, right), 2.0) == (left, right)
 
 
-def test_a_configuration_file_goes_through(tmp_path):
-    config = HapticsConfig(hands=(HandConfig(name="right", traps=(2,), force_gain=0.01), HandConfig(name="left")))
+def test_a_configuration_file_changes_the_presets(tmp_path):
     file = tmp_path / "hands.json"
-    file.write_text(json.dumps(to_dict(config)))
+    changes = {"hands": [{"name": "right", "traps": [2], "chain": {"damping": 0.5}, "safety": {"clamp": 1.0}}]}
+    file.write_text(json.dumps(changes))
     left, right = plan_hands(three_beads(), {"left": "mouse", "right": "mouse"}, config=load_config(file))
+    assert left.config.traps == (0,) and right.config.traps == (2,)
+    assert right.config.chain.damping == 0.5 and right.config.safety.clamp == 1.0
+    # all else is the preset's
+    assert right.config.chain == dataclasses.replace(left.config.chain, damping=0.5)
+    assert left.config.chain.pose_prediction and left.config.chain.quantum > 0.0
+    # of the mode that is asked for, too
+    (paper,) = plan_hands(three_beads(), {"right": "mouse"}, config=load_config(file), mode="paper")
+    assert paper.config.chain.mode == "paper" and paper.config.chain.damping == 0.5
+
+
+def test_a_configuration_in_python_replaces_them():
+    config = HapticsConfig(hands=(HandConfig(name="right", traps=(2,), force_gain=0.01), HandConfig(name="left")))
+    left, right = plan_hands(three_beads(), {"left": "mouse", "right": "mouse"}, config=config)
     assert left.config.traps == (0,) and right.config.traps == (2,) and right.config.force_gain == 0.01
+
+
+def test_what_is_written_out_is_read_back(tmp_path):
+    preset = two_hands((), (), mode="paper")
+    file = tmp_path / "all.json"
+    file.write_text(json.dumps(to_dict(preset)))
+    assert changed(two_hands((), ()), load_config(file)) == preset
 
 
 @pytest.mark.parametrize(
@@ -78,6 +102,8 @@ def test_a_bad_file_is_one_line(tmp_path):
     for text, line in (
         ("{", "is not JSON"),
         ("[]", "allowed: keys and values"),
+        ('{"hands": [{"force_gain": 1.0}]}', "hands has one of name None; allowed: left, right"),
+        ('{"hands": 3}', "hands is 3; allowed: a list of hands"),
         ('{"hands": [{"name": "left", "volume": 11}]}', "has the key 'volume'"),
         ('{"hands": [{"name": "left", "force_gain": "loud"}]}', "force_gain is 'loud'"),
     ):
@@ -85,5 +111,6 @@ def test_a_bad_file_is_one_line(tmp_path):
         with pytest.raises(InputError) as refused:
             load_config(file)
         assert line in str(refused.value) and "\n" not in str(refused.value)
+        assert str(refused.value).startswith(f"--config {file}: ")
     with pytest.raises(InputError, match="cannot be read"):
         load_config(tmp_path / "absent.json")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,7 @@ class Stage:
         self.clock, self.watcher = LinkedClock(), Watcher()
         self.plans = plan_hands(scene, devices, force_gain=0.02)
         self.servo: VirtualServo | None = None
+        self.news: list[str] = []
 
         def make_servo(plans, local):
             self.servo = VirtualServo(self.clock, plans, local, len(scene.traps))
@@ -66,6 +68,7 @@ class Stage:
             self.plans,
             outlets=(self.watcher,) if watch else (),
             make_servo=make_servo,
+            notice=self.news.append,
             clock=self.clock,
             rate=RATE,
             device=device,
@@ -175,7 +178,7 @@ def test_a_loop_that_stalls_lets_the_force_fall(stage):
     # it comes back disarmed, with the traps where they are
     live = s.run(0.2)
     assert live.hands[0].now is not None and live.hands[0].now.state == "disarmed"
-    told = "right hand: disarmed, for the simulation or the device was silent for too long; arm it again"
+    told = "right hand: disarmed, for no fresh state of simulation or device for 0.1 s; arm it again"
     assert told in live.warnings
     assert [line for line in live.warnings if line != told] == [
         "simulated time runs at 0.74 of real time, 1 was asked for; 0.3 s given up"
@@ -252,6 +255,19 @@ def test_what_a_reset_takes_is_not_owed(stage):
     assert live.pace.slipped == 0.0 and live.frame.time == pytest.approx(0.1, abs=0.02)
 
 
+def test_slow_motion_keeps_a_hand_within_the_limit_of_its_trap(stage):
+    limited = tuple(replace(trap, speed_limit=20.0) for trap in three_beads().traps)
+    s = stage(replace(three_beads(), traps=limited), right="virtual:hold,at=0/0/0")
+    s.loop.start()
+    s.watcher.asked = [c.SetSpeed(0.5)]
+    s.run(0.05)
+    assert s.loop.pace.speed == 1.0
+    assert s.watcher.lines[0].startswith("speed is 0.5; allowed: 1 or more, for a trap of the right hand has a speed")
+    s.watcher.asked = [c.SetSpeed(2.0)]
+    s.run(0.05)
+    assert s.loop.pace.speed == 2.0
+
+
 def test_the_operator_is_told_of_a_lost_sphere(stage):
     s = stage()
     s.loop.start()
@@ -297,7 +313,8 @@ def test_a_servo_that_dies_is_told_and_the_session_goes_on(stage):
     s.run(0.1)
     s.servo.running = False
     live = s.run(0.1)
-    assert live.warnings == ("left hand: the servo has ended; start the session anew",)
+    assert s.loop.hands.died and s.news == [live.warnings[0]]
+    assert live.warnings == ("left hand: the servo has ended, nothing is felt any more; start the session anew",)
     assert live.frame.time == pytest.approx(0.2, abs=0.02)
 
 

@@ -22,23 +22,27 @@ class Kind:
         argument: What comes after the colon: `required`, `optional` or `none`.
         means: What the argument is, for messages.
         several: Whether two hands may name the same one: software is made anew for each, hardware is not.
+        probe: Whether it may be opened and closed to see whether it is there, without moving or calibrating anything.
     """
 
     home: str
     argument: Literal["required", "optional", "none"]
     means: str
     several: bool
+    probe: bool = False
 
 
 KINDS: dict[str, Kind] = {
     "mouse": Kind("otwarp.haptics.devices.mouse:create", "none", "", True),
     "virtual": Kind("otwarp.haptics.devices.virtual:create", "required", "a script, as circle,radius=0.02", True),
-    "replay": Kind("otwarp.haptics.devices.replay:create", "required", "a recording, .mcap, .csv or .jsonl", True),
-    "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False),
-    "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False),
-    "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False),
+    "replay": Kind(
+        "otwarp.haptics.devices.replay:create", "required", "a recording, .mcap, .csv or .jsonl", True, True
+    ),
+    "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False, True),
+    "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False, True),
+    "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False, True),
     "openhaptics": Kind("otwarp.haptics.devices.openhaptics:create", "optional", "its name in Touch Setup", False),
-    "inverse3": Kind("otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False),
+    "inverse3": Kind("otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False, True),
     "forcedimension": Kind(
         "otwarp.haptics.devices.forcedimension:create", "optional", "its serial number, or index=N", False
     ),
@@ -122,6 +126,21 @@ def create_device(spec: DeviceSpec) -> Device:
     """
     module, function = KINDS[spec.kind].home.split(":")
     return getattr(import_module(module), function)(spec)
+
+
+def probe_devices(specs: Sequence[DeviceSpec]) -> None:
+    """Open and close the devices that may be, so that one that is not there is told before long work begins.
+
+    Raises:
+        InputError: One is not there.
+    """
+    for spec in specs:
+        if KINDS[spec.kind].probe:
+            device = create_device(spec)
+            try:
+                device.open()
+            finally:
+                device.close()
 
 
 def parse_parameters(where: str, text: str, allowed: Sequence[str]) -> tuple[str, dict[str, str]]:

@@ -1,0 +1,23 @@
+"""`otwarp haptics config`: a configuration of the hands to start from."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command()
+@click.option(
+    "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
+)
+def config(mode: str) -> None:
+    """Print the hands' configuration as JSON.
+
+    What a file keeps of it changes the presets of otwarp teleop --config FILE; what it leaves out stays. Device side in
+    m, s, N, scene side in µm, pN; docs/haptics.md says what each number does. Without traps a hand has the scene's.
+    """
+    from otwarp.haptics.config import to_dict
+    from otwarp.haptics.presets import two_hands
+
+    click.echo(json.dumps(to_dict(two_hands((), (), mode=mode)), indent=2, ensure_ascii=False))

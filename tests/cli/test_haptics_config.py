@@ -1,0 +1,16 @@
+"""`otwarp haptics config` as typed."""
+
+from __future__ import annotations
+
+import json
+
+from otwarp.cli.main import main
+from otwarp.haptics.config import HapticsConfig, from_dict
+from otwarp.haptics.presets import two_hands
+
+
+def test_what_is_printed_is_the_preset(capfd):
+    for mode in ("stable", "paper"):
+        assert main(["haptics", "config", "--mode", mode]) == 0
+        assert from_dict(HapticsConfig, json.loads(capfd.readouterr().out)) == two_hands((), (), mode=mode)
+    assert main(["haptics", "config", "--mode", "loud"]) == 2
