@@ -69,7 +69,7 @@ def ros1(
         model = session.loop.sim.model
         twin = Twin.of(model.scene, model.held, config.pairing)
         border = Ros1Border(node, config, clock=time.perf_counter)
-        session.loop.add(Ros1Outlet(node, border, twin, say=sayer(options)))
+        session.loop.add(Ros1Outlet(node, border, twin, say=sayer(options), alone=not options["page"]))
         return run_session(session, options)
     finally:
         node.close()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from otwarp.errors import InputError
 from otwarp.ros.ros2.motion import Group, move_pair
 from otwarp.ros.twin import Twin, TwinNow
-from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps
+from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
 from otwarp.teleop.frame import LiveFrame
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class Ros1Outlet:
         twin: What the topics mean.
         say: Takes lines for the user.
         clock: Of the border.
+        alone: Whether nobody else watches: then the session ends with the node.
     """
 
     interval = 0.0  # the border has a rate of its own
@@ -43,8 +44,9 @@ class Ros1Outlet:
         *,
         say: Callable[[str], None] = print,
         clock: Callable[[], float] = time.perf_counter,
+        alone: bool = False,
     ):
-        self._node, self._border, self._twin, self._clock = node, border, twin, clock
+        self._node, self._border, self._twin, self._clock, self._alone = node, border, twin, clock, alone
         self._say = _Sayer(say)
         self._warned = self._still = False
         self._noted = 0
@@ -56,13 +58,16 @@ class Ros1Outlet:
         for line in lines:  # a peer of another type or md5, messages that are none, a master that went
             self._say(f"ros1: {line}")
         if not self._node.alive:
-            self._warn_once("ros1: the node was shut down through ROS; the session goes on without it")
+            then = "ends" if self._alone else "goes on without it"
+            self._warn_once(f"ros1: the node was shut down through ROS; the session {then}")
             return
         now = self._twin.now(live)
         self._border.publish(self._clock(), now.centres, now.robots, now.obstacles)
 
     def commands(self) -> Sequence[Command]:
         """See `Outlet`: how far the hands' twists move each group; in a pause they move nothing."""
+        if self._alone and not self._node.alive:
+            return [Stop()]
         moved = self._border.commands(self._clock())
         if self._still:  # or the traps would leap when it ends, and lose what they hold
             return []

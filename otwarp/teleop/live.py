@@ -344,7 +344,7 @@ class LiveLoop:
             case c.SetGains(hand, motion_gain, force_gain):
                 self.hands.set_gains(hand, motion_gain, force_gain)
             case c.SetSpeed(speed):
-                self._set_speed(speed)
+                self.pace.set_speed(speed)
             case c.Pause(on):
                 self._pause(on)
             case c.Reset():
@@ -369,16 +369,6 @@ class LiveLoop:
         """Disarm, also those that were to be armed once they hold their traps."""
         self._arm_soon = False
         self.hands.arm(hand, on=False)
-
-    def _set_speed(self, speed: float) -> None:
-        """Slower than at the start only where no trap of a hand has a limit: its chain keeps that of the start."""
-        limited = [plan.name for plan in self.plans if np.isfinite(plan.config.chain.trap_speed)]
-        if limited and speed < min(self._speed, 1.0):
-            raise InputError(
-                f"speed is {speed:g}; allowed: {min(self._speed, 1.0):g} or more, for a trap of the {limited[0]} hand has "
-                "a speed limit; start the session with --speed for slower motion"
-            )
-        self.pace.set_speed(speed)
 
     def _pause(self, on: bool) -> None:
         if on:

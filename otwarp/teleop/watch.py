@@ -13,6 +13,8 @@ from otwarp.teleop.frame import HandFrame, PaceNow
 
 AT_THE_CLAMP = 0.98
 """Part of the clamp from which a hand is told that it feels less than there is."""
+AHEAD = 1.0
+"""Micrometres by which a hand may be ahead of its traps: more than one goes in a tick at 100 µm/s."""
 BEHIND = 0.95
 """Part of the wanted speed below which the operator is told."""
 
@@ -31,7 +33,8 @@ class Watch:
 
     def warnings(self, frame: Frame, hands: tuple[HandFrame, ...], pace: PaceNow) -> tuple[str, ...]:
         """All that hold at present."""
-        return (*self._traps(frame), *self._contacts(frame), *self._hands(hands), *self._pace(pace))
+        lags = self._lags(frame, hands)
+        return (*self._traps(frame), *self._contacts(frame), *self._hands(hands), *lags, *self._pace(pace))
 
     def _traps(self, frame: Frame) -> list[str]:
         gap = frame.trap_distance[0]
@@ -58,6 +61,18 @@ class Watch:
                 out.append(f"{hand.name} hand: force held to {hand.clamp:.3g} N")
             if hand.message:
                 out.append(f"{hand.name} hand: {hand.message}")
+        return out
+
+    def _lags(self, frame: Frame, hands: tuple[HandFrame, ...]) -> list[str]:
+        """Hands that are ahead of their traps: a trap's speed limit counts simulated seconds, a hand's the clock's."""
+        out = []
+        for hand in hands:
+            ahead = [math.dist(place, frame.trap_position[0, t]) for t, place in (hand.now.traps if hand.now else ())]
+            if max(ahead, default=0.0) > AHEAD:
+                out.append(
+                    f"{hand.name} hand: {max(ahead):.2g} µm ahead of its traps, which are at their speed limit; it "
+                    "feels more than there is until they catch up"
+                )
         return out
 
     def _pace(self, pace: PaceNow) -> list[str]:

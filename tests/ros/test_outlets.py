@@ -21,7 +21,7 @@ from otwarp.ros.touching import gap
 from otwarp.ros.twin import Twin
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.track import Track
-from otwarp.teleop.commands import Pause
+from otwarp.teleop.commands import Pause, Stop
 from otwarp.teleop.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
 
@@ -85,7 +85,8 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     config = ContractConfig(scene_unit=2.0, motion_gain=0.05)
     border = Ros1Border(node, config, clock=clock.now, stamp=clock.now)
-    loop.add(Ros1Outlet(node, border, twin_of(loop), say=lines.append, clock=clock.now))
+    outlet_twin = twin_of(loop)
+    loop.add(Ros1Outlet(node, border, outlet_twin, say=lines.append, clock=clock.now))
     loop.start()
     run(loop, clock, 0.1)
     t = types()
@@ -123,6 +124,8 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     assert lines == ["ros1: the node was shut down through ROS; the session goes on without it"]
     loop.close()
     assert node.closed
+    alone = Ros1Outlet(node, border, outlet_twin, say=lines.append, clock=clock.now, alone=True)
+    assert alone.commands() == [Stop()]
 
 
 class Border2:
