@@ -10,9 +10,16 @@ from otwarp.haptics.types import Vec3
 
 @dataclass(frozen=True, slots=True)
 class MoveTraps:
-    """Put traps somewhere: index → focus [µm]. Traps that a hand holds at the time stay with the hand."""
+    """Put traps somewhere: index → focus [µm]. Traps that a hand holds at the time stay with the hand.
+
+    Attributes:
+        positions: Where to.
+        gently: At no more than `trap_commands.GENTLE` µm per simulated second, or a trap's own speed limit where that
+            is lower, instead of at once.
+    """
 
     positions: Mapping[int, Vec3] = field(default_factory=dict)
+    gently: bool = False
 
 
 @dataclass(frozen=True, slots=True)

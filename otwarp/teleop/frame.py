@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -83,6 +84,7 @@ class LiveFrame:
             at the clamp, devices that went away.
         task: How the scene's task stands, one line; "" without a goal.
         recording: File that is being written, or None.
+        trap_goals: Where gently moved traps that have not arrived are going: index → focus [µm].
     """
 
     beat: int
@@ -95,3 +97,4 @@ class LiveFrame:
     warnings: tuple[str, ...] = ()
     task: str = ""
     recording: str | None = None
+    trap_goals: Mapping[int, Vec3] = field(default_factory=dict)

@@ -120,12 +120,10 @@ class LiveLoop:
         self._watch, self.monitor = self._watchers()
         now, longest = self._clock.now(), LONGEST_TICK if self.plans else np.inf
         self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=now, longest_tick=longest)
-        self._beat = 0
         self._recordings = Recordings()
-        self._arm_soon = False
-        self._closed = False
+        self._arm_soon = self._closed = False
         self.over, self.failure = False, ""
-        self.frames = self.late = 0
+        self._beat = self.frames = self.late = 0
         self.wall = 0.0
 
     @property
@@ -250,6 +248,7 @@ class LiveLoop:
 
     def _advance(self, steps: int) -> None:
         """The steps stand for the time since the last tick, in which the hands went from there to here."""
+        self._traps.advance(steps * self.sim.time_step)
         part = max(1, round(GLIDE / self.sim.time_step)) if self._traps.changed else steps
         done = 0
         while done < steps:
@@ -296,6 +295,7 @@ class LiveLoop:
             beat=self.frames,
             wall=self._clock.now(),
             frame=frame,
+            trap_goals=self._traps.goals,
             hand_force=np.array(forces[0], dtype=float) if forces.size else np.zeros((2, 3)),
             hands=hands,
             servo=self.hands.status,
@@ -335,8 +335,8 @@ class LiveLoop:
             InputError: It cannot be; nothing changed.
         """
         match command:
-            case c.MoveTraps(positions):
-                self._traps.move(positions)
+            case c.MoveTraps(positions, gently):
+                self._traps.move(positions, gently=gently)
             case c.ShiftTraps(traps, by):
                 self._traps.shift(traps, by)
             case c.SetPower(power, traps):

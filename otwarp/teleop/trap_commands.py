@@ -14,6 +14,11 @@ from otwarp.simulation.simulation import Simulation
 
 FARTHEST = 1e6
 """Micrometres from the origin beyond which no trap is put: a metre."""
+GENTLE = 30.0
+"""Fastest that a gentle move goes, in µm per simulated second.
+
+In water (0.89 mPa·s) the drag 6πηav on a sphere of radius 1 µm is 0.5 pN at this speed, and on the five spheres of a
+robot less than five times that, shared by the traps that hold it. Traps of 10 pN/µm let go at a few pN."""
 
 
 class TrapCommands:
@@ -21,6 +26,10 @@ class TrapCommands:
 
     A trap that no hand has stays with its time samples, if it has any, until it is moved for the first time; a hand's
     trap stands where it was authored at the start.
+
+    A gentle move gives traps a goal. `advance` takes them there; traps of one such move stay in step, so that what they
+    hold together is not torn. The last word counts: another move or a shift drops the goal (a shift starts where the
+    trap is by then), and so does a hand that takes the trap.
 
     Args:
         scene: Of the session.
@@ -44,6 +53,7 @@ class TrapCommands:
             ],
             dtype=int,
         )
+        self._ways: list[dict[int, np.ndarray]] = []  # trap → goal; one for each gentle move
         self._told, self._told_follows = self.position.copy(), np.full(len(traps), -1)
         self._changed = True
 
@@ -58,8 +68,8 @@ class TrapCommands:
         self._held = frozenset(held)
         self.move(held, by_hand=True)
 
-    def move(self, positions: Mapping[int, Vec3], *, by_hand: bool = False) -> None:
-        """Put traps somewhere; those that a hand holds stay with it.
+    def move(self, positions: Mapping[int, Vec3], *, by_hand: bool = False, gently: bool = False) -> None:
+        """Put traps somewhere, or gently let them go there; those that a hand holds stay with it.
 
         Raises:
             InputError: A trap that is not there, or a place that is not finite; nothing is moved.
@@ -68,16 +78,40 @@ class TrapCommands:
         for place in positions.values():
             if not all(math.isfinite(x) and abs(x) <= FARTHEST for x in place):
                 raise InputError(f"trap position is {tuple(place)!r}; allowed: finite, within ±{FARTHEST:g} µm")
-        for trap, place in positions.items():
-            if trap in self._held and not by_hand:
-                continue
+        free = {trap: place for trap, place in positions.items() if by_hand or trap not in self._held}
+        self._drop_goals(free)
+        if gently and free:
+            self._ways.append({trap: np.array(place, dtype=float) for trap, place in free.items()})
+        for trap, place in free.items():
+            self._changed |= bool(self._follows[trap] & 1)
             self._follows[trap] &= 2
-            if tuple(self.position[trap]) != tuple(place):
+            if not gently and tuple(self.position[trap]) != tuple(place):
                 self.position[trap] = place
                 self._changed = True
 
+    @property
+    def goals(self) -> dict[int, Vec3]:
+        """Where gently moved traps that have not arrived are going: index → focus [µm]."""
+        return {trap: (float(x), float(y), float(z)) for way in self._ways for trap, (x, y, z) in way.items()}
+
+    def advance(self, seconds: float) -> None:
+        """Take gently moved traps towards their goals: as far as so much simulated time [s] allows, and no farther."""
+        if seconds <= 0.0:
+            return
+        for way in self._ways:
+            left = {trap: goal - self.position[trap] for trap, goal in way.items()}
+            # the one that takes longest decides for all, so that they keep in step
+            longest = max((float(np.linalg.norm(d)) / self._fastest(trap) for trap, d in left.items()), default=0.0)
+            there = longest <= seconds
+            for trap, goal in way.items():
+                self.position[trap] = goal if there else self.position[trap] + seconds / longest * left[trap]
+            self._changed |= longest > 0.0
+            if there:
+                way.clear()
+        self._ways = [way for way in self._ways if way]
+
     def shift(self, traps: Sequence[int], by: Vec3) -> None:
-        """Move traps by the same displacement [µm].
+        """Move traps at once by the same displacement [µm] from where they are; none of them goes on to a goal.
 
         Raises:
             InputError: As `move`.
@@ -121,6 +155,15 @@ class TrapCommands:
         """Where the traps that follow their time samples are, so that moving them begins there; (T, 3) [µm]."""
         following = (self._follows & 1).astype(bool)
         self.position[following] = self._told[following] = position[following]
+
+    def _fastest(self, trap: int) -> float:
+        return min(GENTLE, self._scene.traps[trap].speed_limit)
+
+    def _drop_goals(self, traps: Iterable[int]) -> None:
+        if self._ways:
+            gone = frozenset(traps)
+            ways = ({trap: goal for trap, goal in way.items() if trap not in gone} for way in self._ways)
+            self._ways = [way for way in ways if way]
 
     def _check(self, traps: Iterable[int]) -> None:
         for trap in traps:

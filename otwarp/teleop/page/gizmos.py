@@ -1,7 +1,8 @@
 """Draggable handles: one per trap, one per hand that moves several, one per hand that the page itself moves.
 
 While somebody drags, the server leaves that handle alone; after letting go it waits `HOLD_OFF` for the commands to come
-back in a frame. So a handle never fights the mouse, and shows where the traps are whenever nobody holds it.
+back in a frame. So a handle never fights the mouse. Whenever nobody holds it, it shows where its traps are, or where
+they are going: drags move them gently, so they may come after it.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Gizmo:
         handle: In viser.
         draggers: Windows that hold it.
         free_at: Time until which the server leaves it alone [s].
-        taken: Where it was when the drag began, and where its traps were, by index [µm].
+        taken: Where it was when the drag began, and where its traps were or were going, by index [µm].
     """
 
     name: str
@@ -97,7 +98,9 @@ class Gizmos:
 
     def update(self, frame: PageFrame, now: float) -> None:
         """Follow a frame, but for handles that somebody holds or has just let go."""
-        self._places = {k: _triple(row) for k, row in enumerate(frame.trap_position) if np.isfinite(row).all()}
+        # a trap on its way counts as there already: its handle waits for it, and a further drag begins at the goal
+        places = {k: _triple(row) for k, row in enumerate(frame.trap_position) if np.isfinite(row).all()}
+        self._places = places | dict(frame.trap_goals)
         self._hands = {hand.name: hand for hand in frame.hands}
         for gizmo in self.gizmos.values():
             gizmo.handle.visible = self.shown(gizmo)
@@ -170,8 +173,9 @@ class Gizmos:
                 gizmo.pointer.move(shift, hand.motion_gain)
             return []
         if not gizmo.whole:
-            return [MoveTraps({gizmo.traps[0]: position})]
-        return [MoveTraps({k: (x + shift[0], y + shift[1], z + shift[2]) for k, (x, y, z) in places.items()})]
+            return [MoveTraps({gizmo.traps[0]: position}, gently=True)]
+        goals = {k: (x + shift[0], y + shift[1], z + shift[2]) for k, (x, y, z) in places.items()}
+        return [MoveTraps(goals, gently=True)]
 
     def _add(self, gizmo: Gizmo) -> None:
         self.gizmos[gizmo.name] = gizmo

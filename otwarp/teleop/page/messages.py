@@ -10,13 +10,14 @@ from __future__ import annotations
 import pickle
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from otwarp.haptics.fields import Matrix
 from otwarp.haptics.servo_link import ServoStatus
+from otwarp.haptics.types import Vec3
 from otwarp.teleop.commands import Command
 from otwarp.teleop.frame import HandFrame, LiveFrame, PaceNow
 from otwarp.teleop.page.drawing import Drawing
@@ -45,7 +46,7 @@ class PageFrame:
         position, orientation: (B, 3) and (B, 4) of the bodies' prims.
         trap_position, trap_power, trap_force, trap_distance: (T, 3), (T,), (T, 3), (T,).
         contact_force, contact_load: (B, 3), (B,).
-        beat, time, hand_force, hands, servo, pace, warnings, task, recording: See `LiveFrame` and `Frame`.
+        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals: See `LiveFrame` and `Frame`.
     """
 
     stamp: float
@@ -66,6 +67,7 @@ class PageFrame:
     warnings: tuple[str, ...]
     task: str
     recording: str | None
+    trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
 
     @classmethod
     def of(cls, live: LiveFrame, stamp: float) -> PageFrame:
@@ -84,6 +86,7 @@ class PageFrame:
             warnings=live.warnings,
             task=live.task,
             recording=live.recording,
+            trap_goals=dict(live.trap_goals),
         )
 
 

@@ -59,8 +59,8 @@ def test_every_trap_has_a_handle_and_a_hand_of_several_one_more():
 def test_a_trap_goes_where_its_handle_goes():
     gizmos, _ = make()
     assert gizmos.drag("trap_2", 1, "start", PLACES[2], 0.0) == []
-    assert gizmos.drag("trap_2", 1, "update", (1.0, 2.0, 3.0), 0.1) == [MoveTraps({2: (1.0, 2.0, 3.0)})]
-    assert gizmos.drag("trap_2", 1, "end", (1.0, 2.0, 4.0), 0.2) == [MoveTraps({2: (1.0, 2.0, 4.0)})]
+    assert gizmos.drag("trap_2", 1, "update", (1.0, 2.0, 3.0), 0.1) == [MoveTraps({2: (1.0, 2.0, 3.0)}, gently=True)]
+    assert gizmos.drag("trap_2", 1, "end", (1.0, 2.0, 4.0), 0.2) == [MoveTraps({2: (1.0, 2.0, 4.0)}, gently=True)]
 
 
 def test_a_hand_moves_its_traps_together_from_where_they_were():
@@ -73,7 +73,7 @@ def test_a_hand_moves_its_traps_together_from_where_they_were():
     for k in (1, 2):
         gizmos.update(page_frame([(10.0 + k, 5, 0), (14.0 + k, 5, 1), PLACES[2], PLACES[3]]), 0.1 * k)
         (asked,) = gizmos.drag("hand_left", 1, "update", (12.0, 1.0 * k, 0.5), 0.1 * k)
-        assert asked == MoveTraps({0: (10.0, 1.0 * k, 0.0), 1: (14.0, 1.0 * k, 1.0)})
+        assert asked == MoveTraps({0: (10.0, 1.0 * k, 0.0), 1: (14.0, 1.0 * k, 1.0)}, gently=True)
 
 
 def test_the_server_leaves_a_handle_alone_that_somebody_holds_or_has_just_let_go():
@@ -89,6 +89,23 @@ def test_the_server_leaves_a_handle_alone_that_somebody_holds_or_has_just_let_go
     assert handle.puts == 0
     gizmos.update(elsewhere, 100.0 + 1.1 * HOLD_OFF)
     assert handle.position == (7.0, 7.0, 7.0)
+
+
+def test_a_handle_waits_for_traps_that_come_after_it():
+    gizmos, handles = make()
+    goals = {0: (10.0, 0.0, 0.0), 1: (14.0, 0.0, 0.0)}
+    gizmos.drag("hand_left", 1, "start", (2.0, 0.0, 0.0), 0.0)
+    assert gizmos.drag("hand_left", 1, "end", (12.0, 0.0, 0.0), 0.0) == [MoveTraps(goals, gently=True)]
+    for k in range(1, 5):  # at 2 µm per frame
+        gizmos.update(page_frame([(2.0 * k, 0, 0), (4.0 + 2.0 * k, 0, 0), *PLACES[2:]], trap_goals=goals), 1.0 * k)
+        assert [handles[name].position[0] for name in ("hand_left", "trap_0", "trap_1")] == [12.0, 10.0, 14.0]
+    # taken once more before they are there: they shall go on from where they are going
+    gizmos.drag("hand_left", 1, "start", (12.0, 0.0, 0.0), 5.0)
+    (asked,) = gizmos.drag("hand_left", 1, "end", (12.0, 1.0, 0.0), 5.0)
+    assert asked == MoveTraps({0: (10.0, 1.0, 0.0), 1: (14.0, 1.0, 0.0)}, gently=True)
+    # whose way has ended elsewhere is where it is
+    gizmos.update(page_frame([(9.0, 0, 0), (13.0, 0, 0), *PLACES[2:]]), 6.0)
+    assert handles["hand_left"].position == (11.0, 0.0, 0.0)
 
 
 def test_a_window_that_closes_lets_go():
