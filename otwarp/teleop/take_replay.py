@@ -22,7 +22,7 @@ from otwarp.haptics.config import HandConfig, HapticsConfig, from_dict
 from otwarp.haptics.hands import make_chain
 from otwarp.haptics.law import Law
 from otwarp.haptics.mailbox import STATES
-from otwarp.haptics.mcap import McapFile
+from otwarp.haptics.mcap import CONFIG, McapFile
 from otwarp.haptics.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
 from otwarp.haptics.rendering import Rendering
 from otwarp.haptics.ring import (
@@ -42,7 +42,7 @@ from otwarp.haptics.ring import (
 )
 from otwarp.haptics.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
 from otwarp.teleop.take import FORMAT
-from otwarp.teleop.take_file import CONFIG, CYCLES, END, SCENE, START
+from otwarp.teleop.take_file import CYCLES, END, SCENE, START
 from otwarp.teleop.take_laws import laws_from_dict
 
 
