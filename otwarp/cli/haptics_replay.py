@@ -23,8 +23,9 @@ def replay(take: Path, as_json: bool) -> int:
     """Run the haptic chains of TAKE, an .mcap file of `otwarp teleop --record`, on what they were given, and compare
     all forces bit for bit.
 
-    Also reads what a killed session left in FILE.part. Exit code 0: equal; 1: a force differs, or nothing could be
-    compared; 2: no take.
+    A session that was killed leaves the folder FILE.mcap.part; give its name as TAKE. A take that is cut short is
+    compared up to the cut. Exit code 0: all that is there is equal; 1: a force differs, or there is nothing to compare;
+    2: no take.
     """
     from otwarp.teleop.take_replay import replay_take
 
@@ -32,12 +33,12 @@ def replay(take: Path, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps(report.to_dict(), indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        cut = "" if report.complete else ", cut short"
-        click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}{cut}")
+        click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}")
+        if not report.complete:
+            click.echo(f"cut short: {report.seconds:.1f} s of it could be read")
         for hand in report.hands:
             click.echo(_line(hand))
-        if not report.hands:
-            click.echo("no hand had a device: nothing to compare")
+        click.echo(report.verdict)
     return 0 if report.equal else EXIT_DIFFERS
 
 

@@ -7,6 +7,7 @@ magic again (https://mcap.dev/spec). Takes are not compressed, so their chunks a
 from __future__ import annotations
 
 import mmap
+import os
 import struct
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, suppress
@@ -17,6 +18,10 @@ from zlib import crc32
 from otwarp.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
+CONFIG = "/otwarp/config"
+"""Topic that every take of otwarp begins with."""
+SUFFIX, PART = ".mcap", ".mcap.part"
+"""Of a take, and of the folder in which it is written."""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -42,7 +47,7 @@ class McapFile:
     """An MCAP file that is open for reading; a context manager.
 
     Args:
-        path: The file.
+        path: The file, or the folder `FILE.mcap.part` that a take's session left when it was killed.
 
     Raises:
         InputError: It cannot be read, or is no MCAP file.
@@ -55,12 +60,14 @@ class McapFile:
         self.path, self.complete = Path(path), False
         with ExitStack() as stack:
             try:
-                file = stack.enter_context(self.path.open("rb"))
+                file = stack.enter_context(_content_of(self.path).open("rb"))
+                if not os.fstat(file.fileno()).st_size:
+                    raise ValueError("it is empty")  # and could not be mapped
                 view = memoryview(stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))
                 self._view = stack.enter_context(view)
-            except (OSError, ValueError) as error:  # an empty file cannot be mapped
+            except (OSError, ValueError) as error:
                 why = getattr(error, "strerror", None) or error
-                raise InputError(f"{self.path}: cannot be read ({why})") from None
+                raise InputError(f"{self.path}: cannot be read ({why}){_left_of(self.path)}") from None
             if self._view[: len(MAGIC)] != MAGIC:
                 raise InputError(f"{self.path}: is no MCAP file; allowed: one that starts with its magic")
             self._closing = stack.pop_all()
@@ -118,6 +125,31 @@ class McapFile:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def part_of(path: Path) -> Path:
+    """The folder in which a take lies while it is written, and stays if its session is killed."""
+    return path.with_name(path.name + ".part")
+
+
+def is_take(path: Path) -> bool:
+    """Whether a name is that of a take, or of the folder that a killed session leaves of one."""
+    return path.name.lower().endswith((SUFFIX, PART))
+
+
+def _content_of(path: Path) -> Path:
+    """The file to read: in the folder of a take it has the folder's name, and `.mcap` after it."""
+    if path.name.lower().endswith(PART) and path.is_dir():
+        return path / (path.name + SUFFIX)
+    return path
+
+
+def _left_of(path: Path) -> str:
+    """What to read instead of a take that is not there, if its session was killed or still runs; else ""."""
+    part = part_of(path)
+    if path.exists() or not is_take(part) or not part.is_dir():
+        return ""
+    return f"; {part} exists, left by a session that was killed or still runs: give that name to read it"
 
 
 def _records(view: memoryview) -> Iterator[tuple[int, memoryview]]:

@@ -7,6 +7,7 @@ import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
@@ -24,7 +25,7 @@ from otwarp.teleop.local_scene import LocalScene
 from otwarp.teleop.outlet import Outlet
 from otwarp.teleop.recordings import Take
 from otwarp.teleop.summary import summarize
-from otwarp.teleop.take_file import load_writer
+from otwarp.teleop.take_file import check_place, load_writer
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -99,7 +100,7 @@ class Session:
         say: Takes lines for the user.
 
     Raises:
-        InputError: A device, a hand or a number that cannot be; nothing was started.
+        InputError: A device, a hand, a number or a name of a recording that cannot be; nothing was started.
 
     Attributes:
         loop: The live loop.
@@ -115,6 +116,8 @@ class Session:
         say: Callable[[str], None] = print,
     ):
         o = self._options = options
+        if o.record is not None:
+            check_place(o.record)
         plans = plan_hands(
             scene,
             o.devices,
@@ -178,6 +181,8 @@ class Session:
             loop.close()
             self._close_boxes()
             back_to_normal()
+        if self._recorded and not Path(self._recorded).exists():
+            self._recorded = None  # ended before the first frame
         report = summarize(loop) | {"budget": self.budget, "recording": self._recorded}
         if self._recorded:
             report["text"] += f"\nrecorded  {self._recorded}"

@@ -7,10 +7,9 @@ the disk does not take in time is dropped, counted and told.
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
-import os
 import queue
+import shutil
 import threading
 import time
 from collections import deque
@@ -23,13 +22,14 @@ import otwarp
 from otwarp.errors import InputError
 from otwarp.haptics.config import HapticsConfig, to_dict
 from otwarp.haptics.law import Law
+from otwarp.haptics.mcap import CONFIG, part_of
 from otwarp.haptics.ring import CYCLE
 from otwarp.haptics.servo_link import Cycles
 from otwarp.haptics.types import SceneNow
 from otwarp.scene.description import Scene
 from otwarp.teleop.commands import Command
 from otwarp.teleop.frame import LiveFrame, PaceNow
-from otwarp.teleop.take_file import COMMANDS, CONFIG, END, PACE, START, TakeFile, part_of
+from otwarp.teleop.take_file import COMMANDS, END, PACE, START, TakeFile, check_place
 from otwarp.teleop.take_laws import laws_to_dict
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class TakeWriter:
         settings: Mapping[str, Any] | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ):
-        self.file = _checked(path)
+        self.file = check_place(path)
         self.dropped, self.complaint = 0, ""
         self._began, self._epoch = clock(), time.time_ns()
         about = {
@@ -100,7 +100,7 @@ class TakeWriter:
         self._starts: dict[str, Any] = {}
         self._beats: deque[int] = deque(maxlen=4 * FRAMES)
         self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
-        self._ending = self._told = self._closed = False
+        self._ending = self._told = self._closed = self._unwanted = False
         self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
         self._thread.start()
 
@@ -158,6 +158,10 @@ class TakeWriter:
             self._told = True
         return not self._thread.is_alive()
 
+    def discard(self) -> None:
+        """Leave nothing of it, once it is closed."""
+        self._unwanted = True
+
     def close(self) -> None:
         """Write what waits, finish the file and put it in its place; may be called more than once.
 
@@ -173,7 +177,7 @@ class TakeWriter:
         self._thread.join(CLOSE_WITHIN)
         if self._thread.is_alive():
             raise OSError(f"recording {self.file}: not finished after {CLOSE_WITHIN:g} s; see {part_of(self.file)}")
-        if not self.file.exists():
+        if part_of(self.file).exists() if self._unwanted else not self.file.exists():
             raise OSError(self.complaint)
 
     def __enter__(self) -> TakeWriter:
@@ -206,6 +210,9 @@ class TakeWriter:
             while (item := self._waiting.get()) is not None:
                 write, arguments = item
                 write(file, *arguments)
+            if self._unwanted:
+                file.discard()
+                return
             file.text(END, time.time_ns(), json.dumps({"dropped": self.dropped, "lost": self._lost}))
             file.close()
         except Exception as error:  # a full disk, most likely; the session goes on
@@ -214,6 +221,8 @@ class TakeWriter:
                 file.abort()
             while not self._ending or not self._waiting.empty():
                 self._waiting.get()
+            if self._unwanted:
+                shutil.rmtree(part_of(self.file), ignore_errors=True)  # `close` says if it is still there
 
 
 def _frame(file: TakeFile, live: LiveFrame, stamp: int) -> None:
@@ -221,21 +230,6 @@ def _frame(file: TakeFile, live: LiveFrame, stamp: int) -> None:
     file.frame(live, stamp)
     pace = {"beat": live.beat, "wall": live.wall, "step": live.frame.step, "simulated": live.frame.time}
     file.text(PACE, stamp, json.dumps(pace | {name: getattr(live.pace, name) for name in PACE_FIELDS}))
-
-
-def _checked(path: str | Path) -> Path:
-    """A place for a new take."""
-    path = Path(path)
-    if importlib.util.find_spec("rosbags") is None:
-        raise InputError("a recording needs the package rosbags; install otwarp[rosbags]")
-    if path.suffix != ".mcap":
-        raise InputError(f"recording is {str(path)!r}; allowed: a name that ends in .mcap")
-    for there in (path, part_of(path)):
-        if there.exists():
-            raise InputError(f"recording is {str(path)!r}, and {there} exists; allowed: a new name")
-    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise InputError(f"recording is {str(path)!r}; allowed: in a folder that exists and may be written")
-    return path
 
 
 def _about(scene: Scene) -> dict[str, Any]:
@@ -274,6 +268,7 @@ class LiveTake:
 
     def __init__(self, writer: TakeWriter, servo: Recordable | None, hands: Sequence[str]):
         self._writer, self._servo, self._hands = writer, servo, tuple(hands)
+        self._begun = False
         if servo is not None:
             servo.record(True)
 
@@ -289,6 +284,7 @@ class LiveTake:
 
     def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
         """A frame, and the state that was published to the servo with it."""
+        self._begun = True
         self._writer.frame(live, scene)
         self._fetch()
 
@@ -297,7 +293,9 @@ class LiveTake:
         self._writer.command(command, wall)
 
     def end(self) -> bool:
-        """Take the last cycles, then as `TakeWriter.end`."""
+        """Take the last cycles, then as `TakeWriter.end`; of a session that never came to a frame nothing is left."""
+        if not self._begun:
+            self._writer.discard()
         if self._servo is not None:
             self._servo.record(False)
             self._fetch()

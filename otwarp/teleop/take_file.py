@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import shutil
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import numpy as np
 
+from otwarp.errors import InputError
+from otwarp.haptics.mcap import SUFFIX, part_of
 from otwarp.haptics.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.haptics.types import SceneNow
 from otwarp.scene.description import Scene
 from otwarp.teleop.frame import HANDS, LiveFrame
 from otwarp.teleop.take_templates import Template, array_of, pose, transforms, wrench
 
-CONFIG, COMMANDS, PACE, END, SCENE = (
-    "/otwarp/config",
-    "/otwarp/commands",
-    "/otwarp/pace",
-    "/otwarp/end",
-    "/otwarp/scene",
-)
+COMMANDS, PACE, END, SCENE = "/otwarp/commands", "/otwarp/pace", "/otwarp/end", "/otwarp/scene"
 CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
 """Followed by the name of the hand."""
 WORLD = "world"
@@ -38,11 +35,37 @@ POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/W
 
 def load_writer() -> None:
     """Import what writes takes, if it is installed: it takes 0.2 s, which a loop that runs already would feel."""
-    if find_spec("rosbags") is not None:
+    if importlib.util.find_spec("rosbags") is not None:
         from rosbags.rosbag2 import Writer  # noqa: F401
         from rosbags.typesys import Stores, get_typestore
 
         get_typestore(Stores.ROS2_JAZZY)
+
+
+def check_place(path: str | Path) -> Path:
+    """A place for a new take; nothing is left there.
+
+    Raises:
+        InputError: A file that is there already or cannot be made, another ending, or no `rosbags`.
+    """
+    path = Path(path)
+    if importlib.util.find_spec("rosbags") is None:
+        raise InputError("a recording needs the package rosbags; install otwarp[teleop]")
+    if path.suffix != SUFFIX:
+        raise InputError(f"recording is {str(path)!r}; allowed: a name that ends in {SUFFIX}")
+    part = part_of(path)
+    try:
+        for there in (path, part):
+            if there.exists():
+                raise InputError(f"recording is {str(path)!r}, and {there} exists; allowed: a new name")
+        if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+            raise InputError(f"recording is {str(path)!r}; allowed: in a folder that exists and may be written")
+        part.mkdir()  # a file system may say that it can be written, and refuse
+        part.rmdir()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"recording is {str(path)!r}, which cannot be made ({why}); allowed: another place") from None
+    return path
 
 
 class TakeFile:
@@ -125,6 +148,11 @@ class TakeFile:
         (self.part / f"{self.part.name}.mcap").replace(self.path)
         shutil.rmtree(self.part)
 
+    def discard(self) -> None:
+        """Leave nothing."""
+        self._writer.abort()
+        shutil.rmtree(self.part)
+
     def abort(self) -> None:
         """Leave what there is as it is."""
         self._writer.abort()
@@ -148,8 +176,3 @@ class TakeFile:
         if template is None:
             template = self._arrays[topic, values.shape] = array_of(axes, values.shape)
         self._write(topic, NUMBERS, time, template.fill(time, values.ravel()))
-
-
-def part_of(path: Path) -> Path:
-    """The folder in which a take lies while it is written, and stays if its session is killed."""
-    return path.with_name(path.name + ".part")

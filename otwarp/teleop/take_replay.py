@@ -22,7 +22,7 @@ from otwarp.haptics.config import HandConfig, HapticsConfig, from_dict
 from otwarp.haptics.hands import make_chain
 from otwarp.haptics.law import Law
 from otwarp.haptics.mailbox import STATES
-from otwarp.haptics.mcap import McapFile
+from otwarp.haptics.mcap import CONFIG, McapFile
 from otwarp.haptics.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
 from otwarp.haptics.rendering import Rendering
 from otwarp.haptics.ring import (
@@ -42,7 +42,7 @@ from otwarp.haptics.ring import (
 )
 from otwarp.haptics.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
 from otwarp.teleop.take import FORMAT
-from otwarp.teleop.take_file import CONFIG, CYCLES, END, SCENE, START
+from otwarp.teleop.take_file import CYCLES, END, SCENE, START
 from otwarp.teleop.take_laws import laws_from_dict
 
 
@@ -77,7 +77,8 @@ class ReplayReport:
 
     Attributes:
         file: The take.
-        complete: Whether it was finished; a killed session's ends where it was killed.
+        complete: Whether it was finished; a killed session's ends where it was killed, a cut one at the cut.
+        seconds: Of the session that could be read, from the beginning to the last message [s].
         recorded: By which version of otwarp.
         states: Of the simulation.
         hands: Each hand.
@@ -85,6 +86,7 @@ class ReplayReport:
 
     file: str
     complete: bool
+    seconds: float
     recorded: str
     states: int
     hands: tuple[HandReplay, ...]
@@ -94,13 +96,32 @@ class ReplayReport:
         """Whether nothing differed, and something was compared."""
         return not any(hand.mismatches for hand in self.hands) and any(hand.compared for hand in self.hands)
 
+    @property
+    def verdict(self) -> str:
+        """What came of it and why, one line."""
+        compared = sum(hand.compared for hand in self.hands)
+        if different := sum(hand.mismatches for hand in self.hands):
+            return f"not equal: {different} cycles differ"
+        if compared:
+            return f"equal: all forces of {compared} cycles, bit for bit"
+        if not self.hands:
+            why = "no hand had a device"
+        elif not any(hand.cycles for hand in self.hands):
+            why = "it has no cycles of any hand"
+        else:
+            why = "no cycle could be run again"
+        return f"nothing to compare: {why}"
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return dataclasses.asdict(self) | {"equal": self.equal}
+        return dataclasses.asdict(self) | {"equal": self.equal, "verdict": self.verdict}
 
 
 def replay_take(path: str | Path) -> ReplayReport:
     """Run the chains of a take again and compare.
+
+    Args:
+        path: The take, one that is cut short, or the folder `FILE.mcap.part` that a killed session left.
 
     Raises:
         InputError: It cannot be read, is no take, or one of a newer otwarp.
@@ -113,7 +134,7 @@ def replay_take(path: str | Path) -> ReplayReport:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"{path}: cannot be replayed; it is damaged ({error!r})") from None
-        return ReplayReport(str(path), take.complete, take.version, len(take.states), hands)
+        return ReplayReport(str(path), take.complete, take.seconds, take.version, len(take.states), hands)
 
 
 class _Take:
@@ -125,8 +146,10 @@ class _Take:
         self.states: dict[int, memoryview] = {}
         self.batches: dict[str, list[memoryview]] = {}
         self.starts: dict[str, Mapping[str, Any]] = {}
-        self.complete = False
+        self.complete, first, last = False, math.inf, -math.inf
         for message in file.messages():
+            if message.topic != END:  # told when the disk was done
+                first, last = min(first, message.time), max(last, message.time)
             if message.topic == CONFIG:
                 about = _json(where, CONFIG, message.data)
             elif message.topic == SCENE and message.kind == SCENE_TYPE:
@@ -141,10 +164,11 @@ class _Take:
                 self.complete = True
         self.complete = self.complete and file.complete
         if not isinstance(about, dict):
-            raise InputError(f"{where}: is no take of otwarp; it has no {CONFIG}")
+            raise InputError(f"{where}: is no take of otwarp, or too little of one; it has no {CONFIG}")
         if about.get("format") != FORMAT:
             raise InputError(f"{where}: is a take of format {about.get('format')!r}; allowed: {FORMAT}")
         self.where, self.version = where, str(about.get("otwarp"))
+        self.seconds = 1e-9 * (last - first)  # there was a message: the configuration
         self.config: HapticsConfig = from_dict(HapticsConfig, about.get("haptics"), f"{where}: haptics")
         self.laws: dict[int, tuple[Law, ...]] = laws_from_dict(about)
         self.kinds: Sequence[int] = tuple(about.get("kinds", ()))

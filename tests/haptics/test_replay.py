@@ -106,7 +106,7 @@ def test_the_same_clock_gives_the_same_samples(take):
         ("a.jsonl", '{"time": 0, "position": 3}\n', "line 1: must be"),
         ("a.jsonl", '\n{"time": 0, "position": [0, 0, 0], "buttons": 1e999}\n', "line 2: must be"),
         ("a.jsonl", "\n", "holds no sample"),
-        ("a.txt", "", "must be one of .mcap, .bag, .db3, .csv, .jsonl"),
+        ("a.txt", "", "must be one of .mcap, .mcap.part, .bag, .db3, .csv, .jsonl"),
         ("none.csv", None, "cannot be read"),
     ],
 )

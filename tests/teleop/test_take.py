@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import shutil
@@ -19,7 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from otwarp.errors import InputError
 from otwarp.haptics.config import HapticsConfig, LowPass, from_dict
 from otwarp.haptics.law import IsotropicLaw, SplitLaw
-from otwarp.haptics.mcap import McapFile
+from otwarp.haptics.mcap import McapFile, part_of
 from otwarp.haptics.ring import CYCLE
 from otwarp.haptics.servo_link import Cycles, Start
 from otwarp.haptics.types import HandNow
@@ -28,7 +29,6 @@ from otwarp.teleop import commands as c
 from otwarp.teleop import take as take_module
 from otwarp.teleop.frame import HandFrame
 from otwarp.teleop.take import FRAMES, TakeWriter
-from otwarp.teleop.take_file import part_of
 from otwarp.teleop.take_laws import laws_from_dict, laws_to_dict
 from otwarp.teleop.take_replay import replay_take
 from tests.haptics.setups import RADIAL, hand_config
@@ -153,6 +153,8 @@ def test_the_scanner_sees_what_the_index_says(tmp_path):
     with begin(path) as take:
         for n in range(1, 600):
             take.frame(frame(n), scene_now(n))
+            while take._waiting.qsize() > FRAMES // 2:  # a busy machine would drop frames
+                time.sleep(0.001)
     told = messages(path)
     with McapFile(path) as file:
         found = [(m.topic, m.time) for m in file.messages()]
@@ -190,14 +192,16 @@ def test_a_place_where_no_take_can_be_is_refused_before_anything_is_written(tmp_
     (tmp_path / "killed.mcap.part").mkdir()
     bad = ["there.mcap", "killed.mcap", "take.bag", "nowhere/take.mcap"]
     says = ["there.mcap exists", "killed.mcap.part exists", "ends in .mcap", "in a folder that exists"]
+    bad += ["x" * 300 + ".mcap", "/proc/x.mcap"]  # /proc says that it may be written
+    says += ["cannot be made", "cannot be made|may be written"]
     for name, line in zip(bad, says, strict=True):
         with pytest.raises(InputError, match=line) as error:
             begin(tmp_path / name)
         assert "\n" not in str(error.value)
     with begin(tmp_path / "a.mcap") as take, pytest.raises(InputError, match="hand is 'right'; allowed: left"):
         take.cycles("right", cycles(1, 1))
-    monkeypatch.setattr(take_module.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"install otwarp\[rosbags\]"):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"install otwarp\[teleop\]"):
         begin(tmp_path / "b.mcap")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "killed.mcap.part", "there.mcap"]
 
@@ -224,6 +228,22 @@ def test_a_disk_that_stops_ends_the_recording_and_not_the_session(tmp_path, monk
     take.close()
     assert not take.file.exists()
     assert part_of(take.file).is_dir()
+
+
+def test_a_take_that_nobody_wants_is_not_left_even_if_the_disk_stops(tmp_path, monkeypatch):
+    with begin(tmp_path / "a.mcap") as take:
+        take.frame(frame(1))
+        take.discard()
+    assert list(tmp_path.iterdir()) == []
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(take_module.TakeFile, "text", full)
+    with begin(tmp_path / "b.mcap") as take:
+        take.discard()
+    assert "No space left" in take.complaint
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_disk_that_is_slow_loses_frames_first_and_says_so(tmp_path, monkeypatch):

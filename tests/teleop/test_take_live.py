@@ -139,4 +139,30 @@ def test_a_recording_that_cannot_be_is_told_and_the_session_goes_on(tmp_path):
     assert len(script.complaints) == 1
     assert "ends in .mcap" in script.complaints[0]
     with pytest.raises(InputError, match=r"ends in \.mcap"):
-        Session(three_beads(), SessionOptions(record="a.bag", device="cpu"), say=lambda line: None).run()
+        Session(three_beads(), SessionOptions(record="a.bag", device="cpu"), say=lambda line: None)
+
+
+def test_a_session_that_never_began_leaves_nothing_and_may_be_tried_again(tmp_path):
+    path = tmp_path / "take1.mcap"
+    absent = {"left": f"replay:{tmp_path / 'absent.csv'}"}
+    for _ in range(2):
+        session = Session(
+            three_beads(), SessionOptions(devices=absent, record=str(path), device="cpu"), say=lambda line: None
+        )
+        with pytest.raises(InputError, match=r"absent\.csv: cannot be read"):
+            session.run()
+        assert list(tmp_path.iterdir()) == []
+    Session(three_beads(), SessionOptions(record=str(path), duration=0.1, device="cpu"), say=lambda line: None).run()
+    assert replay_take(path).complete
+
+
+def test_a_session_that_is_stopped_before_its_first_frame_reports_no_recording(tmp_path, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("otwarp.teleop.live.LiveLoop.start", stopped)
+    options = SessionOptions(record=str(tmp_path / "take1.mcap"), device="cpu")
+    report = Session(three_beads(), options, say=lambda line: None).run()
+    assert report["recording"] is None
+    assert "recorded" not in report["text"]
+    assert list(tmp_path.iterdir()) == []

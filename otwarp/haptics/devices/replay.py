@@ -1,9 +1,10 @@
 """Plays positions and buttons of a recording, without feeling anything.
 
-MCAP: a take of `otwarp teleop --record`, of which it plays one hand; it may be of a session that was killed. ROS bag:
-poses of a topic, see `bag`. CSV: a header that names `time,x,y,z` and, if there are any, `buttons`; other columns are
-ignored. JSON lines: one object per line with `time`, `position` (three numbers) and, if there are any, `buttons`. Times
-[s] increase, positions in metres. Numbers written by `repr` come back bit for bit.
+MCAP: a take of `otwarp teleop --record`, of which it plays one hand. A take that is cut short is played up to the cut,
+and so is the folder `FILE.mcap.part` that a killed session leaves. ROS bag: poses of a topic, see `bag`. CSV: a header
+that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON lines: one object per line
+with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase, positions in metres.
+Numbers written by `repr` come back bit for bit.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from otwarp.errors import InputError
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 from otwarp.haptics.devices.bag import SUFFIXES, UNITS, bag_samples, is_bag
+from otwarp.haptics.mcap import CONFIG, PART, SUFFIX, McapFile, is_take
 from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 EDGE = 1e-9
@@ -25,7 +27,6 @@ EDGE = 1e-9
 FARTHEST = 10.0
 """Metres; no hand is farther from its device."""
 COLUMNS = ("time", "x", "y", "z")
-TAKE = ".mcap"
 OPTIONS = {"loop": ("0", "1"), "hand": ("left", "right"), "unit": tuple(UNITS), "topic": None}
 """What may come after the file's name, and its values, if it has only a few."""
 
@@ -36,7 +37,7 @@ class ReplayDevice:
     After the last sample the hand stays where it was, lets go of all buttons, and is no longer fresh.
 
     Args:
-        file: The recording, `.mcap`, a bag, `.csv` or `.jsonl`.
+        file: The recording, `.mcap`, the folder `.mcap.part`, a bag, `.csv` or `.jsonl`.
         name: As the user named it.
         loop: Whether to start again at the end.
         hand: Which hand of a take; None for the one that it has.
@@ -72,8 +73,9 @@ class ReplayDevice:
         Raises:
             InputError: It is not there, or a line is not what it must be.
         """
-        bag = is_bag(self._file)
-        word = "pose" if bag else "cycle" if self._file.suffix.lower() == TAKE else "line"
+        take = is_take(self._file)
+        bag = not take and is_bag(self._file)
+        word = "pose" if bag else "cycle" if take else "line"
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
         samples = bag_samples(self._file, self._topic, self._unit) if bag else _samples(self._file, self._hand)
         for line, time, position, buttons in samples:
@@ -120,12 +122,12 @@ class ReplayDevice:
 def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """(line, time, position, buttons) of a recording."""
     readers = {".csv": _csv, ".jsonl": _jsonl}
-    if file.suffix.lower() == TAKE:
+    if is_take(file):
         yield from _take(file, hand)
         return
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InputError(f"{file}: a recording must be one of {', '.join((TAKE, *SUFFIXES, *readers))}")
+        raise InputError(f"{file}: a recording must be one of {', '.join((SUFFIX, PART, *SUFFIXES, *readers))}")
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             yield from reader(file, lines)
@@ -135,16 +137,19 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
 
 def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
-    from otwarp.haptics.mcap import McapFile
     from otwarp.haptics.messages import CYCLES_TYPE, unpack_cycles
     from otwarp.haptics.ring import FRESH, SAMPLED, cycles_of
 
     batches: dict[str, list[bytes]] = {}
     with McapFile(file) as take:
+        known = False
         for message in take.messages():
+            known = known or message.topic == CONFIG
             if message.kind == CYCLES_TYPE:
                 name, _, records = unpack_cycles(message.data)
                 batches.setdefault(name, []).append(records)
+    if not known:
+        raise InputError(f"{file}: is no take of otwarp, or too little of one; it has no {CONFIG}")
     if hand is None and len(batches) == 1:
         (hand,) = batches
     if hand not in batches:
