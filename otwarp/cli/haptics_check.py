@@ -18,6 +18,7 @@ from otwarp.errors import InputError
 
 if TYPE_CHECKING:
     from otwarp.haptics.check import Check
+    from otwarp.scene.description import Scene
 
 
 @click.command()
@@ -52,12 +53,13 @@ def check(
     from otwarp.haptics.check import run_check
     from otwarp.haptics.check_latency import VIRTUAL
 
+    measured = None if scene is None else _load(scene)  # a bad one is told before anything is measured
     with _progress(as_json) as say:
         found = run_check(seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say)
         if page:
             found = dataclasses.replace(found, page=_page_latency(seconds, browser, say))
-        if scene is not None:
-            found = dataclasses.replace(found, scene=_scene_cost(scene, scene_device, say))
+        if measured is not None:
+            found = dataclasses.replace(found, scene=_scene_cost(measured, scene_device, say))
     if as_json:
         click.echo(json.dumps(found.json(), indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -75,15 +77,21 @@ def _page_latency(seconds: float, browser: str | None, say: Callable[[str], None
         return {"trouble": str(error)}
 
 
-def _scene_cost(file: Path, device: str | None, say: Callable[[str], None]) -> dict[str, Any]:
-    """How fast a scene runs, read out as in a session."""
+def _load(file: Path) -> Scene:
+    """A scene, by modules that are not imported without need of one."""
     from otwarp.scene.description import Scene
+
+    return Scene.load(file)
+
+
+def _scene_cost(scene: Scene, device: str | None, say: Callable[[str], None]) -> dict[str, Any]:
+    """How fast a scene runs, read out as in a session."""
     from otwarp.teleop.cost import FRAME_RATE, measure_scene
 
-    say(f"real-time factor of {file} (new kernels are compiled first)")
-    cost = measure_scene(Scene.load(file), device=device)
+    say(f"real-time factor of {scene.file} (new kernels are compiled first)")
+    cost = measure_scene(scene, device=device)
     return {
-        "file": str(file),
+        "file": str(scene.file),
         "bodies": cost.bodies,
         "time_step": cost.time_step,
         "frames_per_second": FRAME_RATE,

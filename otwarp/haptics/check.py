@@ -10,10 +10,10 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.check_costs import STEPS, Cost, chain_costs, mailbox_costs
-from otwarp.haptics.check_latency import VIRTUAL, Latency, measure_latency
+from otwarp.haptics.check_latency import SHORTEST, VIRTUAL, Latency, measure_latency
 from otwarp.haptics.check_width import Limit, Width, limits, widths
 from otwarp.haptics.devices import KINDS, Kind, parse_devices
-from otwarp.haptics.jitter import Jitter, measure_jitter
+from otwarp.haptics.jitter import FASTEST, LONGEST, Jitter, measure_jitter
 from otwarp.haptics.platform import Grant
 
 BUSY = 2
@@ -128,6 +128,19 @@ def system_text() -> str:
     return f"{kernel.system} {kernel.release} {kernel.machine}{realtime}, Python {platform.python_version()}"
 
 
+def check_numbers(seconds: float, rate: float) -> None:
+    """See that `run_check` can use its numbers.
+
+    Raises:
+        InputError: One is out of range.
+    """
+    if not 1.0 <= rate <= FASTEST:
+        raise InputError(f"rate = {rate!r}: must be from 1 to {FASTEST:g} Hz")
+    low = max(SHORTEST, 1.0 / rate)
+    if not low <= seconds <= LONGEST:
+        raise InputError(f"seconds = {seconds!r}: must be from {low:g} to {LONGEST:g} s")
+
+
 def run_check(
     seconds: float = 3.0,
     *,
@@ -150,13 +163,9 @@ def run_check(
     Raises:
         InputError: A number out of range, or a `device` that is not there.
     """
-    parse_devices([device])  # a misspelt one is told before anything is measured
-    devices = find_all_devices(progress=progress)
-    progress("loop jitter, idle")
-    idle = measure_jitter(seconds, rate)
-    progress(f"loop jitter, beside {BUSY} busy processes")
-    loaded = measure_jitter(seconds, rate, busy=BUSY)
-    progress(f"latency in the servo process, {device}")
+    check_numbers(seconds, rate)  # what is bad is told before anything is looked for or measured
+    parse_devices([device])
+    progress(f"latency in the servo process, {device}")  # first: a device that is not there is told at once
     latency, trouble = None, []
     try:
         latency = measure_latency(seconds, device=device, rate=rate)
@@ -164,6 +173,11 @@ def run_check(
         if device != VIRTUAL:
             raise
         trouble.append(f"latency: {error}")
+    devices = find_all_devices(progress=progress)
+    progress("loop jitter, idle")
+    idle = measure_jitter(seconds, rate)
+    progress(f"loop jitter, beside {BUSY} busy processes")
+    loaded = measure_jitter(seconds, rate, busy=BUSY)
     progress("cost of a step and of the mailboxes")
     costs = [*chain_costs(steps), *mailbox_costs(steps)]
     return Check(

@@ -18,11 +18,14 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain import Chain
 from otwarp.haptics.config import HandConfig
 from otwarp.haptics.hands import within
-from otwarp.haptics.jitter import Spread
+from otwarp.haptics.jitter import LONGEST, Spread
 from otwarp.haptics.law import IsotropicLaw, local_model
 from otwarp.haptics.presets import TOUCH_CHAIN, TOUCH_SAFETY
 from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow
+
+SHORTEST = 0.05
+"""Seconds of a measurement of latency: less has too few states."""
 
 STATE_RATE = 120.0
 """States of the simulation per second, as the live loop publishes them."""
@@ -130,8 +133,8 @@ def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float 
     Raises:
         InputError: A number out of range, a device that is not there or went away, or a servo that ended.
     """
-    if not 0.05 <= seconds <= 3600.0:
-        raise InputError(f"seconds = {seconds!r}: must be from 0.05 to 3600")
+    if not SHORTEST <= seconds <= LONGEST:
+        raise InputError(f"seconds = {seconds!r}: must be from {SHORTEST:g} to {LONGEST:g}")
     armed = device.partition(":")[0].strip() == "virtual"
     cycles = round(seconds * rate)
     with tempfile.TemporaryDirectory() as folder:

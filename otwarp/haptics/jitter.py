@@ -8,10 +8,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -116,9 +117,8 @@ def measure_jitter(
     order = json.dumps({"seconds": seconds, "rate": rate, "spin": spin, "realtime": realtime})
     with ExitStack() as stack:
         for _ in range(busy):
-            process = stack.enter_context(_python(f"import time\nend = time.time() + {seconds + _START_UP!r}\n{_BUSY}"))
-            stack.callback(process.kill)
-        loop = stack.enter_context(_python("from otwarp.haptics.jitter import _child; _child()"))
+            _start(stack, f"import time\nend = time.time() + {seconds + _START_UP!r}\n{_BUSY}")
+        loop = _start(stack, "from otwarp.haptics.jitter import _child; _child()")
         answer, _ = loop.communicate(order.encode())
     if loop.returncode:
         raise InputError(f"jitter loop at {rate:g} Hz for {seconds:g} s: its process ended with {loop.returncode}")
@@ -138,10 +138,33 @@ def measure_jitter(
 _BUSY = "while time.time() < end: sum(range(1000))"
 
 
+def _start(stack: ExitStack, code: str) -> subprocess.Popen[bytes]:
+    """A fresh interpreter that ends with the stack, however that is left."""
+    with _interrupts_wait():  # none comes before the stack knows of it
+        process = stack.enter_context(_python(code))
+        stack.callback(process.wait)
+        stack.callback(process.kill)  # the last is called first
+    return process
+
+
 def _python(code: str) -> subprocess.Popen[bytes]:
+    """A fresh interpreter; a terminal sends Ctrl-C to all processes, and its parent shall end it, with one line."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", f"import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n{code}"]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C is held back meanwhile; a process that is started then begins with it held back, where systems can."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _child() -> None:

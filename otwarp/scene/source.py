@@ -45,8 +45,10 @@ def open_stage(path: Path) -> Usd.Stage:
         InputError: Missing file, not USD, truncated, or a reference that cannot be resolved; one line.
     """
     allowed = "must be a USD file (.usda, .usdc, .usd, .usdz)"
+    if path.is_dir():
+        raise InputError(f"{path}: file = a folder: {allowed}")
     if not path.is_file():
-        raise InputError(f"{path}: file = {'a folder' if path.is_dir() else 'missing'}: {allowed}")
+        raise InputError(f"{path}: there is no such file; a scene {allowed}")
     if not path.suffix or Sdf.FileFormat.FindByExtension(path.suffix.removeprefix(".")) is None:
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: {allowed}")
     with quiet_usd():

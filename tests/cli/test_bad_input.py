@@ -157,4 +157,5 @@ def test_validate_refuses_with_exit_code_2(tmp_path: Path, capfd: pytest.Capture
     name = "ot:trap:powr = (unknown attribute): must be a name of the vocabulary; did you mean ot:trap:power?"
     assert capfd.readouterr().err == f"error: {path}: /World/Traps/trap: {name}\n"
     assert main(["validate", str(tmp_path / "absent.usda")]) == 2
-    assert capfd.readouterr().err.startswith(f"error: {tmp_path / 'absent.usda'}: /: file = missing: must be a USD")
+    problem = "there is no such file; a scene must be a USD"
+    assert capfd.readouterr().err.startswith(f"error: {tmp_path / 'absent.usda'}: /: {problem}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -39,7 +41,15 @@ def test_tables_are_printed_and_parts_told() -> None:
         (["--scene", "absent.usda"], "absent.usda"),
     ],
 )
-def test_bad_input_is_one_line(options: list[str], words: str) -> None:
+def test_bad_input_is_one_line_and_told_first(options: list[str], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+
+    @contextmanager
+    def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
+        yield told.append
+
+    monkeypatch.setattr("otwarp.cli.haptics_check._progress", _progress)
     with pytest.raises(InputError, match=words) as caught:
         CliRunner().invoke(check, ["--seconds", "0.05", "--no-width", *options], catch_exceptions=False)
     assert "\n" not in str(caught.value)
+    assert not [line for line in told if line.startswith("looking for")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 
 import pytest
 from rich.console import Console
@@ -109,6 +110,27 @@ class TestLatency:
         with pytest.raises(InputError, match="unknown kind") as caught:
             run_check(0.05, device="spoon", width=False, steps=1)
         assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("bad", "line"),
+        [
+            ({"seconds": -1.0}, "seconds = -1.0: must be from 0.05 to 3600 s"),
+            ({"seconds": 0.5, "rate": 1.0}, "seconds = 0.5: must be from 1 to 3600 s"),
+            ({"rate": 1e6}, "rate = 1000000.0: must be from 1 to 20000 Hz"),
+            ({"rate": float("nan")}, "rate = nan: must be from 1 to 20000 Hz"),
+        ],
+    )
+    def test_bad_numbers_are_told_before_anything_is_looked_for(self, bad, line):
+        told: list[str] = []
+        with pytest.raises(InputError, match=f"^{re.escape(line)}$"):
+            run_check(**bad, width=False, progress=told.append)
+        assert not told
+
+    def test_a_device_that_is_not_there_is_told_before_anything_else_is_measured(self):
+        told: list[str] = []
+        with pytest.raises(InputError, match=r"absent\.csv"):
+            run_check(0.05, device="replay:absent.csv", width=False, progress=told.append)
+        assert told == ["latency in the servo process, replay:absent.csv"]
 
 
 class TestCosts:

@@ -282,6 +282,27 @@ def test_without_package_or_sdk_it_says_what_to_install(monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(
+    ("said", "kept"),
+    [
+        ("Cannot load libdrd. Is it\n there? Look. For more consult: ", "Cannot load libdrd. Is it there? Look."),
+        ("Cannot load libdrd. For more information consult: ", "Cannot load libdrd."),
+        ("libdrd.so.3: cannot open: No such file", "libdrd.so.3: cannot open: No such file"),
+        ("Too old. Wanted: 3.16", "Too old. Wanted: 3.16"),
+        ("consult: ", "consult"),
+        ("", "ImportError"),
+    ],
+)
+def test_what_the_package_says_ends_with_a_whole_sentence(said, kept, monkeypatch):
+    def _fail(name):
+        raise ImportError(said)
+
+    monkeypatch.setattr(forcedimension, "import_module", _fail)
+    with pytest.raises(InputError) as error:
+        forcedimension.sdk()
+    assert str(error.value).endswith(kept) and "consult" not in str(error.value).removesuffix(kept)
+
+
 @pytest.mark.skipif(not INSTALLED, reason="forcedimension-core is not installed: nothing to compare the double with")
 def test_the_double_has_the_signatures_of_the_package():
     """In a process of its own, in which the package takes a mock for the SDK."""

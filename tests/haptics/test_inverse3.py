@@ -471,6 +471,18 @@ def test_no_service_is_one_clear_line(clock):
         with pytest.raises(InputError, match=r"no Haply Inverse Service at .* start it") as error:
             call()
         assert "\n" not in str(error.value)
+    (typed,) = parse_devices([f"haply:{address}"])
+    with pytest.raises(InputError, match=rf"^device 'haply:{address}': .*; start it there, or correct the address$"):
+        create_device(typed).open()
+
+
+@pytest.mark.parametrize(("typed", "kind"), [("haply", "haply"), ("inverse3:049D", "inverse3")])
+def test_the_advice_names_the_kind_as_it_was_typed(typed, kind):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"ws://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(InputError, match=rf"start it, or name {kind}:ws://host:port$"):
+        inverse3.connect(address, typed)
 
 
 @pytest.mark.parametrize("hello", ["", "{}}", '{"inverse3": 1}', "[" * 100_000])

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+
 import pytest
 from rich.console import Console
 
 from otwarp.errors import InputError
 from otwarp.haptics.clock import VirtualClock
-from otwarp.haptics.jitter import Jitter, Spread, jitter_table, loop_times, measure_jitter
+from otwarp.haptics.jitter import Jitter, Spread, _python, jitter_table, loop_times, measure_jitter
 from otwarp.haptics.platform import Grant
 
 
@@ -72,3 +77,47 @@ def test_arguments_out_of_range_are_one_clear_line(bad):
     with pytest.raises(InputError, match=next(iter(bad))) as error:
         measure_jitter(**bad)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="no process groups")
+def test_an_interrupt_of_the_whole_group_is_one_line():
+    """As a terminal sends Ctrl-C: to the command and to the processes that measure for it."""
+    program = (
+        # a shell starts what runs in the background with interrupts ignored
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from otwarp.cli.main import main\n"
+        "from otwarp.haptics import jitter\n"
+        "start = jitter._python\n"
+        "def python(code):\n"
+        "    process = start(code)\n"
+        "    print('started', process.pid, file=sys.stderr, flush=True)\n"
+        "    return process\n"
+        "jitter._python = python\n"
+        "jitter_only = lambda *_, **__: jitter.measure_jitter(60.0)\n"
+        "from otwarp.haptics import check\n"
+        "check.run_check = jitter_only\n"
+        "sys.exit(main(['haptics', 'check', '--no-page', '--seconds', '60']))\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        lines: list[str] = []
+        for line in process.stderr:
+            lines.append(line)
+            if line.startswith("started"):
+                os.killpg(process.pid, signal.SIGINT)
+        assert process.wait() == 130
+    told = [n for n, line in enumerate(lines) if line.startswith("started")]
+    assert len(told) == 1 and lines[told[0] + 1 :] == ["otwarp: interrupted\n"]
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(lines[told[0]].split()[1]), 0)
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="no signals of a terminal")
+def test_a_process_that_measures_outlives_an_interrupt():
+    code = "import os\nos.kill(os.getpid(), signal.SIGINT)\nprint('alive')"
+    with _python(code) as process:
+        answer, _ = process.communicate()
+    assert (answer.decode().strip(), process.returncode) == ("alive", 0)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, set())

@@ -154,7 +154,9 @@ def test_bad_scripts_are_one_clear_line(text, says):
     ("texts", "says"),
     [
         (["teapot"], "unknown kind 'teapot'; must be one of box, .*mouse, .*replay, .*virtual"),
-        ([""], "unknown kind ''"),
+        ([""], "unknown kind ''; must"),
+        (["spacemous"], r"unknown kind 'spacemous' \(did you mean spacemouse\?\); must be one of box, "),
+        (["Mouse"], r"unknown kind 'Mouse' \(did you mean mouse\?\)"),
         (["virtual"], "must be virtual:<a script"),
         (["replay:"], "must be replay:<a recording"),
         (["mouse:left"], "mouse takes nothing after it"),

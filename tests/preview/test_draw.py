@@ -172,7 +172,7 @@ def test_bad_input_is_named_and_nothing_is_written(run, tmp_path, options, words
 def test_bad_paths(run, tmp_path):
     with pytest.raises(InputError, match=r"no run\.usda"):
         preview(tmp_path, tmp_path / "a.png", **SMALL)
-    with pytest.raises(InputError, match=r"none\.usda: file = missing"):
+    with pytest.raises(InputError, match=r"none\.usda: there is no such file"):
         preview(tmp_path / "none.usda", tmp_path / "a.png", **SMALL)
     with pytest.raises(InputError, match="cannot be written"):
         preview(run, tmp_path / "none" / "a.png", **SMALL)

@@ -224,7 +224,7 @@ def test_lights_of_the_stage():
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(InputError, match=r"none\.usda: file = missing"):
+    with pytest.raises(InputError, match=r"none\.usda: there is no such file"):
         read_drawables(tmp_path / "none.usda")
     (tmp_path / "text.usda").write_text("not a stage")
     with pytest.raises(InputError, match=r"text\.usda: contents = .*must be a USD file") as caught:

@@ -246,7 +246,7 @@ def test_refused_in_one_line(case: str, stage_file: StageFile, capfd: pytest.Cap
 
 
 def test_missing_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert refused(tmp_path / "none.usda", capfd).startswith("file = missing: must be a USD file")
+    assert refused(tmp_path / "none.usda", capfd).startswith("there is no such file; a scene must be a USD file")
     assert refused(tmp_path, capfd).startswith("file = a folder: must be a USD file")
 
 

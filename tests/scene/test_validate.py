@@ -38,7 +38,7 @@ def test_errors_of_the_loader_are_findings(stage_file: StageFile, tmp_path: Path
     assert (finding.severity, finding.prim) == ("error", "/World/Cell")
     assert finding.message.startswith("radius = -3.0: must be in (0, inf)")
     (missing,) = validate(tmp_path / "none.usda").findings
-    assert (missing.prim, missing.message.split(":")[0]) == ("/", "file = missing")
+    assert (missing.prim, missing.message.split(";")[0]) == ("/", "there is no such file")
     assert not validate(tmp_path / "none.usda").ok
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Literal
 
@@ -98,8 +99,10 @@ def parse_devices(
         name = ALIASES.get(name, name)
         kind, argument = KINDS.get(name), rest.strip().strip("\"'") or None
         if kind is None:
-            known = ", ".join(sorted({*KINDS, *ALIASES}))
-            raise InputError(f"device {text!r}: unknown kind {name!r}; must be one of {known}")
+            known = sorted({*KINDS, *ALIASES})
+            near = get_close_matches(name.lower(), known, 1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise InputError(f"device {text!r}: unknown kind {name!r}{hint}; must be one of {', '.join(known)}")
         if kind.argument == "required" and argument is None:
             raise InputError(f"device {text!r}: must be {name}:<{kind.means}>")
         if kind.argument == "none" and colon:

@@ -60,11 +60,17 @@ def sdk() -> Any:
         with contextlib.redirect_stderr(io.StringIO()):
             return import_module("forcedimension_core").dhd
     except Exception as error:  # no package, no SDK, one that is too old, or a library that lacks a function
-        why = " ".join(str(error).split()).rstrip(": ") or type(error).__name__
+        why = _whole_sentences(" ".join(str(error).split())) or type(error).__name__
         raise InputError(
             "Force Dimension: needs forcedimension-core (pip install 'otwarp[forcedimension]') and the maker's SDK "
             f"3.16 or later (libdrd in ~/.local/lib, /usr/local/lib or the folder in FDSDK): {why}"
         ) from None
+
+
+def _whole_sentences(text: str) -> str:
+    """Without a last sentence that ends in a colon, after which the package names nothing."""
+    head, stop, tail = text.rpartition(". ")
+    return f"{head}." if stop and tail.rstrip().endswith(":") else text.rstrip(": ")
 
 
 def last_error(dhd: Any) -> str:

@@ -253,9 +253,13 @@ def connect(service: str, what: str) -> tuple[Any, Inventory]:
             proxy=None,
         )
     except (OSError, WebSocketException, ValueError) as error:
+        kind = what.partition(":")[0]
+        helps = (
+            "start it there, or correct the address" if "://" in what else f"start it, or name {kind}:ws://host:port"
+        )
         raise InputError(
             f"device {what!r}: no Haply Inverse Service at {service} ({' '.join(str(error).split()) or 'no answer'}); "
-            "start it, or name it as inverse3:ws://host:port"
+            f"{helps}"
         ) from None
     try:
         return socket, read_inventory(socket.recv(timeout=CONNECT_WITHIN, decode=False))
