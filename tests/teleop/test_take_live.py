@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -166,3 +170,18 @@ def test_a_session_that_is_stopped_before_its_first_frame_reports_no_recording(t
     assert report["recording"] is None
     assert "recorded" not in report["text"]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_snippet_in_the_documentation_runs_as_it_stands(tmp_path):
+    root = Path(__file__).parents[2]
+    text = (root / "docs" / "takes.md").read_text(encoding="utf-8")
+    (snippet,) = [part.partition("```")[0] for part in text.split("```python\n")[1:]]
+    (tmp_path / "session.py").write_text(snippet)
+    (tmp_path / "scenes").symlink_to(root / "scenes")
+    run = [sys.executable, "session.py"]
+    done = subprocess.run(
+        run, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, capture_output=True, text=True, timeout=300.0
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("equal: ")
+    assert replay_take(tmp_path / "take1.mcap").hands[0].compared > 0
