@@ -33,6 +33,9 @@ class LazyHaptics(click.Group):
             formatter.write_dl([(name, COMMANDS[name]) for name in self.list_commands(ctx)])
 
 
-@click.group(cls=LazyHaptics)
-def haptics() -> None:
+@click.group(cls=LazyHaptics, invoke_without_command=True)
+@click.pass_context
+def haptics(context: click.Context) -> None:
     """Hands: their devices, their servo, their takes."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
