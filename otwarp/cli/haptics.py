@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 
 import click
 
@@ -19,21 +18,24 @@ class LazyHaptics(click.Group):
     """A group that knows its commands by name and imports one only when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of the commands that this installation has."""
-        return [name for name in COMMANDS if importlib.util.find_spec(f"{__name__}_{name}") is not None]
+        """Names of all commands."""
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return one command."""
-        if cmd_name not in self.list_commands(ctx):
+        if cmd_name not in COMMANDS:
             return None
         return getattr(importlib.import_module(f"{__name__}_{cmd_name}"), cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing any."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name]) for name in self.list_commands(ctx)])
+            formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=LazyHaptics)
-def haptics() -> None:
+@click.group(cls=LazyHaptics, invoke_without_command=True)
+@click.pass_context
+def haptics(context: click.Context) -> None:
     """Hands: their devices, their servo, their takes."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())

@@ -115,7 +115,8 @@ class ContractConfig:
             raise InputError(f"contract.pairing is {self.pairing!r}; allowed: {', '.join(PAIRINGS)}")
         different = len({name.strip("/") for name in self.namespaces}) == len(self.namespaces)
         if len(self.namespaces) not in (0, 2) or not different or not all(n.strip("/") for n in self.namespaces):
-            raise InputError(f"contract.namespaces is {self.namespaces!r}; allowed: none, or two different ones")
+            given = ",".join(self.namespaces)
+            raise InputError(f"namespaces is {given!r}; allowed: none, or two different ones, of the left device first")
 
     def hands(self) -> tuple[HandTopics, HandTopics]:
         """Topics of the left and of the right hand."""

@@ -47,7 +47,7 @@ class Ros1Outlet:
         alone: bool = False,
     ):
         self._node, self._border, self._twin, self._clock, self._alone = node, border, twin, clock, alone
-        self._say = _Sayer(say)
+        self._say, self._say_of_node = _Sayer(say), _Sayer(say)  # no flood of refused peers hides a lost master
         self._warned = self._still = False
         self._noted = 0
 
@@ -56,7 +56,8 @@ class Ros1Outlet:
         self._still = live.pace.paused
         self._noted, lines = self._node.journal.since(self._noted)
         for line in lines:  # a peer of another type or md5, messages that are none, a master that went
-            self._say(f"ros1: {line}")
+            say = self._say_of_node if line.startswith("master:") else self._say
+            say(f"ros1: {line}")
         if not self._node.alive:
             then = "ends" if self._alone else "goes on without it"
             self._warn_once(f"ros1: the node was shut down through ROS; the session {then}")
@@ -84,7 +85,7 @@ class Ros1Outlet:
     def _warn_once(self, line: str) -> None:
         if not self._warned:
             self._warned = True
-            self._say(line)
+            self._say_of_node(line)
 
 
 class Ros2Outlet:

@@ -23,6 +23,15 @@ def test_without_arguments_it_prints_its_help(capfd: pytest.CaptureFixture[str])
     assert out.startswith("Usage: otwarp ") and out.count("\n") > 10 and "validate" in out
 
 
+def test_haptics_without_a_command_prints_its_help(capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["haptics"]) == 0
+    out, error = capfd.readouterr()
+    assert error == ""
+    assert out.startswith("Usage: otwarp haptics [OPTIONS] [COMMAND]") and "\n  check " in out and "\n  replay " in out
+    assert main(["haptics", "chekc"]) == 2
+    assert capfd.readouterr() == ("", "otwarp: No such command 'chekc'.\n")
+
+
 @pytest.mark.parametrize(
     ("number", "word", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
 )

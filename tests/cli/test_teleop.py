@@ -53,7 +53,7 @@ def test_a_session_without_a_page(capfd):
         ("teleop", ["--record", "/proc/x.mcap"], "recording is '/proc/x.mcap'"),
         ("ros1", ["--master", "http://127.0.0.1:9/"], "http://127.0.0.1:9/"),
         ("ros1", ["--topic-rate", "0"], "contract.rate is 0.0; allowed: 1 to 1000 Hz"),
-        ("ros1", ["--namespaces", "/a"], "contract.namespaces is ('/a',); allowed: none, or two different ones"),
+        ("ros1", ["--namespaces", "/a"], "namespaces is '/a'; allowed: none, or two different ones, of"),
         ("ros2", ["--domain", "500"], "domain is 500"),
         ("ros2", ["--control-rate", "0"], "ros2.control_rate is 0.0; allowed: 0.1 to 1000 Hz"),
         ("ros2", ["--node", "7up"], "7up"),

@@ -67,7 +67,7 @@ def test_configuration_goes_through_json():
         ({"scene_unit": math.nan}, "contract.scene_unit is nan"),
         ({"motion_gain": -1.0}, "contract.motion_gain is -1.0"),
         ({"twist_timeout": math.inf}, "contract.twist_timeout is inf"),
-        ({"namespaces": ("a",)}, "contract.namespaces is"),
+        ({"namespaces": ("a",)}, "namespaces is 'a'; allowed: none, or two different ones"),
         ({"namespaces": ("a", "/a")}, "two different ones"),
         ({"namespaces": ("a", "/")}, "two different ones"),
         ({"axis_map": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))}, "rotation without reflection"),

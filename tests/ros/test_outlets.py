@@ -118,6 +118,14 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     node.journal.count("dropped")
     run(loop, clock, 0.1)
     assert lines == ["ros1: md5: md5sum of /robot01 is 1, subscriber has 2"]
+    for _ in range(LINES + 5):
+        node.journal.note("refused", "a peer that comes again and again")
+    node.journal.note("master", "gone; topics that are connected go on without it (refused)")
+    run(loop, clock, 0.1)
+    node.journal.note("master", "back; registered anew, topics published: 9, subscribed: 2")
+    run(loop, clock, 0.1)
+    assert len(lines) == LINES + 2 and lines[-2].startswith("ros1: master: gone; topics")
+    assert lines[-1] == "ros1: master: back; registered anew, topics published: 9, subscribed: 2"
     lines.clear()
     node.alive = False
     run(loop, clock, 0.1)

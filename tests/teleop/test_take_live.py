@@ -148,12 +148,14 @@ def test_a_recording_that_cannot_be_is_told_and_the_session_goes_on(tmp_path):
 
 def test_a_session_that_never_began_leaves_nothing_and_may_be_tried_again(tmp_path):
     path = tmp_path / "take1.mcap"
-    absent = {"left": f"replay:{tmp_path / 'absent.csv'}"}
+    # a device that is gone again once the session starts: the first look at it was in time
+    file = tmp_path / "hand.csv"
     for _ in range(2):
-        session = Session(
-            three_beads(), SessionOptions(devices=absent, record=str(path), device="cpu"), say=lambda line: None
-        )
-        with pytest.raises(InputError, match=r"absent\.csv: cannot be read"):
+        file.write_text("time,x,y,z\n0,0,0,0\n")
+        options = SessionOptions(devices={"left": f"replay:{file}"}, record=str(path), device="cpu")
+        session = Session(three_beads(), options, say=lambda line: None)
+        file.unlink()
+        with pytest.raises(InputError, match=r"hand\.csv: cannot be read"):
             session.run()
         assert list(tmp_path.iterdir()) == []
     Session(three_beads(), SessionOptions(record=str(path), duration=0.1, device="cpu"), say=lambda line: None).run()

@@ -37,7 +37,7 @@ def bag_samples(file: Path, topic: str | None, unit: str) -> Iterator[tuple[int,
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
     except ImportError:
-        raise InputError(f"{file}: a bag needs the package rosbags; install otwarp[rosbags]") from None
+        raise InputError(f"{file}: a bag needs the package rosbags; install otwarp[teleop]") from None
     if not file.exists():
         raise InputError(f"{file}: cannot be read (no such file)")
     try:

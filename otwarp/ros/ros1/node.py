@@ -68,6 +68,7 @@ class Node:
         self.host, address = own_host(host, self.master)
         self.journal = Journal()
         self.master_there = True
+        self._complaint = ""
         self._poll, self._most = poll, most
         self._lock = threading.RLock()
         self._publishers: dict[str, Publisher] = {}
@@ -223,31 +224,40 @@ class Node:
             except NoAnswer as error:
                 if self.master_there:
                     self.master_there = False
-                    self.journal.note("master", f"gone: {error}")
+                    self.journal.note("master", f"gone; topics that are connected go on without it ({error})")
                 continue
             if known == self.uri and self.master_there:
-                continue
-            if known not in (None, self.uri):
-                self.journal.note("master", f"another node took the name {self.name}")
-                continue
-            with self._lock:
-                nothing = not (self._publishers or self._feeds)
-            self.master_there = nothing or self._register_all()
+                self._complaint = ""
+            elif known not in (None, self.uri):
+                self._complain(f"another node took the name {self.name}")
+            else:
+                self.master_there = self._register_all()
+
+    def _complain(self, line: str) -> None:
+        """Note what the master would not, once: it is asked again at every look."""
+        if line != self._complaint:
+            self._complaint = line
+            self.journal.note("master", line)
 
     def _register_all(self) -> bool:
         """Whether the master took all registrations."""
         with self._lock:
             publishers = list(self._publishers.values())
             feeds = list(self._feeds.values())
-        self.journal.note("master", f"registering {len(publishers)} publishers, {len(feeds)} subscriptions anew")
         try:
             for publisher in publishers:
                 self._register_publisher(publisher)
             for feed in feeds:
                 self._register_feed(feed)
         except (NoAnswer, Refused) as error:
-            self.journal.note("master", str(error))
+            self._complain(f"did not take a registration: {error}")
             return False
+        self._complaint = ""
+        done = f"registered anew, topics published: {len(publishers)}, subscribed: {len(feeds)}"
+        if not self.master_there:
+            self.journal.note("master", f"back; {done}")
+        elif publishers or feeds:
+            self.journal.note("master", done)
         return True
 
     # what others may ask of this node

@@ -173,7 +173,45 @@ def test_a_restarted_master_hears_of_all_again(node, master):
     wait_for(lambda: out.connections == 2)
     out.publish(twist(2.0))
     wait_for(lambda: later.received == 1)
-    assert any("registering 1 publishers" in line for line in a.journal.lines)
+    wait_for(lambda: len(a.journal.lines) > 1 and len(b.journal.lines) > 1, "the line that it is back")
+    for one, done in ((a, "topics published: 1, subscribed: 0"), (b, "topics published: 0, subscribed: 1")):
+        gone, back = one.journal.lines
+        assert gone.startswith("master: gone; topics that are connected go on without it (lookupNode of http://")
+        assert back == f"master: back; registered anew, {done}"
+
+
+def test_a_name_that_another_node_took_is_told_once(node, master):
+    a = node("a")
+    a.publisher("/t", TWIST)
+    other = "http://127.0.0.1:1/"
+    looks = []
+
+    def _lookup(caller: str, name: str) -> list:
+        looks.append(name)
+        return [1, "", other]
+
+    master._server.register_function(_lookup, "lookupNode")
+    wait_for(lambda: len(looks) > 4)
+    assert list(a.journal.lines) == ["master: another node took the name /a"]
+
+
+def test_a_master_that_refuses_a_registration_is_told_once(node, master):
+    a = node("a")
+    a.publisher("/t", TWIST)
+    tried = []
+
+    def _refuse(*arguments: str) -> list:
+        tried.append(arguments)
+        return [-1, "not today", 0]
+
+    master._server.register_function(_refuse, "registerPublisher")
+    master.publishers.clear()
+    wait_for(lambda: len(tried) > 4)
+    assert [line for line in a.journal.lines if "not today" in line] == list(a.journal.lines)
+    assert len(a.journal.lines) == 1 and not a.master_there
+    master._server.register_function(master._registerPublisher, "registerPublisher")
+    wait_for(lambda: a.master_there)
+    assert a.journal.lines[-1].startswith("master: back; registered anew, topics published: 1")
 
 
 def test_a_connection_outlives_its_listing(node, master):
