@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 
@@ -207,3 +208,13 @@ def test_a_picture_is_drawn_without_a_word(run, tmp_path):
     code = f"from otwarp.preview.draw import preview; preview({str(run)!r}, {str(tmp_path / 'a.png')!r}, size=(32, 18))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_the_help_says_how_long_a_movie_may_take() -> None:
+    from click.testing import CliRunner
+
+    from otwarp.cli.preview import preview as command
+
+    text = " ".join(CliRunner().invoke(command, ["--help"]).stdout.split())
+    most = inspect.signature(preview).parameters["most_frames"].default
+    assert f"at most {most} pictures, of 0.3 to 1.4 s each" in text
