@@ -122,6 +122,15 @@ class Chain:
         """Go on from a snapshot of a chain of the same configuration, see `chain_state.restore`."""
         restore(self, state)
 
+    @property
+    def heat(self) -> float:
+        """Mean square force that the motors have borne of late [N²]; set for a chain that follows another."""
+        return self.safety.heat
+
+    @heat.setter
+    def heat(self, value: float) -> None:
+        self.safety.heat = value
+
     def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
         """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""
         self._tick += 1

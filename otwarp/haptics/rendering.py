@@ -37,6 +37,14 @@ class ChainLike(Protocol):
         """How far the traps are commanded from where the hand took hold of them [µm]."""
         ...
 
+    @property
+    def heat(self) -> float:
+        """Mean square force that the motors have borne of late [N²], see `safety.Safety`."""
+        ...
+
+    @heat.setter
+    def heat(self, value: float) -> None: ...
+
     def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
         """One servo cycle: the force to render and the traps to move."""
         ...
@@ -81,6 +89,7 @@ class Rendering:
         chain: None before `make`, after a failure and while the device is away.
         gains: As last set.
         limit, continuous: Of the device [N].
+        heat: Of the last chain that was let go, which the next one begins with: the motors are the same [N²].
         said: What went wrong or was limited in the last step, or "".
     """
 
@@ -89,7 +98,7 @@ class Rendering:
         self.chain: ChainLike | None = None
         self.info: DeviceInfo | None = None
         self.gains: Gains = (None, None)
-        self.limit = self.continuous = 0.0
+        self.limit = self.continuous = self.heat = 0.0
         self.said = ""
         self._log = self._logged = 0
 
@@ -99,11 +108,12 @@ class Rendering:
         Raises:
             InputError: It does not suit the device.
         """
-        self.chain = None
+        self.drop()
         self.info, self.limit, self.continuous = info, info.force, info.continuous_force
         chain = self._make_chain(info)
         if self.gains != (None, None):
             chain.set_gains(*self.gains)
+        chain.heat = self.heat
         self.chain = chain
         self._note(MADE)
 
@@ -162,6 +172,8 @@ class Rendering:
 
     def drop(self) -> None:
         """The device is away: its chain goes."""
+        if self.chain is not None:
+            self.heat = self.chain.heat
         self.chain = None
 
     def actions(self) -> int:
@@ -173,6 +185,7 @@ class Rendering:
         """All that a rendering of the same configuration needs to go on from here, for JSON."""
         return {
             "gains": list(self.gains),
+            "heat": self.heat,
             "device": asdict(self.info) if self.info else None,
             "chain": self.chain.snapshot(scene) if self.chain is not None else None,
         }
@@ -185,21 +198,23 @@ class Rendering:
         """
         try:
             motion, force = state["gains"]
+            heat = float(state["heat"])
             device, chain = state["device"], state["chain"]
             info = DeviceInfo(**device) if device is not None else None
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"start of a recording: is none ({error})") from None
-        self.gains = checked_gains(motion, force)
+        self.gains, self.heat = checked_gains(motion, force), heat
         if info is not None:
             self.make(info)
             if chain is None:
                 self.drop()
+                self.heat = heat
         if chain is not None and self.chain is not None:
             self.chain.restore(chain)
         self.actions()
 
     def _fail(self, why: str) -> None:
-        self.chain = None
+        self.drop()
         self.said = f"chain at fault, arm again: {why}"
 
     def _note(self, action: int) -> None:

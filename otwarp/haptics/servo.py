@@ -32,8 +32,10 @@ from otwarp.haptics.ring import (
     Ring,
 )
 from otwarp.haptics.servo_link import HandStatus, Orders, ServoStatus, Start
-from otwarp.haptics.types import ZERO, Device, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.types import ZERO, Device, DeviceInfo, DeviceLost, DeviceSample, HandNow, SceneNow, Vec3
 
+MOST_BUTTONS = 2**63
+"""Buttons are bits of a number below it; a device that says otherwise cannot be relied on."""
 REOPEN_AFTER = 0.5
 """Seconds from the loss of a device to the first attempt to open it again, and from one attempt to the next."""
 PARENT_SILENCE = 1.0
@@ -177,6 +179,8 @@ class Hand:
         device, rendering = self._device, self._rendering
         try:
             sample = self._sample = device.read(now)
+            if not 0 <= sample.buttons < MOST_BUTTONS:
+                raise DeviceLost(f"buttons are {sample.buttons!r}")
             if not self._begun:  # a chain would look in vain for its traps
                 state = replace(self._last, tick=self._last.tick + 1, time=now, position=sample.position)
             else:

@@ -26,6 +26,8 @@ class SpringChain:
     asked = moved = ZERO
     gains = (None, None)
 
+    heat = 0.0
+
     def set_gains(self, motion_gain=None, force_gain=None) -> None:
         self.gains = (motion_gain, force_gain)
 
