@@ -39,14 +39,14 @@ TOUCHING = 1e-9
 def curve_of(law: TrapLaw, power: float = 1.0) -> Callable[[float], float]:
     """Pull [pN, or the release's raw units] of eq. 1 at a distance [µm, or its scene units], for a power [mW]."""
 
-    def pull(distance: float) -> float:
+    def _pull(distance: float) -> float:
         if distance < law.threshold:
             return power * law.stiffness * distance
         if distance < law.cutoff:
             return power * (law.inverse_square / distance**2 + law.constant)
         return 0.0
 
-    return pull
+    return _pull
 
 
 class PaperForce:

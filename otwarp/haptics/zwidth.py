@@ -150,13 +150,13 @@ def chain_renderer(chain: ChainConfig, *, start: float, stiffness: float, wall: 
     scene = SceneNow(0, 0.0, (SphereNow((0.0, 0.0, 0.0), 0),), (trap,))
     beat = 0
 
-    def render(time: float, x: float) -> float:
+    def _render(time: float, x: float) -> float:
         nonlocal beat
         beat += 1
         now = servo.step(DeviceSample(time, (x, 0.0, 0.0)), replace(scene, beat=beat, time=time))
         return now.force[0]
 
-    return render
+    return _render
 
 
 def chain_width(
@@ -179,12 +179,12 @@ def chain_width(
     """
     release = release or Release()
 
-    def make(stiffness: float) -> Render:
+    def _make(stiffness: float) -> Render:
         start = 0.0 if wall else -release.force / stiffness
         return chain_renderer(chain, start=start, stiffness=stiffness, wall=wall, safety=safety)
 
     device = device or BareDevice()
-    return largest_stable(make, device=device, rate=chain.rate, release=release, low=1.0, high=high, wall=wall)
+    return largest_stable(_make, device=device, rate=chain.rate, release=release, low=1.0, high=high, wall=wall)
 
 
 def paper_width(
@@ -203,13 +203,13 @@ def paper_width(
     """
     device, release = device or BareDevice(), release or Release(duration=60.0)
 
-    def make(stiffness: float) -> Render:
+    def _make(stiffness: float) -> Render:
         node = PaperForce(lambda d: stiffness * d, gain=1.0, alpha=alpha)
         node.robot_message((0.0, 0.0, 0.0), 0.0)
         flying: deque[tuple[float, float]] = deque()
         sent = 0
 
-        def render(time: float, x: float) -> float:
+        def _render(time: float, x: float) -> float:
             nonlocal sent
             if time * rate >= sent - 1e-6:
                 flying.append((time + delay, x))
@@ -218,9 +218,9 @@ def paper_width(
                 node.trap_message((flying.popleft()[1], 0.0, 0.0), time)
             return node.force[0]
 
-        return render
+        return _render
 
-    return largest_stable(make, device=device, rate=servo, release=release, low=0.1, high=1e4)
+    return largest_stable(_make, device=device, rate=servo, release=release, low=0.1, high=1e4)
 
 
 PASSIVE = ChainConfig(passivity=PassivityConfig())

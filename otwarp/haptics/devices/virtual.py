@@ -207,22 +207,22 @@ def _path(script: str, numbers: dict[str, float], points: list[Vec3], choice: st
         u, v, w = points[1]
         duration = numbers["duration"]
 
-        def line(time: float) -> Vec3:
+        def _line(time: float) -> Vec3:
             part = min(time / duration, 1.0)
             return (x + part * (u - x), y + part * (v - y), z + part * (w - z))
 
-        return line
+        return _line
     if script == "circle":
         radius, turn = numbers["radius"], 2.0 * math.pi / numbers["period"]
         first, second = "xyz".index(choice[0]), "xyz".index(choice[1])
 
-        def circle(time: float) -> Vec3:
+        def _circle(time: float) -> Vec3:
             at = [x, y, z]
             at[first] += radius * (math.cos(turn * time) - 1.0)  # starts at `at`, not a radius beside it
             at[second] += radius * math.sin(turn * time)
             return (at[0], at[1], at[2])
 
-        return circle
+        return _circle
     amplitude, turn, axis = numbers["amplitude"], 2.0 * math.pi * numbers["frequency"], "xyz".index(choice)
 
     def sine(time: float) -> Vec3:
