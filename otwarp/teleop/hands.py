@@ -9,7 +9,6 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.hands import make_chain
-from otwarp.haptics.mailbox import Mailbox
 from otwarp.haptics.servo_link import ServoStatus
 from otwarp.haptics.servo_process import HandSetup, ServoProcess
 from otwarp.haptics.types import HandNow, SceneNow, Vec3
@@ -103,15 +102,14 @@ class Hands:
     Args:
         plans: As asked for.
         servo: Runs their chains, in their order; None without hands.
-        boxes: Pointer mailboxes, closed with the rest.
 
     Attributes:
         frames: Each hand as last heard of.
         status: The servo's last report.
     """
 
-    def __init__(self, plans: Sequence[HandPlan], servo: ServoLike | None, boxes: Sequence[Mailbox[Any]] = ()):
-        self._servo, self._boxes = servo, tuple(boxes)
+    def __init__(self, plans: Sequence[HandPlan], servo: ServoLike | None):
+        self._servo = servo
         self._names = [plan.name for plan in plans]
         self._dead = False
         self._armed = [False] * len(self._names)
@@ -223,8 +221,6 @@ class Hands:
         if self._servo is not None:
             self._servo.stop()
             self.status = self._servo.status()
-        for box in self._boxes:
-            box.close()
 
     def _index(self, hand: str) -> int:
         if hand not in self._names:

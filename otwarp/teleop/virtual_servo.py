@@ -21,8 +21,6 @@ from otwarp.haptics.types import HandNow, SceneNow
 from otwarp.teleop.hand_plan import HandPlan
 from otwarp.teleop.local_scene import LocalScene
 
-PERIOD = 1e-3
-
 
 class LinkedClock(VirtualClock):
     """Time passes by waiting; the servo lives through it.
@@ -61,7 +59,9 @@ class VirtualServo:
     def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
         n = len(plans)
         self._clock = clock
-        self._scenes, self._orders_box = Mailbox.create(SceneLayout(len(local.kinds), traps)), None
+        rate = plans[0].config.chain.rate
+        self._period = 1.0 / rate
+        self._scenes = Mailbox.create(SceneLayout(len(local.kinds), traps))
         self._orders_box = Mailbox.create(OrdersLayout(n))
         self._status_box = Mailbox.create(StatusLayout(n))
         self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
@@ -71,7 +71,9 @@ class VirtualServo:
             Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
             for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
         ]
-        self._servo = Servo(clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box)
+        self._servo = Servo(
+            clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
+        )
         self._seen: list[HandNow | None] = [None] * n
         self.forces: list[list[HandNow]] = [[] for _ in plans]
         self.next = 0.0
@@ -81,7 +83,7 @@ class VirtualServo:
     def cycle(self) -> None:
         """One cycle."""
         self._servo.cycle()
-        self.next += PERIOD
+        self.next += self._period
         for n in range(len(self._boxes)):
             now = self.hand(n)
             if now is not None:
@@ -91,7 +93,7 @@ class VirtualServo:
         """See `ServoLike`."""
         for hand in self._hands:
             hand.open()
-        self.running, self.next = True, self._clock.now() + PERIOD
+        self.running, self.next = True, self._clock.now() + self._period
         self._servo.cycle()
         status = self.status()
         assert status is not None
