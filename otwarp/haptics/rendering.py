@@ -198,10 +198,10 @@ class Rendering:
         """
         try:
             motion, force = state["gains"]
-            heat = float(state["heat"])
+            heat = float(state.get("heat", 0.0))  # recordings of earlier versions lack it
             device, chain = state["device"], state["chain"]
             info = DeviceInfo(**device) if device is not None else None
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"start of a recording: is none ({error})") from None
         self.gains, self.heat = checked_gains(motion, force), heat
         if info is not None:
