@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from otwarp.haptics.rendering import Rendering
 from otwarp.haptics.types import DeviceInfo, DeviceSample
 from tests.haptics.setups import hand_config, make_chain, scene_at
+from tests.haptics.spring import SpringChain
 from tests.haptics.test_servo import Rig, Traced
 
 INFO = DeviceInfo(name="touch", kind="virtual", force=3.3, continuous_force=0.88)
@@ -58,3 +62,26 @@ def test_a_new_chain_has_the_heat_of_the_motors_that_it_drives():
     rendering.drop()
     again.resume(rendering.snapshot(scene_at(1, 0.0)))
     assert again.chain is None and again.heat == rendering.heat
+
+
+class Asking(SpringChain):
+    """A chain that asks for whatever it is told to."""
+
+    asks = (0.0, 0.0, 0.0)
+
+    def step(self, sample, scene):
+        return replace(super().step(sample, scene), force=self.asks)
+
+
+NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.tuples(NUMBERS, NUMBERS, NUMBERS), st.floats(1e-3, 100.0))
+def test_no_force_leaves_above_the_limit_of_the_device_whatever_a_chain_asks(asks, limit):
+    rendering = Rendering(Asking)
+    rendering.make(replace(INFO, force=limit))
+    rendering.chain.asks = asks
+    state = rendering.step(DeviceSample(0.0, (0.0, 0.0, 0.0)), scene_at(1, 0.0))
+    # None: the chain is dropped, and the device is told zero
+    assert state is None or math.hypot(*state.force) <= limit * (1.0 + 1e-9)
+    assert state is not None or rendering.chain is None
