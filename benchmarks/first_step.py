@@ -18,7 +18,7 @@ def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
 
     import otwarp.cli.main
     import otwarp.cli.run
-    import otwarp.scene.load  # noqa: F401 imported lazily by Scene.load; here it belongs to the imports
+    import otwarp.scene.read.load  # noqa: F401 imported lazily by Scene.load; here it belongs to the imports
     from otwarp.device import pick_device
     from otwarp.record.recorder import Recorder
     from otwarp.record.run import capture_frame

@@ -44,7 +44,7 @@ def decompose(
     if json_file is None or str(json_file) != "-":
         _print(about)
     if out is not None:
-        from otwarp.scene.body_file import write_body
+        from otwarp.scene.write.body_file import write_body
 
         write_body(_body(mesh, found), out)
         if str(json_file) != "-":

@@ -12,7 +12,7 @@ import click
 from otwarp.cli.options import json_option, scene_argument
 
 if TYPE_CHECKING:
-    from otwarp.scene.validate import Finding
+    from otwarp.scene.read.validate import Finding
 
 
 @click.command()
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.pass_context
 def validate(context: click.Context, scene: Path, as_json: bool) -> int:
     """Check SCENE against the vocabulary, USD's own validators and what a run needs. Exit code 2 if it cannot run."""
-    from otwarp.scene.validate import validate as check
+    from otwarp.scene.read.validate import validate as check
 
     report = check(scene)
     report = dataclasses.replace(report, findings=(*report.findings, *_findings_of_a_run(scene)))
@@ -42,7 +42,7 @@ def _findings_of_a_run(scene: Path) -> list[Finding]:
     """What a run of a scene that loads would be refused for or warned of."""
     from otwarp.errors import InputError
     from otwarp.scene.description import Scene
-    from otwarp.scene.validate import finding
+    from otwarp.scene.read.validate import finding
 
     try:
         loaded = Scene.load(scene)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene.draw_list import TUBE, Drawables
+from otwarp.scene.drawing.draw_list import TUBE, Drawables
 
 HEAD_LENGTH = 0.3
 HEAD_RADIUS = 2.4

@@ -15,8 +15,8 @@ from otwarp.errors import InputError
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
-from otwarp.scene.drawables import read_drawables
-from otwarp.scene.source import open_stage
+from otwarp.scene.drawing.drawables import read_drawables
+from otwarp.scene.read.source import open_stage
 
 if TYPE_CHECKING:
     from pxr import Usd

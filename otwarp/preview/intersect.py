@@ -1,4 +1,4 @@
-"""Where a ray enters each canonical solid (see `otwarp.scene.draw_list`).
+"""Where a ray enters each canonical solid (see `otwarp.scene.drawing.draw_list`).
 
 Every function takes the ray in the frame of the solid, its origin moved to the point closest to the frame's origin
 (in float32 the discriminant of a small sphere far away would drown in rounding errors otherwise), the smallest ray

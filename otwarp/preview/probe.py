@@ -8,7 +8,7 @@ import warp as wp
 from otwarp.device import pick_device
 from otwarp.preview.raycast import find_first
 from otwarp.preview.studio import arrange
-from otwarp.scene.draw_list import Drawables
+from otwarp.scene.drawing.draw_list import Drawables
 
 
 def first_hits(

@@ -13,7 +13,7 @@ from otwarp.errors import InputError
 from otwarp.preview.arrows import Arrows, arrow_shapes
 from otwarp.preview.raycast import draw_pixels
 from otwarp.preview.studio import Uploaded, arrange
-from otwarp.scene.draw_list import Drawables
+from otwarp.scene.drawing.draw_list import Drawables
 
 LARGEST_SIDE = 16384
 _BAND = 16384

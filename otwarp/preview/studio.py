@@ -10,7 +10,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.preview.shading import Light, Studio
 from otwarp.preview.tracing import Solid, World
-from otwarp.scene.draw_list import PLANE, Drawables, Lights, View
+from otwarp.scene.drawing.draw_list import PLANE, Drawables, Lights, View
 
 EXPOSURE = 1.12
 """Irradiance of all lights together at the scene: white facing them is just below full scale."""

@@ -32,7 +32,7 @@ class Recorder:
     """Writes a run into a folder, frame by frame: `run.usda`, `run.nc`, `summary.json` and, at the end, `figure.png`.
 
     Memory does not grow with the length of the run. A program that is killed leaves files that open: `run.nc` has
-    every frame that was written, `run.usda` every one that was flushed (see `otwarp.scene.record`), `summary.json`
+    every frame that was written, `run.usda` every one that was flushed (see `otwarp.scene.recording`), `summary.json`
     says `running`. An earlier run in the folder is removed, all of it, when the first frame comes.
 
     Args:
@@ -96,7 +96,7 @@ class Recorder:
         check_folder(self.folder, scene.file)
         self._usd = None
         if usd_world is not None:
-            from otwarp.scene.record import ARROW_SCALE, UsdRecording
+            from otwarp.scene.recording.usd import ARROW_SCALE, UsdRecording
 
             scale = ARROW_SCALE if arrow_scale is None else arrow_scale
             self._usd = UsdRecording(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from otwarp.scene.description import (
@@ -27,11 +26,12 @@ from otwarp.scene.description import (
     Trap,
     TrapLaw,
 )
+from otwarp.scene.schema import SCHEMA_FOLDER, register
 
 if TYPE_CHECKING:
-    from otwarp.scene.author import SceneBuilder
-    from otwarp.scene.export import export_in_metres
-    from otwarp.scene.load import load_scene
+    from otwarp.scene.read.load import load_scene
+    from otwarp.scene.write.builder import SceneBuilder
+    from otwarp.scene.write.export import export_in_metres
 
 __all__ = [
     "SCHEMA_FOLDER",
@@ -54,17 +54,12 @@ __all__ = [
     "load_scene",
 ]
 
-SCHEMA_FOLDER = Path(__file__).resolve().parent / "schema"
-"""Folder of `plugInfo.json` and `generatedSchema.usda`; add it to PXR_PLUGINPATH_NAME for other USD programs."""
-
-_LAZY = {"SceneBuilder": "author", "export_in_metres": "export", "load_scene": "load"}
+_LAZY = {"SceneBuilder": "write.builder", "export_in_metres": "write.export", "load_scene": "read.load"}
 
 
 def _announce_schemas() -> None:
     """Make the `ot:` schemas known to USD, without importing it when nobody has yet."""
     if "pxr" in sys.modules:
-        from otwarp.scene.schema import register
-
         register()
         return
     # USD reads this variable once, when it is first imported; child processes (usdview) profit as well.

@@ -340,7 +340,7 @@ class Scene(ByValue):
         Raises:
             InputError: Anything in the file that cannot be accepted, in one line.
         """
-        from otwarp.scene.load import load_scene
+        from otwarp.scene.read.load import load_scene
 
         return load_scene(Path(file), duration=duration)
 

@@ -13,7 +13,7 @@ from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.obstacles import FAR, SHAPES
 from otwarp.kernels.types import BodyData, ContactData, ObstacleData, mat66
 from otwarp.scene.description import Body, Scene, Sphere, Vec3
-from otwarp.scene.mesh_overlap import is_closed
+from otwarp.scene.read.mesh_overlap import is_closed
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.optics import TrapOptics
 from otwarp.units import STANDARD_GRAVITY

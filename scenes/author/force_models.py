@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap, TrapLaw
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import shapes, trap_laws
 
 RADIUS, INDEX = 1.0, 1.59

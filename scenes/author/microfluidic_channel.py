@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Camera, Flow, Settings
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import crowds, robots, shapes
 
 CELL_COUNT, CELL_RADIUS = 200, 3.0

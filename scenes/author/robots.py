@@ -21,7 +21,7 @@ from otwarp.scene.description import IDENTITY, Body, Material, Sphere, Track, Tr
 from scenes.author import trap_laws
 
 if TYPE_CHECKING:
-    from otwarp.scene.author import SceneBuilder
+    from otwarp.scene.write.builder import SceneBuilder
 
 Color = tuple[float, float, float]
 

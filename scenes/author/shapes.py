@@ -9,7 +9,7 @@ import numpy as np
 from otwarp.scene.description import IDENTITY, Obstacle, Quat, Track, Vec3
 
 if TYPE_CHECKING:
-    from otwarp.scene.author import SceneBuilder
+    from otwarp.scene.write.builder import SceneBuilder
 
 # Linear RGB, as USD has it: deeper than they look on a screen.
 WARM_ROBOT = (0.90, 0.27, 0.04)

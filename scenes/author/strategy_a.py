@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap, TrapLaw
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import robots, shapes, trap_laws
 
 LENGTH = 9.55  # L, between the spheres' centres [µm]

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Body, Camera, Settings, Track, Trap, TrapLaw
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import robots, shapes, trap_laws
 
 POWER_RATIO = 1.5  # m: left over right

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Camera, Goal, Settings
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import crowds, robots, shapes
 
 HEIGHT = 8.0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Camera, Settings
+from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import crowds, shapes
 
 COUNTS = (50, 40, 5)

@@ -34,8 +34,8 @@ from otwarp.bench.verdict import Defect, Measured, Verdict, judge
 from otwarp.cli.main import main
 from otwarp.errors import InputError, SimulationError
 from otwarp.record.run import record_run
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import Scene, Track
+from otwarp.scene.write.builder import SceneBuilder
 
 QUADRATURE = 1e-4
 """Of a midpoint rule over a kink, at the worst."""

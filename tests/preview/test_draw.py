@@ -16,7 +16,7 @@ from otwarp.preview.annotate import _font, annotate, length_text, scale_bar
 from otwarp.preview.draw import preview
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.studio import nice_length
-from otwarp.scene.drawables import read_drawables
+from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
 
 SMALL = {"size": (96, 54), "samples": 1, "device": "cpu"}

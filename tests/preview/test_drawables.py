@@ -9,8 +9,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
 from otwarp.errors import InputError
-from otwarp.scene.draw_list import CAPSULE, MESH, PLANE, SPHERE, TUBE
-from otwarp.scene.drawables import read_drawables
+from otwarp.scene.drawing.draw_list import CAPSULE, MESH, PLANE, SPHERE, TUBE
+from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
 
 

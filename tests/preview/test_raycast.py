@@ -14,8 +14,8 @@ from otwarp.preview.arrows import Arrows
 from otwarp.preview.probe import first_hits
 from otwarp.preview.render import bloom, render, render_linear, to_display, vignette
 from otwarp.preview.studio import STYLES
-from otwarp.scene.draw_list import PLANE
-from otwarp.scene.drawables import read_drawables
+from otwarp.scene.drawing.draw_list import PLANE
+from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
 
 PIXELS = 0.01

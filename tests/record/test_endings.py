@@ -17,7 +17,7 @@ from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
 from otwarp.record.run import record_run
 from otwarp.scene.description import Scene
-from otwarp.scene.record import UsdRecording
+from otwarp.scene.recording.usd import UsdRecording
 from tests.record.small_run import HELD, RATE, frame
 
 ROOT = Path(__file__).parents[2]

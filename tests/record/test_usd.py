@@ -9,10 +9,10 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.record.frame import Frame
-from otwarp.scene import record as record_module
 from otwarp.scene.description import Scene
-from otwarp.scene.force_arrows import ARROW_SCALE, SHORTEST
-from otwarp.scene.record import CLIP_FRAMES, UsdRecording
+from otwarp.scene.recording import usd as record_module
+from otwarp.scene.recording.force_arrows import ARROW_SCALE, SHORTEST
+from otwarp.scene.recording.usd import CLIP_FRAMES, UsdRecording
 from otwarp.scene.transforms import multiply, rotation_matrix
 from tests.record.small_run import HELD, RATE, frame, write_stage
 

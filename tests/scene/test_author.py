@@ -187,7 +187,7 @@ def test_instances_load_as_bodies() -> None:
 
 
 def test_every_attribute_is_authored() -> None:
-    from otwarp.scene.attributes import INSTANCE
+    from otwarp.scene.read.attributes import INSTANCE
     from otwarp.scene.vocabulary import SCHEMAS
 
     stage = full_builder().stage

@@ -10,7 +10,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene, export_in_metres
-from otwarp.scene.validate import validate
+from otwarp.scene.read.validate import validate
 from tests.scene.conftest import StageFile
 from tests.scene.test_author import full_builder
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.scene import Body, Scene, SceneBuilder, Sphere, vocabulary
-from otwarp.scene.attributes import authored, internal
 from otwarp.scene.description import IDENTITY, Material, Medium, Obstacle, Settings, Track
+from otwarp.scene.read.attributes import authored, internal
 from otwarp.scene.transforms import decompose, quaternions, rotation_matrix
 from otwarp.units import from_si
 from tests.scene.conftest import STAGE, StageFile

@@ -8,8 +8,8 @@ from pxr import UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene.description import Obstacle
-from otwarp.scene.motion import CHORD, LARGEST_TURN, TURN_ERROR
-from otwarp.scene.source import open_stage
+from otwarp.scene.read.motion import CHORD, LARGEST_TURN, TURN_ERROR
+from otwarp.scene.read.source import open_stage
 from otwarp.scene.transforms import rotation_matrix
 from tests.scene.conftest import STAGE, StageFile
 

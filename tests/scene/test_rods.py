@@ -9,8 +9,8 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.scene import Body, Obstacle, Rod, SceneBuilder, Sphere, Track
-from otwarp.scene.drawables import read_drawables
-from otwarp.scene.validate import validate
+from otwarp.scene.drawing.drawables import read_drawables
+from otwarp.scene.read.validate import validate
 from otwarp.simulation.info import describe
 from otwarp.simulation.pack_bodies import union_volume
 from tests.scene.conftest import StageFile

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from otwarp.scene import SCHEMA_FOLDER, description, vocabulary
-from otwarp.scene.schema import DOCS, documentation, generated_files
+from otwarp.scene.schema.generate import DOCS, documentation, generated_files
 from otwarp.scene.vocabulary import SCHEMAS
 from otwarp.units import FROM_SI
 from tests.scene.conftest import StageFile

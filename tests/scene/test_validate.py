@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.scene import SceneBuilder
-from otwarp.scene.validate import validate
+from otwarp.scene.read.validate import validate
 from tests.scene.conftest import StageFile
 from tests.scene.test_author import LAW, STILL_TRAP, full_builder
 

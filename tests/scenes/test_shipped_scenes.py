@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Scene
-from otwarp.scene.validate import validate
+from otwarp.scene.read.validate import validate
 from scenes.author.__main__ import FOLDER, NAMES, main, save
 
 

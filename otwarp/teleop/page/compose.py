@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from otwarp.scene.description import Body, Obstacle, Scene, Trap
-from otwarp.scene.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
+from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
 from otwarp.teleop.page.drawing import (
     BallGroup,
@@ -24,7 +24,7 @@ from otwarp.teleop.page.drawing import (
 from otwarp.teleop.page.shapes import merged, placed, solid
 
 if TYPE_CHECKING:
-    from otwarp.scene.drawn_parts import Drawn
+    from otwarp.scene.drawing.parts import Drawn
 
 CENTRED = 1e-9
 """Offset of a ball from its body's origin below which its rotation cannot be seen [µm]."""
@@ -84,7 +84,7 @@ def display(linear: Sequence[float] | np.ndarray) -> Colour:
 
 
 def _from_stage(scene: Scene) -> tuple[dict[str, list[Drawn]], View]:
-    from otwarp.scene.drawn_parts import read_drawn
+    from otwarp.scene.drawing.parts import read_drawn
 
     assert scene.file is not None
     traps = [trap.prim for trap in scene.traps]
@@ -94,8 +94,8 @@ def _from_stage(scene: Scene) -> tuple[dict[str, list[Drawn]], View]:
 
 def _from_description(scene: Scene) -> tuple[dict[str, list[Drawn]], View]:
     """Spheres, rods and obstacles as they are described, seen from a place where all bodies are in view."""
-    from otwarp.scene.drawable_view import automatic_view
-    from otwarp.scene.drawn_parts import Drawn
+    from otwarp.scene.drawing.parts import Drawn
+    from otwarp.scene.drawing.view import automatic_view
 
     def one(kind: int, matrix: np.ndarray, colour: Iterable[float], **more: object) -> Drawn:
         """A single solid."""

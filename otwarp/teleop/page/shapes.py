@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from otwarp.scene.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
+from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
 
 Triangles = tuple[np.ndarray, np.ndarray]
 
@@ -106,7 +106,7 @@ def beam() -> Triangles:
 
 
 def solid(kind: int, size: tuple[float, float], mesh: TriangleMesh | None = None, *, small: bool = False) -> Triangles:
-    """A canonical solid of `otwarp.scene.draw_list`; of a small ball nobody sees the corners of fewer faces."""
+    """A canonical solid of `otwarp.scene.drawing.draw_list`; of a small ball nobody sees the corners of fewer faces."""
     if kind == SPHERE:
         return ball(2 if small else 3)
     if kind == BOX:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from otwarp.scene.attributes import bad
 from otwarp.scene.description import Body, Obstacle, Rod, Sphere
-from otwarp.scene.mesh_overlap import inside_mesh, nearest_distance
+from otwarp.scene.read.attributes import bad
+from otwarp.scene.read.mesh_overlap import inside_mesh, nearest_distance
 from otwarp.scene.transforms import rotation_matrix
 
 OVERLAP_TOLERANCE = 0.1

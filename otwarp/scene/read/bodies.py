@@ -8,10 +8,10 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import mobility_shift, read_values
 from otwarp.scene.description import Body, Material, Rod, Sphere
-from otwarp.scene.read_obstacles import is_collider, round_size
-from otwarp.scene.source import Source, quat, vec3
+from otwarp.scene.read.attributes import mobility_shift, read_values
+from otwarp.scene.read.obstacles import is_collider, round_size
+from otwarp.scene.read.source import Source, quat, vec3
 from otwarp.scene.transforms import rotate
 
 

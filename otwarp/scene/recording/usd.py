@@ -33,9 +33,9 @@ from pxr import Gf, Sdf, Tf, Vt
 
 from otwarp.errors import InputError
 from otwarp.scene.description import Scene
-from otwarp.scene.force_arrows import ARROW_SCALE, ForceArrows
-from otwarp.scene.recorded_prims import BodyPoses, Instances, SampleSource, Traps, attribute
-from otwarp.scene.source import Source, open_stage, usd_reason
+from otwarp.scene.read.source import Source, open_stage, usd_reason
+from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
+from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame

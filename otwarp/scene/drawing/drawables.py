@@ -8,11 +8,11 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.attributes import applied_schemas
-from otwarp.scene.draw_list import PLANE, Drawables, Lights, TriangleMesh, View, bounds
-from otwarp.scene.drawable_shapes import Batch, ShapeReader, column_matrix
-from otwarp.scene.drawable_view import automatic_view, find_camera, is_light, light_matrix, read_lights, read_view
-from otwarp.scene.source import open_stage
+from otwarp.scene.drawing.draw_list import PLANE, Drawables, Lights, TriangleMesh, View, bounds
+from otwarp.scene.drawing.shapes import Batch, ShapeReader, column_matrix
+from otwarp.scene.drawing.view import automatic_view, find_camera, is_light, light_matrix, read_lights, read_view
+from otwarp.scene.read.attributes import applied_schemas
+from otwarp.scene.read.source import open_stage
 
 __all__ = ["Drawables", "Lights", "TriangleMesh", "View", "read_drawables"]
 

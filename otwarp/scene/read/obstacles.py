@@ -8,10 +8,10 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import read_values
 from otwarp.scene.description import Obstacle
-from otwarp.scene.motion import motion
-from otwarp.scene.source import Source, track, vec3
+from otwarp.scene.read.attributes import read_values
+from otwarp.scene.read.motion import motion
+from otwarp.scene.read.source import Source, track, vec3
 from otwarp.scene.transforms import multiply
 
 _HALF = float(np.sqrt(0.5))

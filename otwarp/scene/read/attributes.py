@@ -168,7 +168,7 @@ def check_value(file: str, path: object, name: str, attribute: Attribute, value:
 
 
 def _allowed(attribute: Attribute) -> str:
-    from otwarp.scene.schema import unit_text
+    from otwarp.scene.schema.generate import unit_text
 
     if not attribute.number:
         return attribute.range_text()

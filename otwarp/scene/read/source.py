@@ -12,8 +12,8 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from otwarp.errors import InputError
-from otwarp.scene.attributes import applied_schemas, bad
 from otwarp.scene.description import Track
+from otwarp.scene.read.attributes import applied_schemas, bad
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import SHEAR_TOLERANCE, decompose
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.attributes import check_prim
 from otwarp.scene.description import Body, Obstacle, Scene
-from otwarp.scene.overlap import check_overlaps
-from otwarp.scene.read_bodies import read_cell, read_instances, read_robot
-from otwarp.scene.read_environment import read_camera, read_flow, read_goal, read_medium, read_settings
-from otwarp.scene.read_obstacles import is_collider, read_obstacle
-from otwarp.scene.read_traps import check_holds, read_trap
-from otwarp.scene.source import Source, open_stage, quiet_usd, usd_reason
+from otwarp.scene.read.attributes import check_prim
+from otwarp.scene.read.bodies import read_cell, read_instances, read_robot
+from otwarp.scene.read.environment import read_camera, read_flow, read_goal, read_medium, read_settings
+from otwarp.scene.read.obstacles import is_collider, read_obstacle
+from otwarp.scene.read.overlap import check_overlaps
+from otwarp.scene.read.source import Source, open_stage, quiet_usd, usd_reason
+from otwarp.scene.read.traps import check_holds, read_trap
 
 _BODIES = ("OtBodyAPI", "OtCellAPI")
 _ELEMENTS = ("OtSphereAPI", "OtRodAPI")

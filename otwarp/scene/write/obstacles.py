@@ -7,9 +7,9 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import author_values
 from otwarp.scene.description import Obstacle
-from otwarp.scene.poses import author_tracks
+from otwarp.scene.read.attributes import author_values
+from otwarp.scene.write.poses import author_tracks
 
 PLANE_WIDTH = 200.0
 """Side of the square drawn for a plane [µm]; as an obstacle it is unbounded."""

@@ -16,8 +16,8 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, UsdGeom, Vt
 
 from otwarp.scene.description import Body, Scene, Sphere
-from otwarp.scene.recorded_prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
-from otwarp.scene.source import Source
+from otwarp.scene.read.source import Source
+from otwarp.scene.recording.prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
 from otwarp.scene.transforms import rotate
 
 if TYPE_CHECKING:

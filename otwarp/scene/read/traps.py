@@ -9,10 +9,10 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import authored, check_value, internal, read_values
 from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap, TrapLaw
-from otwarp.scene.motion import motion
-from otwarp.scene.source import Source, quat, track
+from otwarp.scene.read.attributes import authored, check_value, internal, read_values
+from otwarp.scene.read.motion import motion
+from otwarp.scene.read.source import Source, quat, track
 
 TIME_SLACK = 1e-9
 """How far the samples of a moving trap may fall short of the run [s]: rounding of time codes."""

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from otwarp.scene.attributes import authored
 from otwarp.scene.description import Scene
-from otwarp.scene.read_bodies import instance_orientations
-from otwarp.scene.source import Source
+from otwarp.scene.read.attributes import authored
+from otwarp.scene.read.bodies import instance_orientations
+from otwarp.scene.read.source import Source
 from otwarp.scene.transforms import conjugate, decompose, multiply, rotate
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from otwarp.scene.source import Source
+from otwarp.scene.read.source import Source
 from otwarp.scene.transforms import continuous, decompose
 
 LARGEST_TURN = 10.0

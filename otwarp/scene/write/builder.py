@@ -11,7 +11,6 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
 
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import author_values, authored, mobility_shift
 from otwarp.scene.description import (
     Body,
     Camera,
@@ -26,12 +25,13 @@ from otwarp.scene.description import (
     Trap,
     TrapLaw,
 )
-from otwarp.scene.export import export_layer
-from otwarp.scene.looks import Color, Looks, author_extent, draw_beam
-from otwarp.scene.obstacle_prims import define_obstacle
-from otwarp.scene.poses import author_pose, author_tracks
+from otwarp.scene.read.attributes import author_values, authored, mobility_shift
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import align_z, look_at
+from otwarp.scene.write.export import export_layer
+from otwarp.scene.write.looks import Color, Looks, author_extent, draw_beam
+from otwarp.scene.write.obstacles import define_obstacle
+from otwarp.scene.write.poses import author_pose, author_tracks
 
 register()
 
@@ -248,7 +248,7 @@ class SceneBuilder:
         Raises:
             InputError: What was authored could not be loaded.
         """
-        from otwarp.scene.load import read_scene
+        from otwarp.scene.read.load import read_scene
 
         return read_scene(self._stage, file="SceneBuilder")
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from otwarp.scene.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
-from otwarp.scene.drawable_looks import Look, Looks
+from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
+from otwarp.scene.drawing.looks import Look, Looks
 
 _AXES = {"Z": [0, 1, 2], "X": [1, 2, 0], "Y": [2, 0, 1]}
 SMOOTHING_ANGLE = np.cos(np.radians(50.0))

@@ -9,7 +9,7 @@ from pathlib import Path
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.source import Source, open_stage, quiet_usd
+from otwarp.scene.read.source import Source, open_stage, quiet_usd
 
 _SUFFIX = "metres"
 

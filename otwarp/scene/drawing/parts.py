@@ -1,6 +1,6 @@
 """What is drawn of a stage at its start, by the prim that it belongs to: for viewers that move bodies themselves.
 
-Knows USD; what it gives is plain NumPy in µm, of the kinds of `otwarp.scene.draw_list`.
+Knows USD; what it gives is plain NumPy in µm, of the kinds of `otwarp.scene.drawing.draw_list`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from otwarp.scene.draw_list import PLANE, TriangleMesh, View, bounds
-from otwarp.scene.drawable_shapes import Batch, column_matrix
-from otwarp.scene.drawable_view import automatic_view, find_camera, is_light, read_view
-from otwarp.scene.drawables import _Walk
-from otwarp.scene.source import open_stage
+from otwarp.scene.drawing.draw_list import PLANE, TriangleMesh, View, bounds
+from otwarp.scene.drawing.drawables import _Walk
+from otwarp.scene.drawing.shapes import Batch, column_matrix
+from otwarp.scene.drawing.view import automatic_view, find_camera, is_light, read_view
+from otwarp.scene.read.source import open_stage
 
 REST = ""
 """Owner of what belongs to none of the prims asked for."""

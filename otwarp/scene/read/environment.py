@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import read_values
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Settings
-from otwarp.scene.source import Source, quat, vec3
+from otwarp.scene.read.attributes import read_values
+from otwarp.scene.read.source import Source, quat, vec3
 
 
 def read_medium(source: Source, root: Usd.Prim) -> Medium:

@@ -11,10 +11,10 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
-from otwarp.scene.attributes import read_values
 from otwarp.scene.description import Scene
-from otwarp.scene.load import read_scene
-from otwarp.scene.source import Source, open_stage, quiet_usd
+from otwarp.scene.read.attributes import read_values
+from otwarp.scene.read.load import read_scene
+from otwarp.scene.read.source import Source, open_stage, quiet_usd
 
 _LIGHTS = ("DistantLight", "DomeLight", "SphereLight", "RectLight", "DiskLight", "CylinderLight")
 _BRANCH = ("threshold", "inverse_square", "offset")

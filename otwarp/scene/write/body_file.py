@@ -8,9 +8,9 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from otwarp.errors import InputError
-from otwarp.scene.author import SceneBuilder
 from otwarp.scene.description import IDENTITY, Body
-from otwarp.scene.export import export_layer
+from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene.write.export import export_layer
 
 
 def write_body(body: Body, path: str | Path) -> Path:

@@ -1,4 +1,4 @@
-"""Writes the USD schema files and `docs/scene.md` from the vocabulary table, and registers the schemas with USD.
+"""Writes the USD schema files and `docs/scene.md` from the vocabulary table.
 
 `python -m otwarp.scene.schema` rewrites the files; a test compares them with the table.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from otwarp.scene import SCHEMA_FOLDER
+from otwarp.scene.schema import SCHEMA_FOLDER
 from otwarp.scene.vocabulary import SCHEMAS, Attribute, Schema
 from otwarp.units import SI_SYMBOL
 
@@ -22,13 +22,6 @@ _LAW_UNITS = {
     "cutoff": "lengthUnit",
     "radius": "lengthUnit",
 }
-
-
-def register() -> None:
-    """Register the `ot:` schemas with USD; harmless when done before, useless once its schema registry is built."""
-    from pxr import Plug
-
-    Plug.Registry().RegisterPlugins(str(SCHEMA_FOLDER))
 
 
 def unit_text(attribute: Attribute) -> str:
@@ -145,7 +138,3 @@ def main() -> None:
     for path, text in generated_files().items():
         path.write_text(text, encoding="utf-8")
         print(path)
-
-
-if __name__ == "__main__":
-    main()

@@ -6,8 +6,8 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from otwarp.errors import InputError
-from otwarp.scene.draw_list import Lights, View
-from otwarp.scene.drawable_shapes import column_matrix
+from otwarp.scene.drawing.draw_list import Lights, View
+from otwarp.scene.drawing.shapes import column_matrix
 
 _APERTURE_UNIT = 0.1
 """UsdGeomCamera measures focal length and apertures in tenths of the scene unit."""

@@ -1,0 +1,1 @@
+"""What a picture needs of a stage: `drawables.read_drawables`."""

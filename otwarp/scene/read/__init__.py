@@ -1,0 +1,1 @@
+"""Reads a USD stage into the description: `load.load_scene`."""

@@ -1,0 +1,1 @@
+"""The USD side of a recording: `usd.UsdRecording`."""

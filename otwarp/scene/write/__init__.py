@@ -1,0 +1,1 @@
+"""Authors USD stages: `builder.SceneBuilder`."""
