@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,17 @@ ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}
 """Files that are made of a package, and that others import by name when it is wanted."""
 
 
+KNOWN_CIRCLES = [
+    "otwarp/haptics/devices: 3 files",
+    "otwarp/optics: 2 files",
+    "otwarp/optics: 3 files",
+    "otwarp/ros/ros1: 4 files",
+    "otwarp/scene: 9 files",
+    "otwarp/simulation: 2 files",
+]
+"""Files that import each other in a ring, by the folder they share; to be emptied as rooms are put in order."""
+
+
 def room_of(path: Path) -> str:
     first = path.relative_to(PACKAGE).parts[0]
     # `python -m otwarp` is the command line
@@ -75,6 +87,63 @@ def imports(path: Path) -> list[tuple[str, bool]]:
 
 
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.name != "__init__.py" or p.parent != PACKAGE)
+
+
+def named_modules(path: Path) -> list[str]:
+    """Dotted names that a file imports anywhere, with those that it gives to `import_module` in so many words."""
+    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+    by_name = [c.args[0] for c in calls if c.args and ast.unparse(c.func).split(".")[-1] == "import_module"]
+    return [name for name, _ in imports(path)] + [str(name.value) for name in by_name if isinstance(name, ast.Constant)]
+
+
+def import_graph() -> dict[Path, set[Path]]:
+    """File → files of the package that it imports, lazily or not; that a module loads its packages does not count."""
+    files = {
+        ".".join(p.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): p
+        for p in PACKAGE.rglob("*.py")
+    }
+    graph: dict[Path, set[Path]] = {}
+    for path in files.values():
+        graph[path] = set()
+        for name in named_modules(path):
+            # `from package import name`: a module of it, or else what its `__init__` defines
+            while name and name not in files:
+                name = name.rpartition(".")[0]
+            if name and files[name] != path:
+                graph[path].add(files[name])
+    return graph
+
+
+def rings(graph: dict[Path, set[Path]]) -> list[set[Path]]:
+    """Largest sets of files each of which reaches all others of its set (strong components)."""
+    reach: dict[Path, set[Path]] = {}
+    for start in graph:
+        found: set[Path] = set()
+        edge = set(graph[start])
+        while edge:
+            found |= edge
+            edge = set().union(*(graph[p] for p in edge)) - found
+        reach[start] = found
+    out: list[set[Path]] = []
+    for path in graph:
+        ring = {other for other in reach[path] if path in reach[other]}
+        if ring and ring not in out:
+            out.append(ring)
+    return out
+
+
+def test_no_file_imports_its_importers():
+    """No circle of files, lazy imports counted; a ring that is gone leaves the list."""
+    graph = import_graph()
+    found, ties = [], []
+    for ring in rings(graph):
+        shared = Path(os.path.commonpath([p.parent for p in ring])).relative_to(PACKAGE.parent).as_posix()
+        found.append(f"{shared}: {len(ring)} files")
+        ties.append(f"{found[-1]}:")
+        for p in sorted(ring):
+            used = ", ".join(q.relative_to(PACKAGE).as_posix() for q in sorted(graph[p] & ring))
+            ties.append(f"  {p.relative_to(PACKAGE).as_posix()} -> {used}")
+    assert sorted(found) == KNOWN_CIRCLES, "\n".join(["what ties them:", *ties])
 
 
 def test_there_are_files_to_check():
