@@ -31,7 +31,7 @@ from otwarp.scene.transforms import align_z, look_at
 from otwarp.scene.write.export import export_layer
 from otwarp.scene.write.looks import Color, Looks, author_extent, draw_beam
 from otwarp.scene.write.obstacles import define_obstacle
-from otwarp.scene.write.poses import author_pose, author_tracks
+from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks
 
 register()
 
@@ -43,6 +43,11 @@ _COLORS: dict[type, tuple[Color, float]] = {
     Goal: ((0.20, 0.70, 0.30), 0.25),
 }
 _LAW_UNITS = {"lengthUnit": 1e-6, "forceUnit": 1e-12}
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """To `DIGITS` decimals, without negative zeros."""
+    return np.round(values, DIGITS) + 0.0
 
 
 class SceneBuilder:
@@ -170,9 +175,9 @@ class SceneBuilder:
             raise InputError(f"SceneBuilder: {path}: length, radius = {length:g}, {radius:g}: must be in (0, inf) µm")
         rod = UsdGeom.Capsule.Define(self._stage, self._parents(path))
         rod.CreateAxisAttr(UsdGeom.Tokens.z)
-        rod.CreateHeightAttr(length)
+        rod.CreateHeightAttr(round(length, DIGITS))
         rod.CreateRadiusAttr(float(radius))
-        author_pose(rod.GetPrim(), (a + b) / 2, align_z((b - a) / length))
+        author_pose(rod.GetPrim(), _rounded((a + b) / 2), _rounded(align_z((b - a) / length)))
         self._look(rod.GetPrim(), color, opacity)
         return rod.GetPrim()
 
@@ -196,7 +201,8 @@ class SceneBuilder:
         if kind == "distant":
             light.CreateAngleAttr(1.0)
             back = -np.asarray(direction, float)
-            author_pose(light.GetPrim(), np.zeros(3), look_at(back, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+            turn = look_at(back, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+            author_pose(light.GetPrim(), np.zeros(3), _rounded(turn))
         return light.GetPrim()
 
     def add_view(
@@ -239,7 +245,7 @@ class SceneBuilder:
         camera.CreateVerticalApertureAttr(float(width / aspect))
         camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 20.0 * distance))
         camera.CreateFocusDistanceAttr(distance)
-        author_pose(camera.GetPrim(), a, look_at(a, b, np.asarray(up, float)))
+        author_pose(camera.GetPrim(), a, _rounded(look_at(a, b, np.asarray(up, float))))
         return camera.GetPrim()
 
     def scene(self) -> Scene:

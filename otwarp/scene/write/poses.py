@@ -10,6 +10,10 @@ from pxr import Gf, Usd, UsdGeom
 
 from otwarp.scene.description import Track
 
+DIGITS = 9
+"""Decimals of what is computed rather than given (a time code, a rod's pose, the turn of a camera): finer than
+anything they mean, and coarse enough that every processor writes the same text."""
+
 _DOUBLE = UsdGeom.XformOp.PrecisionDouble
 
 
@@ -58,4 +62,4 @@ def _samples(op: UsdGeom.XformOp, rate: float, track: Track, convert: Any) -> No
         return
     op.GetAttr().Clear()
     for time, value in zip(track.times, track.values, strict=True):
-        op.Set(convert(value), float(time) * rate)
+        op.Set(convert(value), round(float(time) * rate, DIGITS))
