@@ -23,14 +23,14 @@ from otwarp.device import pick_device
 from otwarp.haptics.types import Vec3
 from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap, TrapLaw
 from otwarp.scene.track import Track
-from otwarp.teleop import live
-from otwarp.teleop.commands import Command
-from otwarp.teleop.frame import HANDS, LiveFrame
-from otwarp.teleop.hand_plan import HandPlan, plan_hands, traps_of
-from otwarp.teleop.live import LiveLoop
-from otwarp.teleop.local_scene import LocalScene
-from otwarp.teleop.session import Session, SessionOptions
-from otwarp.teleop.virtual_servo import LinkedClock, VirtualServo
+from otwarp.teleop.core.commands import Command
+from otwarp.teleop.core.frame import HANDS, LiveFrame
+from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, traps_of
+from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
+from otwarp.teleop.session import live
+from otwarp.teleop.session.live import LiveLoop
+from otwarp.teleop.session.session import Session, SessionOptions
 
 RADIUS, SPEED, STIFFNESS, POWER = 1.0, 5.0, 10.0, 20.0
 """Of the bead [µm], of the hand's trap [µm/s], of the trap [pN/µm] at its power [mW]."""

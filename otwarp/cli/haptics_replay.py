@@ -11,7 +11,7 @@ import click
 from otwarp.cli.options import json_option
 
 if TYPE_CHECKING:
-    from otwarp.teleop.take_replay import HandReplay
+    from otwarp.teleop.recording.replay import HandReplay
 
 EXIT_DIFFERS = 1
 
@@ -27,7 +27,7 @@ def replay(take: Path, as_json: bool) -> int:
     compared up to the cut. Exit code 0: all that is there is equal; 1: a force differs, or there is nothing to compare;
     2: no take.
     """
-    from otwarp.teleop.take_replay import replay_take
+    from otwarp.teleop.recording.replay import replay_take
 
     report = replay_take(take)
     if as_json:

@@ -14,7 +14,7 @@ from otwarp.cli.options import device_option, json_option, seed_option
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.teleop.session import Session
+    from otwarp.teleop.session.session import Session
 
 DEVICES = (
     "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
@@ -86,8 +86,8 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
 def open_session(scene: Path, options: dict[str, Any]) -> Session:
     """A session that has not begun, from the values of `live_options`."""
     from otwarp.scene.description import Scene
-    from otwarp.teleop.hand_plan import load_config
-    from otwarp.teleop.session import PageOptions, Session, SessionOptions
+    from otwarp.teleop.operators.hand_plan import load_config
+    from otwarp.teleop.session.session import PageOptions, Session, SessionOptions
 
     duration = options["duration"]
     if duration is not None and not 0.0 < duration < float("inf"):

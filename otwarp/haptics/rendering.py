@@ -1,7 +1,7 @@
 """The chain of a hand as the servo keeps it: made for a device, armed, tuned, stepped, checked, dropped when it fails.
 
 It knows neither the device nor the clock, so that a recording can be run again through the very same code
-(`otwarp.teleop.take_replay`).
+(`otwarp.teleop.recording.replay`).
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from otwarp.errors import InputError
 from otwarp.ros.ros2.motion import Group, move_pair
 from otwarp.ros.twin import Twin, TwinNow
-from otwarp.teleop.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
-from otwarp.teleop.frame import LiveFrame
+from otwarp.teleop.core.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
+from otwarp.teleop.core.frame import LiveFrame
 
 if TYPE_CHECKING:
     from otwarp.ros.ros1.border import Ros1Border

@@ -14,7 +14,7 @@ from otwarp.haptics.types import Vec3
 from otwarp.ros.touching import gap
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.transforms import rotate
-from otwarp.teleop.frame import HANDS, LiveFrame
+from otwarp.teleop.core.frame import HANDS, LiveFrame
 
 Pose = tuple[Vec3, tuple[float, float, float, float]]
 """Position [µm] and orientation x, y, z, w."""

@@ -1,1 +1,1 @@
-"""The live loop that couples simulation, servo and page; the page; the reduced scene; takes and their replay."""
+"""A scene, live: the loop that couples simulation, servo and page; the reduced scene; recordings and their replay."""

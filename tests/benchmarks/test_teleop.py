@@ -1,4 +1,4 @@
-"""The tables of live sessions: tiny sizes; what is on the virtual clock is held in tests/teleop/test_drag.py."""
+"""The tables of live sessions at tiny sizes; what is on the virtual clock is held in teleop/session/test_drag.py."""
 
 from __future__ import annotations
 

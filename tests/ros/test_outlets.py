@@ -21,8 +21,8 @@ from otwarp.ros.touching import gap
 from otwarp.ros.twin import Twin
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.track import Track
-from otwarp.teleop.commands import Pause, Stop
-from otwarp.teleop.live import LiveLoop
+from otwarp.teleop.core.commands import Pause, Stop
+from otwarp.teleop.session.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

@@ -27,7 +27,7 @@ from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import Mailbox
 from otwarp.haptics.platform import ordinary
 from otwarp.haptics.types import Vec3
-from otwarp.teleop.commands import Command
+from otwarp.teleop.core.commands import Command
 from otwarp.teleop.page.controls import Controls, gizmo_position
 from otwarp.teleop.page.gizmos import Gizmos
 from otwarp.teleop.page.latency import Latency

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from otwarp.haptics.types import Vec3
-from otwarp.teleop.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
-from otwarp.teleop.frame import HANDS, HandFrame
+from otwarp.teleop.core.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
+from otwarp.teleop.core.frame import HANDS, HandFrame
 from otwarp.teleop.page.drawing import Drawing
 from otwarp.teleop.page.gizmos import MODES, Gizmos
 from otwarp.teleop.page.messages import PageFrame

@@ -14,8 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from otwarp.haptics.types import Vec3
-from otwarp.teleop.commands import Command, MoveTraps
-from otwarp.teleop.frame import HANDS, HandFrame
+from otwarp.teleop.core.commands import Command, MoveTraps
+from otwarp.teleop.core.frame import HANDS, HandFrame
 from otwarp.teleop.page.drawing import TrapDrawing
 from otwarp.teleop.page.messages import PageFrame
 from otwarp.teleop.page.pointer import Pointer

@@ -16,7 +16,7 @@ from otwarp.errors import InputError
 from otwarp.record.frame import Frame
 from otwarp.scene.description import Body, Scene, Sphere, Trap, TrapLaw
 from otwarp.scene.track import Track
-from otwarp.teleop.frame import LiveFrame
+from otwarp.teleop.core.frame import LiveFrame
 from otwarp.teleop.page.process import PageProcess
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")

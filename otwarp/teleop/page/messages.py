@@ -18,8 +18,8 @@ import numpy as np
 from otwarp.haptics.fields import Matrix
 from otwarp.haptics.servo_link import ServoStatus
 from otwarp.haptics.types import Vec3
-from otwarp.teleop.commands import Command
-from otwarp.teleop.frame import HandFrame, LiveFrame, PaceNow
+from otwarp.teleop.core.commands import Command
+from otwarp.teleop.core.frame import HandFrame, LiveFrame, PaceNow
 from otwarp.teleop.page.drawing import Drawing
 
 _LENGTH = struct.Struct("!Q")

@@ -22,8 +22,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.config import FACING_USER, check_orthogonal
 from otwarp.haptics.fields import Matrix
 from otwarp.scene.description import Scene
-from otwarp.teleop.commands import Command
-from otwarp.teleop.frame import HANDS, LiveFrame
+from otwarp.teleop.core.commands import Command
+from otwarp.teleop.core.frame import HANDS, LiveFrame
 from otwarp.teleop.page.access import address, choose_token
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.messages import (

@@ -6,7 +6,7 @@ import html
 import re
 from collections.abc import Sequence
 
-from otwarp.teleop.frame import HandFrame, PaceNow
+from otwarp.teleop.core.frame import HandFrame, PaceNow
 from otwarp.teleop.page.messages import PageFrame
 
 QUIET = 6.0

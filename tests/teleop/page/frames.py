@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.teleop.frame import PaceNow
+from otwarp.teleop.core.frame import PaceNow
 from otwarp.teleop.page.drawing import TrapDrawing
 from otwarp.teleop.page.messages import PageFrame
 

@@ -6,8 +6,8 @@ import numpy as np
 
 import otwarp as ot
 from otwarp.record.run import capture_frame
-from otwarp.teleop.commands import MoveTraps, Pause, SetPower
-from otwarp.teleop.frame import HandFrame, LiveFrame, PaceNow
+from otwarp.teleop.core.commands import MoveTraps, Pause, SetPower
+from otwarp.teleop.core.frame import HandFrame, LiveFrame, PaceNow
 
 
 class Loop:

@@ -12,8 +12,8 @@ import pytest
 import otwarp as ot
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.mailbox import Mailbox
-from otwarp.teleop.commands import MoveTraps, Pause
-from otwarp.teleop.frame import HandFrame
+from otwarp.teleop.core.commands import MoveTraps, Pause
+from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.child import HAND_HANDLE, TRAP_HANDLE
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.pointer import DEAD_MAN

@@ -9,8 +9,8 @@ from otwarp.haptics.config import FACING_USER
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
 from otwarp.haptics.mailbox import Mailbox
 from otwarp.haptics.types import HandNow, Vec3
-from otwarp.teleop.commands import MoveTraps
-from otwarp.teleop.frame import HandFrame
+from otwarp.teleop.core.commands import MoveTraps
+from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.gizmos import HOLD_OFF, Gizmos
 from otwarp.teleop.page.pointer import INTERVAL, Pointer
 from tests.teleop.page.frames import page_frame, trap

@@ -8,7 +8,7 @@ import pytest
 
 import otwarp as ot
 from otwarp.haptics.types import HandNow
-from otwarp.teleop.frame import HandFrame
+from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.drawing import Drawing
 from otwarp.teleop.page.plots import MOST_CURVES, SPAN, History, Panel, panels, series_data, styles

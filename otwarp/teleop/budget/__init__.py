@@ -1,0 +1,1 @@
+"""The reduced scene: what this machine carries in time with the wall clock."""

@@ -1,0 +1,342 @@
+"""A session on disk: what hands did, what the simulation was, what was felt, and all that feeling it again needs.
+
+The loop hands over references and goes on; a thread writes them into an MCAP file. Nothing here blocks the loop: what
+the disk does not take in time is dropped, counted and told.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import queue
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import otwarp
+from otwarp.errors import InputError
+from otwarp.haptics.config import HapticsConfig, to_dict
+from otwarp.haptics.law import Law
+from otwarp.haptics.mcap import CONFIG, part_of
+from otwarp.haptics.ring import CYCLE
+from otwarp.haptics.servo_link import Cycles
+from otwarp.haptics.types import SceneNow
+from otwarp.scene.description import Scene
+from otwarp.teleop.core.commands import Command
+from otwarp.teleop.core.frame import LiveFrame, PaceNow
+from otwarp.teleop.recording.file import COMMANDS, END, PACE, START, TakeFile, check_place
+from otwarp.teleop.recording.laws import laws_to_dict
+
+if TYPE_CHECKING:
+    from otwarp.teleop.session.live import LiveLoop
+
+PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
+FORMAT = 1
+"""Version of what a take holds."""
+ROOM, FRAMES = 4096, 1024
+"""Messages that may wait for the disk, and how many before frames are dropped: a replay cannot do without cycles and
+states, frames are for the eye. 1024 are about 2 s of a session with two hands."""
+CLOSE_WITHIN = 60.0
+"""Seconds that the disk has for what is left at the end."""
+UNITS = "scene: um, s, pN, mW; hands: m, N; frames in /tf are in um"
+
+
+class TakeWriter:
+    """A take that is being written.
+
+    Args:
+        path: `.mcap`; must not exist yet.
+        config: Of the hands, as their chains were made with it.
+        devices: Hand → device as the user named it.
+        laws, kinds: What the hands feel, as `otwarp.haptics.hands.make_chain` had it.
+        scene: What is simulated.
+        settings: More that is worth keeping, for JSON: rates, seed, speed.
+        clock: The loop's; `LiveFrame.wall` and the servo's times are of the same.
+
+    Raises:
+        InputError: A file that is there already or cannot be made, another ending, a law that cannot be stored, or no
+            `rosbags`.
+
+    Attributes:
+        file: Where it will be.
+        dropped: Messages that were not written, because the disk was too slow.
+        complaint: One line about what is missing in the file, or why it ended; "" if nothing is.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        config: HapticsConfig,
+        devices: Mapping[str, str],
+        laws: Mapping[int, Sequence[Law]],
+        kinds: Sequence[int],
+        scene: Scene,
+        settings: Mapping[str, Any] | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ):
+        self.file = check_place(path)
+        self.dropped, self.complaint = 0, ""
+        self._began, self._epoch = clock(), time.time_ns()
+        about = {
+            "format": FORMAT,
+            "otwarp": otwarp.__version__,
+            "recorded": datetime.now().astimezone().isoformat(timespec="seconds"),
+            "units": UNITS,
+            "haptics": to_dict(config),
+            "devices": dict(devices),
+            **laws_to_dict(laws),
+            "kinds": list(kinds),
+            "settings": dict(settings or {}),
+            # seconds of the loop's clock become ns since 1970 by: epoch + (t - began)
+            "clock": {"began": self._began, "epoch": self._epoch},
+        }
+        self._lost = {hand.name: 0 for hand in config.hands}
+        self._starts: dict[str, Any] = {}
+        self._beats: deque[int] = deque(maxlen=4 * FRAMES)
+        self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
+        self._ending = self._told = self._closed = self._unwanted = False
+        self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
+        self._thread.start()
+
+    def frame(self, live: LiveFrame, scene: SceneNow | None = None) -> None:
+        """A frame, and the state that was published to the servo with it."""
+        if scene is not None:
+            self.scene(scene, live.wall)
+        if self._waiting.qsize() < FRAMES:
+            self._put(_frame, live, self._stamp(live.wall))
+        else:
+            self._drop()
+
+    def scene(self, scene: SceneNow, wall: float) -> None:
+        """A state that was published to the servo at a time of the loop's clock [s]; one that is known is ignored."""
+        if scene.beat not in self._beats:
+            self._beats.append(scene.beat)
+            self._put(TakeFile.scene, scene, self._stamp(wall))
+
+    def cycles(self, hand: str, cycles: Cycles) -> None:
+        """What `ServoProcess.drain` gave of a hand.
+
+        Raises:
+            InputError: A hand that the configuration lacks.
+        """
+        if hand not in self._lost:
+            raise InputError(f"hand is {hand!r}; allowed: {', '.join(self._lost) or 'none'}")
+        records = cycles.records
+        now = CYCLE.unpack_from(records, len(records) - CYCLE.size)[1] if records else self._began
+        stamp = self._stamp(now)
+        for scene in cycles.scenes:
+            self.scene(scene, now)
+        if cycles.start is not None and self._starts.get(hand) != cycles.start:
+            self._starts[hand] = cycles.start
+            text = json.dumps({"tick": cycles.start.tick, "chain": json.loads(cycles.start.text or "null")})
+            self._put(TakeFile.text, START + hand, stamp, text)
+        if cycles.lost > self._lost[hand]:
+            self._lost[hand] = cycles.lost
+            self.complaint = f"recording {self.file}: {cycles.lost} cycles of hand {hand} were lost"
+        if records:
+            self._put(TakeFile.cycles, hand, stamp, cycles.lost, records)
+
+    def command(self, command: Command, wall: float) -> None:
+        """A command that was carried out, at a time of the loop's clock [s]."""
+        told = {"time": wall, "command": type(command).__name__, **dataclasses.asdict(command)}
+        self._put(TakeFile.text, COMMANDS, self._stamp(wall), json.dumps(told))
+
+    def end(self) -> bool:
+        """Take no more, and finish the file behind the caller's back; whether that is done. May be called again."""
+        self._ending = True
+        if not self._told:
+            try:
+                self._waiting.put_nowait(None)
+            except queue.Full:  # the disk is slow: told at the next call
+                return False
+            self._told = True
+        return not self._thread.is_alive()
+
+    def discard(self) -> None:
+        """Leave nothing of it, once it is closed."""
+        self._unwanted = True
+
+    def close(self) -> None:
+        """Write what waits, finish the file and put it in its place; may be called more than once.
+
+        Raises:
+            OSError: It could not be written; what there is lies in `FILE.part`.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        if not self.end() and not self._told:
+            self._told = True
+            self._waiting.put(None)
+        self._thread.join(CLOSE_WITHIN)
+        if self._thread.is_alive():
+            raise OSError(f"recording {self.file}: not finished after {CLOSE_WITHIN:g} s; see {part_of(self.file)}")
+        if part_of(self.file).exists() if self._unwanted else not self.file.exists():
+            raise OSError(self.complaint)
+
+    def __enter__(self) -> TakeWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _stamp(self, wall: float) -> int:
+        """Time of the loop's clock [s] as ns since 1970."""
+        return self._epoch + round((wall - self._began) * 1e9)
+
+    def _put(self, write: Callable[..., None], *arguments: Any) -> None:
+        try:
+            self._waiting.put_nowait((write, arguments))
+        except queue.Full:
+            self._drop()
+
+    def _drop(self) -> None:
+        self.dropped += 1
+        self.complaint = f"recording {self.file}: {self.dropped} messages dropped, the disk is too slow"
+
+    def _run(self, scene: Scene, about: dict[str, Any]) -> None:
+        """The thread: writes until it is told to end; after an error it only takes what is handed over."""
+        file: TakeFile | None = None
+        try:
+            file = TakeFile(self.file, scene)
+            # the digest of a large scene takes 0.1 s
+            file.text(CONFIG, self._epoch, json.dumps(about | {"scene": _about(scene)}))
+            while (item := self._waiting.get()) is not None:
+                write, arguments = item
+                write(file, *arguments)
+            if self._unwanted:
+                file.discard()
+                return
+            file.text(END, time.time_ns(), json.dumps({"dropped": self.dropped, "lost": self._lost}))
+            file.close()
+        except Exception as error:  # a full disk, most likely; the session goes on
+            self.complaint = f"recording {self.file}: ended ({error})"
+            if file is not None:
+                file.abort()
+            while not self._ending or not self._waiting.empty():
+                self._waiting.get()
+            if self._unwanted:
+                shutil.rmtree(part_of(self.file), ignore_errors=True)  # `close` says if it is still there
+
+
+def _frame(file: TakeFile, live: LiveFrame, stamp: int) -> None:
+    """A frame, and how time goes."""
+    file.frame(live, stamp)
+    pace = {"beat": live.beat, "wall": live.wall, "step": live.frame.step, "simulated": live.frame.time}
+    file.text(PACE, stamp, json.dumps(pace | {name: getattr(live.pace, name) for name in PACE_FIELDS}))
+
+
+def _about(scene: Scene) -> dict[str, Any]:
+    """Which scene."""
+    from otwarp.simulation.checkpoint import scene_digest
+
+    return {
+        "file": str(scene.file.resolve()) if scene.file else None,
+        "digest": scene_digest(scene),
+        "bodies": [body.name for body in scene.bodies],
+        "traps": [trap.prim for trap in scene.traps],
+    }
+
+
+@runtime_checkable
+class Recordable(Protocol):
+    """What a recording asks of a servo, see `otwarp.haptics.servo_process.ServoProcess`."""
+
+    def record(self, on: bool) -> None:
+        """Begin a recording, or end it."""
+        ...
+
+    def drain(self, hand: int) -> Cycles:
+        """The cycles of a hand since the last call."""
+        ...
+
+
+class LiveTake:
+    """The take of a live loop: fetches the servo's cycles with every frame.
+
+    Args:
+        writer: The take.
+        servo: The loop's, or None for hands that cannot be replayed.
+        hands: Their names, in the servo's order.
+    """
+
+    def __init__(self, writer: TakeWriter, servo: Recordable | None, hands: Sequence[str]):
+        self._writer, self._servo, self._hands = writer, servo, tuple(hands)
+        self._begun = False
+        if servo is not None:
+            servo.record(True)
+
+    @property
+    def file(self) -> Path:
+        """Where it will be once it is closed."""
+        return self._writer.file
+
+    @property
+    def complaint(self) -> str:
+        """One line about what is missing in it, or ""."""
+        return self._writer.complaint
+
+    def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
+        """A frame, and the state that was published to the servo with it."""
+        self._begun = True
+        self._writer.frame(live, scene)
+        self._fetch()
+
+    def command(self, command: Command, wall: float) -> None:
+        """A command that was carried out."""
+        self._writer.command(command, wall)
+
+    def end(self) -> bool:
+        """Take the last cycles, then as `TakeWriter.end`; of a session that never came to a frame nothing is left."""
+        if not self._begun:
+            self._writer.discard()
+        if self._servo is not None:
+            self._servo.record(False)
+            self._fetch()
+            self._servo = None
+        return self._writer.end()
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            OSError: As `TakeWriter.close`.
+        """
+        self.end()
+        self._writer.close()
+
+    def _fetch(self) -> None:
+        if self._servo is not None:
+            for n, hand in enumerate(self._hands):
+                self._writer.cycles(hand, self._servo.drain(n))
+
+
+def open_take(file: str | None, loop: LiveLoop) -> LiveTake:
+    """Begin the take of a session, now; it is replayed from this moment on.
+
+    Args:
+        file: `.mcap`, or None for one named by the time, in this folder.
+        loop: The session.
+
+    Raises:
+        InputError: As `TakeWriter`.
+    """
+    path = file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+    writer = TakeWriter(
+        path,
+        config=HapticsConfig(hands=tuple(plan.config for plan in loop.plans)),
+        devices={plan.name: plan.device for plan in loop.plans},
+        laws=loop.local.laws,
+        kinds=loop.local.kinds,
+        scene=loop.sim.scene,
+        settings={"seed": loop.sim.model.seed, "time_step": loop.sim.time_step, "device": loop.sim.model.device.alias},
+        clock=loop.clock.now,
+    )
+    servo = loop.hands.servo
+    return LiveTake(writer, servo if isinstance(servo, Recordable) else None, [plan.name for plan in loop.plans])

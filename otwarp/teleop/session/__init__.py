@@ -1,0 +1,1 @@
+"""The live loop, and the session that is built around it."""

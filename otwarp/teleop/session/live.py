@@ -1,0 +1,400 @@
+"""The live loop: hands and pages command traps, the simulation follows the wall's time, everybody is told.
+
+One tick: commands → hands → traps → as many steps as are due → readout → servo → outlets. The servo is a process of its
+own and does not wait for the loop; a loop that dies or stalls is a simulation that stands still, and its watchdog acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from otwarp.errors import InputError, SimulationError
+from otwarp.haptics.clock import Clock, RealClock, next_deadline
+from otwarp.haptics.types import SceneNow
+from otwarp.record.frame import SHAPES, Frame
+from otwarp.record.monitor import Monitor
+from otwarp.record.run import capture_frame
+from otwarp.scene.description import Scene
+from otwarp.simulation.simulation import Simulation
+from otwarp.teleop.core import commands as c
+from otwarp.teleop.core.frame import LiveFrame
+from otwarp.teleop.core.monitor import Watch
+from otwarp.teleop.core.pace import Pace
+from otwarp.teleop.core.sink import Outlet
+from otwarp.teleop.operators.hand_plan import HandPlan
+from otwarp.teleop.operators.hands import Hands, ServoFactory
+from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.trap_commands import TrapCommands
+from otwarp.teleop.recording.recordings import Recordings, Take
+
+RATES = (10.0, 1000.0)
+"""Frames per second that the loop may aim at."""
+
+LONGEST_TICK = 0.014
+"""Seconds of work after which a tick with hands should end: they need a state every 20 ms, or their forces fall. On a
+machine that is too slow simulated time slips instead."""
+
+GLIDE = 1e-3
+"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part.
+
+A leap each frame would let its spheres catch up, and the force at the end of the frame would lack their drag. With
+spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
+
+
+TakeFactory = Callable[[str | None, "LiveLoop"], Take]
+"""Begins a recording in a file, or in one named by the time."""
+
+
+class LiveLoop:
+    """A session of one world.
+
+    Args:
+        scene: What is simulated.
+        plans: Hands with a device.
+        outlets: Who watches and commands.
+        make_servo: Makes the servo of the hands.
+        make_take: Begins a recording; None refuses to record.
+        notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
+        clock: Of the loop; the servo's must show the same time.
+        rate: Frames per second [1/s].
+        speed: Simulated seconds per second.
+        seed, device: As `Simulation`.
+
+    Raises:
+        InputError: An argument out of range, or a scene that cannot be simulated.
+
+    Attributes:
+        sim: The simulation; a reset makes another.
+        local: What hands feel.
+        hands: Hands and their servo.
+        pace: Simulated time against the clock's.
+        monitor: Whether the scene's task is done, and its statistics; a reset makes another.
+        over: Whether the session has ended.
+        failure: Why the simulation stopped, or "".
+        frames, late: Frames so far, and how many of them were dropped because a tick took too long.
+        wall: Time that `run` has taken so far [s].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plans: Sequence[HandPlan] = (),
+        *,
+        outlets: Sequence[Outlet] = (),
+        make_servo: ServoFactory | None = None,
+        make_take: TakeFactory | None = None,
+        notice: Callable[[str], None] | None = None,
+        clock: Clock | None = None,
+        rate: float = 120.0,
+        speed: float = 1.0,
+        seed: int = 0,
+        device: str | None = None,
+    ):
+        if not RATES[0] <= rate <= RATES[1]:
+            raise InputError(f"rate is {rate!r}; allowed: {RATES[0]:g} to {RATES[1]:g} frames per second")
+        if plans and make_servo is None:
+            raise InputError("make_servo is None; allowed with hands: what makes their servo")
+        slowest = max((1.0 / plan.config.safety.decay_after for plan in plans), default=0.0)
+        if rate <= slowest:
+            raise InputError(
+                f"rate is {rate!r}; allowed with hands: above {slowest:g} frames per second, or forces fall between"
+            )
+        self.plans = tuple(plans)
+        self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
+        self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
+        self._outlets: list[Outlet] = []
+        self._due: list[float] = []
+        self._make_take, self._notice = make_take, notice
+        self._told = [""] * len(self.plans)
+        for outlet in outlets:
+            self.add(outlet)
+        self.sim = self._make_sim()
+        moved = [trap for plan in plans for trap in plan.config.traps]
+        self.local = LocalScene.of(self.sim.model, moved)
+        self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
+        self._traps = TrapCommands(scene, moved)
+        self._watch, self.monitor = self._watchers()
+        now, longest = self._clock.now(), LONGEST_TICK if self.plans else np.inf
+        self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=now, longest_tick=longest)
+        self._recordings = Recordings()
+        self._arm_soon = self._closed = False
+        self.over, self.failure = False, ""
+        self._beat = self.frames = self.late = 0
+        self.wall = 0.0
+
+    @property
+    def clock(self) -> Clock:
+        """Of the loop."""
+        return self._clock
+
+    @property
+    def recording(self) -> Path | None:
+        """File that is being written."""
+        return self._recordings.file
+
+    def add(self, outlet: Outlet) -> None:
+        """One more who watches and commands; closed with the session."""
+        self._outlets.append(outlet)
+        self._due.append(-np.inf)
+
+    def start(self, *, arm: bool = False) -> None:
+        """Compile, open the devices, take the first step, publish the first state.
+
+        Args:
+            arm: Whether to arm the hands as soon as they have hold of their traps.
+
+        Raises:
+            InputError: A device is not there.
+        """
+        self._traps.write(self.sim)
+        self.sim.step(1)
+        self._capture()  # compiles what reads out, before anything waits for it
+        self.hands.start()
+        self.pace.restart(self._clock.now())
+        self._arm_soon = arm
+        self.hands.publish(self._next_state(self._capture()))
+
+    def run(
+        self, duration: float | None = None, *, arm: bool = False, started: Callable[[], None] | None = None
+    ) -> None:
+        """Start, tick until told to stop or for `duration` seconds of the clock, and close.
+
+        Args:
+            duration: [s]; None until told to stop.
+            arm: As `start`.
+            started: Called once it has started.
+
+        Raises:
+            InputError: As `start`.
+            SimulationError: The simulation stopped, and nobody is there to reset it.
+        """
+        try:
+            self.start(arm=arm)
+            if started is not None:
+                started()
+            begun = deadline = self._clock.now()
+            end = np.inf if duration is None else begun + duration
+            while not self.over and self._clock.now() < end:
+                self.tick()
+                deadline, missed = next_deadline(deadline, 1.0 / self._rate, self._clock.now())
+                self.late += missed
+                self._clock.sleep_until(deadline)
+                self.wall = self._clock.now() - begun
+        finally:
+            self.close()
+
+    def tick(self) -> LiveFrame:
+        """One turn of the loop; returns what was published."""
+        begun = self._clock.now()
+        self._obey()
+        for error in self._recordings.finished():
+            self._complain(str(error))
+        self._traps.hold(self.hands.listen().items())
+        self._tell_of_hands()
+        steps = self._step(begun)
+        frame = self._capture()
+        self._traps.note(frame.trap_position[0])
+        # a simulation that waits for its next step, as in slow motion, lives; one that is paused or failed says nothing
+        state = None if self.failure or self.pace.paused else self._next_state(frame)
+        self.hands.publish(state)
+        if steps:
+            self.monitor.update(frame)
+        self._arm_when_held()
+        live = self._live(frame)
+        if self._recordings.take is not None:
+            self._recordings.take.frame(live, state)
+        for n, outlet in enumerate(self._outlets):
+            if begun >= self._due[n]:
+                self._due[n] = begun + outlet.interval
+                outlet.publish(live)
+        self.pace.worked(self._clock.now() - begun)
+        return live
+
+    def close(self) -> None:
+        """Zero forces, finish the recording, close the outlets; may be called more than once.
+
+        Raises:
+            OSError: A recording could not be finished.
+        """
+        if self._closed:
+            return
+        self._closed = self.over = True
+        try:
+            self.hands.stop()
+        finally:
+            try:
+                self._recordings.close()
+            finally:
+                for outlet in self._outlets:
+                    outlet.close()
+
+    def _step(self, now: float) -> int:
+        """Take the steps that are due while the traps glide to where they are commanded; how many."""
+        steps = 0 if self.failure else self.pace.due(now)
+        try:
+            self._advance(steps)
+        except SimulationError as error:
+            if not self._outlets:
+                raise
+            self.failure = str(error)
+            self._let_go()
+            self._complain(f"{error}; reset to go on")
+            return 0
+        return steps
+
+    def _advance(self, steps: int) -> None:
+        """The steps stand for the time since the last tick, in which the hands went from there to here."""
+        self._traps.advance(steps * self.sim.time_step)
+        part = max(1, round(GLIDE / self.sim.time_step)) if self._traps.changed else steps
+        done = 0
+        while done < steps:
+            part = min(part, steps - done)
+            # half-way through each part, so that spheres lag by the drag on average; a single leap goes all the way
+            self._traps.write(self.sim, (done + 0.5 * part) / steps if part < steps else 1.0)
+            self.sim.step(part)
+            done += part
+        if steps:
+            self._traps.write(self.sim)
+
+    def _capture(self) -> Frame:
+        """The present state, in arrays of its own: outlets may keep them."""
+        frame = capture_frame(self.sim)
+        return dataclasses.replace(frame, **{name: np.array(getattr(frame, name)) for name in SHAPES})
+
+    def _watchers(self) -> tuple[Watch, Monitor]:
+        model = self.sim.model
+        return Watch(model), Monitor(model.scene, model.held, 1)
+
+    def _task(self, frame: Frame) -> str:
+        """Decided and why, or how far the cell is from where it is wanted."""
+        goal, monitor = self.monitor.goal, self.monitor
+        if goal is None:
+            return ""
+        ended = monitor.outcome(0)
+        if ended.time is not None:
+            return f"{ended.outcome} at t = {ended.time:.2f} s: {ended.reason}"
+        away = np.linalg.norm(frame.position[0, monitor.cells[0]] - np.array(goal.position))
+        return f"{goal.cell} is {away:.1f} µm from the goal (tolerance {goal.tolerance:g} µm)"
+
+    def _next_state(self, frame: Frame) -> SceneNow:
+        self._beat += 1
+        return self.local.now(self._beat, frame)
+
+    def _live(self, frame: Frame) -> LiveFrame:
+        self.frames += 1
+        hands, pace = self.hands.frames, self.pace.report()
+        warnings = self._watch.warnings(frame, hands, pace)
+        if self._recordings.complaint:
+            warnings = (*warnings, self._recordings.complaint)
+        forces = self.sim.readout.hand_force.numpy()
+        return LiveFrame(
+            beat=self.frames,
+            wall=self._clock.now(),
+            frame=frame,
+            trap_goals=self._traps.goals,
+            hand_force=np.array(forces[0], dtype=float) if forces.size else np.zeros((2, 3)),
+            hands=hands,
+            servo=self.hands.status,
+            pace=pace,
+            warnings=(self.failure, *warnings) if self.failure else warnings,
+            task=self._task(frame),
+            recording=str(self.recording) if self.recording else None,
+        )
+
+    def _tell_of_hands(self) -> None:
+        """Each hand's news, once."""
+        for n, hand in enumerate(self.hands.frames):
+            if hand.message != self._told[n]:
+                self._told[n] = hand.message
+                if hand.message and self._notice is not None:
+                    self._notice(f"{hand.name} hand: {hand.message}")
+
+    def _arm_when_held(self) -> None:
+        """Arm once every hand has hold of its traps: before, the servo would refuse."""
+        if self._arm_soon and all(hand.now is not None and hand.now.traps for hand in self.hands.frames):
+            self._arm_soon = False
+            self.hands.arm()
+
+    def _obey(self) -> None:
+        """Carry out what was asked; a refusal is told to all outlets, and the session goes on."""
+        for outlet in self._outlets:
+            for command in outlet.commands():
+                try:
+                    self.do(command)
+                except (InputError, OSError) as error:
+                    self._complain(str(error))
+
+    def do(self, command: c.Command) -> None:
+        """Carry out a command now.
+
+        Raises:
+            InputError: It cannot be; nothing changed.
+        """
+        match command:
+            case c.MoveTraps(positions, gently):
+                self._traps.move(positions, gently=gently)
+            case c.ShiftTraps(traps, by):
+                self._traps.shift(traps, by)
+            case c.SetPower(power, traps):
+                self._traps.set_power(self.sim, power, traps)
+            case c.SetGains(hand, motion_gain, force_gain):
+                self.hands.set_gains(hand, motion_gain, force_gain)
+            case c.SetSpeed(speed):
+                self.pace.set_speed(speed)
+            case c.Pause(on):
+                self._pause(on)
+            case c.Reset():
+                self._reset()
+            case c.Record(on, file):
+                self._record(on, file)
+            case c.Arm(hand):
+                self._arm(hand)
+            case c.Disarm(hand):
+                self._let_go(hand)
+            case c.Stop():
+                self.over = True
+        if self._recordings.take is not None:
+            self._recordings.take.command(command, self._clock.now())
+
+    def _arm(self, hand: str | None) -> None:
+        if self.pace.paused or self.failure:
+            raise InputError("arm: the simulation stands still; allowed: while it runs")
+        self.hands.arm(hand)
+
+    def _let_go(self, hand: str | None = None) -> None:
+        """Disarm, also those that were to be armed once they hold their traps."""
+        self._arm_soon = False
+        self.hands.arm(hand, on=False)
+
+    def _pause(self, on: bool) -> None:
+        if on:
+            self._let_go()
+        elif self.pace.paused and not self.failure:  # whoever arms next does it with a fresh state
+            self.hands.publish(self._next_state(self._capture()))
+        self.pace.pause(on, self._clock.now())
+
+    def _reset(self) -> None:
+        """Begin anew; the hands are disarmed, and take hold of their traps where the scene has them."""
+        self._let_go()
+        self.sim = self._make_sim()
+        self.failure = ""
+        self._traps.restart()
+        self.pace.restart(self._clock.now())
+        self._watch, self.monitor = self._watchers()
+        self._traps.write(self.sim)
+        self.hands.publish(self._next_state(self._capture()))
+
+    def _record(self, on: bool, file: str | None) -> None:
+        self._recordings.end()
+        if on:
+            if self._make_take is None:
+                raise InputError("record: this session cannot; allowed: with the rosbags package")
+            self._recordings.take = self._make_take(file, self)
+
+    def _complain(self, line: str) -> None:
+        for outlet in self._outlets:
+            outlet.complain(line)

@@ -1,0 +1,254 @@
+"""`Session`: a scene, live, with hands, page and recording: what `otwarp teleop` runs."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.haptics.config import HapticsConfig
+from otwarp.haptics.devices import parse_devices, probe_devices
+from otwarp.haptics.devices.mouse import POINTER
+from otwarp.haptics.mailbox import Mailbox
+from otwarp.haptics.platform import favour
+from otwarp.scene.description import Scene
+from otwarp.teleop.core.commands import Record
+from otwarp.teleop.core.sink import Outlet
+from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, slowed
+from otwarp.teleop.operators.hands import ServoLike, servo_process
+from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.recording.file import check_place, load_writer
+from otwarp.teleop.recording.recordings import Take
+from otwarp.teleop.session.live import GLIDE, LiveLoop
+from otwarp.teleop.session.summary import summarize
+
+SERVO_RATE = 1000.0
+"""Cycles per second of the servo [Hz]."""
+
+SESSION = 600.0
+"""Seconds that a session without an end is taken to last, for what comes into the traps' reach meanwhile."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """Where the page is served.
+
+    Attributes:
+        host: Interface; loopback unless told otherwise.
+        port: That one or an error; 0 for any, None for 8080 or the next that is free.
+        token: What a browser must know, None to make one where it is needed.
+        browser: Whether to open a browser here.
+    """
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    token: str | None = None
+    browser: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions:
+    """What a session is, besides its scene.
+
+    Attributes:
+        devices: Hand → device.
+        config: Of the hands; None for the presets; a mapping, as a JSON file has it, for what differs from them.
+        mode: `stable` or `paper`; of the presets.
+        pairing: `release` or `older`; of the presets.
+        motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
+        record: File that is recorded from the start.
+        arm: Whether hands are armed as soon as they hold their traps.
+        page: The page, None for none.
+        budget: `auto`, `off`, or the share of a core that the simulation may take, as text; see `teleop.budget`.
+        rate: Frames per second of the loop.
+        servo_rate: Cycles per second of the servo [Hz].
+        speed: Simulated seconds per second.
+        duration: Seconds of the clock after which it ends, None for when it is told to.
+        seed, device: As `Simulation`.
+    """
+
+    devices: Mapping[str, str] = field(default_factory=dict)
+    config: HapticsConfig | Mapping[str, Any] | None = None
+    mode: str = "stable"
+    pairing: str = "release"
+    motion_gain: float | None = None
+    force_gain: float | None = None
+    record: str | None = None
+    arm: bool = False
+    page: PageOptions | None = None
+    budget: str = "off"
+    rate: float = 120.0
+    servo_rate: float = SERVO_RATE
+    speed: float = 1.0
+    duration: float | None = None
+    seed: int = 0
+    device: str | None = None
+
+
+class Session:
+    """A live loop with its servo, page and recording, put together; a context manager.
+
+    Args:
+        scene: What is simulated.
+        options: How.
+        outlets: More who watch and command, beside the page.
+        say: Takes lines for the user.
+
+    Raises:
+        InputError: A device, a hand, a number or a name of a recording that cannot be; nothing was started.
+
+    Attributes:
+        loop: The live loop.
+        budget: What was left out of the scene, None if nothing was asked to be.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        options: SessionOptions,
+        *,
+        outlets: Sequence[Outlet] = (),
+        say: Callable[[str], None] = print,
+    ):
+        o = self._options = options
+        if o.record is not None:
+            check_place(o.record)
+        plans = plan_hands(
+            scene,
+            o.devices,
+            config=o.config,
+            mode=o.mode,
+            pairing=o.pairing,
+            motion_gain=o.motion_gain,
+            force_gain=o.force_gain,
+            rate=o.servo_rate,
+        )
+        self._boxes = {plan.name: Mailbox.create(POINTER) for plan in plans if plan.device.strip() == "mouse"}
+        self._say, self._traps = say, len(scene.traps)
+        self._recorded: str | None = None
+        self.budget: dict[str, Any] | None = None
+        try:
+            if plans:  # a bad name is told before anything is compiled
+                specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
+                if self._boxes and o.page is None:
+                    hand = next(iter(self._boxes))
+                    raise InputError(f"--{hand} is 'mouse'; allowed with the page, which has the mouse")
+                probe_devices(specs)
+            scene, speed = self._reduced(scene, hands=bool(plans))
+            plans = slowed(plans, speed)
+            self._page = self._open_page(scene, plans)
+            watching = (*outlets, self._page) if self._page else tuple(outlets)
+            self.loop = LiveLoop(
+                scene,
+                plans,
+                outlets=watching,
+                make_servo=self._make_servo,
+                make_take=self._make_take,
+                notice=say,
+                rate=o.rate,
+                speed=speed,
+                seed=o.seed,
+                device=o.device,
+            )
+        except BaseException:
+            self._close_boxes()
+            raise
+
+    def run(self) -> dict[str, Any]:
+        """Until the session is told to stop; returns its `summary.summarize`, with `budget` and `recording`.
+
+        Raises:
+            InputError: A device is not there, or the page's port is taken; nothing is armed.
+            SimulationError: The simulation stopped, and nobody is there to reset it.
+        """
+        o, loop = self._options, self.loop
+        back_to_normal = favour()
+        try:
+            load_writer()  # somebody may press Record while hands are armed
+            if self._page is not None:
+                self._page.start()
+            if o.record is not None:
+                loop.do(Record(True, o.record))
+            loop.run(o.duration, arm=o.arm, started=self._announce)
+        except KeyboardInterrupt:
+            self._say("")  # after the ^C of the terminal
+        finally:
+            loop.close()
+            self._close_boxes()
+            back_to_normal()
+        if self._recorded and not Path(self._recorded).exists():
+            self._recorded = None  # ended before the first frame
+        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded}
+        if self._recorded:
+            report["text"] += f"\nrecorded  {self._recorded}"
+        return report
+
+    def _announce(self) -> None:
+        """Say where the page is; once the devices are open, lest a browser shows a session that never began."""
+        if self._page is None:
+            return
+        self._say(f"page      {self._page.url}")
+        if self._options.page is not None and self._options.page.browser:
+            # it may wait for the browser, and the hands' forces would fall meanwhile
+            threading.Thread(target=webbrowser.open, args=(self._page.url,), daemon=True).start()
+
+    def _pointer(self, plan: HandPlan) -> str | None:
+        box = self._boxes.get(plan.name)
+        return box.name if box else None
+
+    def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
+        """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
+        o = self._options
+        from otwarp.teleop.budget.cost import measure_scene
+        from otwarp.teleop.budget.reduce import parse_budget, reduce_scene
+
+        if parse_budget(o.budget) == "off":
+            return scene, o.speed
+
+        wanted = parse_budget(o.budget)
+        # how long an operator will stay is not known
+        horizon = o.duration or max(SESSION, scene.settings.duration)
+        how: dict[str, Any] = {"speed": o.speed, "rate": o.rate, "horizon": horizon}
+        how["measure"] = partial(measure_scene, glide=GLIDE if hands else None)
+        reduced = reduce_scene(scene, device=o.device, budget=wanted, progress=self._say, **how)
+        for line in reduced.report.lines():
+            self._say(line)
+        self.budget = reduced.report.to_json()
+        return reduced.scene, reduced.report.speed
+
+    def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:
+        """The page, not started; None without one."""
+        page = self._options.page
+        if page is None:
+            return None
+        from otwarp.teleop.page.process import PageProcess
+
+        return PageProcess(
+            scene,
+            host=page.host,
+            port=page.port,
+            token=page.token,
+            pointers={name: box.name for name, box in self._boxes.items()},
+            axis_maps={plan.name: plan.config.axis_map for plan in plans},
+            ended=self._say,
+        )
+
+    def _make_servo(self, plans: Sequence[HandPlan], local: LocalScene) -> ServoLike:
+        pointers = {name: box.name for name, box in self._boxes.items()}
+        return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=self._options.servo_rate)
+
+    def _make_take(self, file: str | None, loop: LiveLoop) -> Take:
+        from otwarp.teleop.recording.writer import open_take
+
+        take = open_take(file, loop)
+        self._recorded = str(take.file)
+        return take
+
+    def _close_boxes(self) -> None:
+        for box in self._boxes.values():
+            box.close()

@@ -1,0 +1,143 @@
+"""Sessions of a real servo process that are recorded: short, in wall time, with nothing asserted of it."""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from otwarp.haptics.config import HandConfig, HapticsConfig
+from otwarp.haptics.hands import make_chain
+from otwarp.haptics.law import IsotropicLaw, Law, SplitLaw
+from otwarp.haptics.servo_link import Cycles
+from otwarp.haptics.servo_process import HandSetup, ServoProcess
+from otwarp.haptics.table import Grid, TableLaw
+from otwarp.haptics.types import SceneNow, SphereNow, TrapNow
+from otwarp.record.frame import SHAPES, Frame
+from otwarp.scene.description import Scene
+from otwarp.teleop.core.frame import HandFrame, LiveFrame
+from otwarp.teleop.recording.writer import TakeWriter
+from tests.haptics.setups import AXIAL, RADIAL
+
+EVENTUALLY = 60.0
+"""Seconds after which something that must happen is called missing."""
+
+
+def table_law() -> TableLaw:
+    """A made-up bilinear table of two levels that pulls towards the focus."""
+    grids = []
+    for spacing, radius in ((0.05, 0.5), (0.2, 2.0)):
+        columns, rows = int(radius / spacing) + 4, int(2.0 * radius / spacing) + 4
+        node = array("f")
+        for j in range(rows):
+            for i in range(columns):
+                rho, z = (i - 1) * spacing, (j - 1) * spacing - radius
+                fall = math.exp(-(rho * rho + z * z))
+                node.extend((-rho * fall, 0.0, -0.3 * z * fall))
+        grids.append(Grid(spacing, radius, 0.98 * radius, columns, node))
+    return TableLaw(tuple(grids), 1, False, 0.4)
+
+
+LAWS: dict[str, Law] = {"isotropic": IsotropicLaw(RADIAL), "split": SplitLaw(RADIAL, AXIAL), "table": table_law()}
+
+
+def scene_now(beat: int) -> SceneNow:
+    """Two traps at rest, each with spheres that wander about."""
+    t = 0.008 * beat
+    spheres = tuple(
+        SphereNow((2.0 * n + 0.3 * math.sin(3.0 * t + n), 0.2 * math.cos(5.0 * t), 0.1 * math.sin(t)), n)
+        for n in range(2)
+    )
+    return SceneNow(beat, t, spheres, tuple(TrapNow(n, (2.0 * n, 0.0, 0.0), 20.0) for n in range(2)), 0.5)
+
+
+def live_frame(beat: int, wall: float, hands: tuple[HandFrame, ...] = (), warnings: tuple[str, ...] = ()) -> LiveFrame:
+    """A frame of two traps and no bodies."""
+    count = {"body": 0, "trap": 2}
+    shapes = {n: (1, count[axis], *((width,) if width else ())) for n, (axis, width) in SHAPES.items()}
+    arrays = {name: np.full(shape, 0.25 * beat) for name, shape in shapes.items()}
+    frame = Frame(step=beat, time=0.008 * beat, **arrays)
+    return LiveFrame(beat=beat, wall=wall, frame=frame, hand_force=np.zeros((2, 3)), hands=hands, warnings=warnings)
+
+
+class Session:
+    """A servo, a simulation that publishes every few milliseconds, and a take of both."""
+
+    def __init__(self, scene: Scene, configs: dict[str, tuple[str, HandConfig]], law: Law, make=make_chain):
+        self.scene, self.devices = scene, {name: device for name, (device, _) in configs.items()}
+        self.config = HapticsConfig(hands=tuple(config for _, config in configs.values()))
+        self.laws = {trap: (law,) for hand in self.config.hands for trap in hand.traps}
+        setups = [
+            HandSetup(device, partial(make, config, self.laws, ()), name=name)
+            for name, (device, config) in configs.items()
+        ]
+        self.servo = ServoProcess(setups, spheres=2, traps=2)
+        self.beat, self.take, self.drained = 0, None, {name: b"" for name in configs}
+        self.publishing = True
+
+    def __enter__(self) -> Session:
+        self.servo.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.servo.stop()
+        if self.take is not None:
+            self.fetch()
+            self.take.close()
+
+    def record(self, path: Path) -> TakeWriter:
+        about = {"config": self.config, "devices": self.devices, "laws": self.laws, "kinds": (), "scene": self.scene}
+        self.take = TakeWriter(path, **about, settings={"seed": 3})
+        self.servo.record(True)
+        return self.take
+
+    def fetch(self) -> None:
+        for n, name in enumerate(self.devices):
+            cycles: Cycles = self.servo.drain(n)
+            self.drained[name] += cycles.records
+            self.take.cycles(name, cycles)
+
+    def frame(self) -> None:
+        """One turn of the loop."""
+        if self.publishing:
+            self.beat += 1
+            self.servo.publish(scene_now(self.beat))
+        else:
+            self.servo.heartbeat()
+        if self.take is not None:
+            now = time.perf_counter()
+            hands = []
+            for n, hand in enumerate(self.config.hands):
+                gains = {"motion_gain": hand.motion_gain, "force_gain": hand.force_gain}
+                about = {"name": hand.name, "device": self.devices[hand.name], "traps": hand.traps, "clamp": 3.3}
+                hands.append(HandFrame(**about, **gains, now=self.servo.hand(n), present=True))
+            warnings = ("hand left: far",) if self.beat % 8 < 4 else ()
+            self.take.frame(live_frame(self.beat, now, tuple(hands), warnings), None)
+            self.fetch()
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: True) -> None:
+        """Frames for some time, and then until something is so."""
+        begun = time.monotonic()
+        while time.monotonic() < begun + seconds or not until():
+            assert time.monotonic() < begun + EVENTUALLY, "did not happen"
+            self.frame()
+            time.sleep(0.004)
+
+    def state(self, hand: int) -> str:
+        now = self.servo.hand(hand)
+        return now.state if now else ""
+
+    def arm(self, hand: int = 0) -> None:
+        """Armed, however long the machine takes; a busy one may let the watchdog act in between."""
+
+        def pushes() -> bool:
+            if self.state(hand) in ("disarmed", "fault"):
+                self.servo.arm(hand)
+            return self.state(hand) == "armed"
+
+        self.run(0.0, pushes)
