@@ -51,10 +51,10 @@ def ros1(
     traps by <namespace>/smoothed_twist. Needs a ROS master, no ROS installation.
     """
     from otwarp.ros.contract import ContractConfig
-    from otwarp.ros.outlets import Ros1Outlet
-    from otwarp.ros.ros1.border import Ros1Border
+    from otwarp.ros.roles import Roles
+    from otwarp.ros.ros1.bridge import Ros1Bridge
     from otwarp.ros.ros1.interface import open_node
-    from otwarp.ros.twin import Twin
+    from otwarp.ros.sinks import Ros1Sink
 
     config = ContractConfig(
         pairing=options["pairing"],
@@ -67,9 +67,9 @@ def ros1(
     try:
         session = open_session(scene, options)
         model = session.loop.sim.model
-        twin = Twin.of(model.scene, model.held, config.pairing)
-        border = Ros1Border(node, config, clock=time.perf_counter)
-        session.loop.add(Ros1Outlet(node, border, twin, say=sayer(options), alone=not options["page"]))
+        twin = Roles.of(model.scene, model.held, config.pairing)
+        bridge = Ros1Bridge(node, config, clock=time.perf_counter)
+        session.loop.add(Ros1Sink(node, bridge, twin, say=sayer(options), alone=not options["page"]))
         return run_session(session, options)
     finally:
         node.close()

@@ -35,11 +35,11 @@ def ros2(
     Beside the ROS 1 names it publishes /object and /DynaOb01Collide to /DynaOb04Collide, and obeys /rl_vel,
     /resetSignal and <namespace>/smoothed_twist. Needs no ROS installation.
     """
-    from otwarp.ros.outlets import Ros2Outlet
-    from otwarp.ros.ros2.border import Ros2Border
+    from otwarp.ros.roles import Roles
+    from otwarp.ros.ros2.bridge import Ros2Bridge
     from otwarp.ros.ros2.config import Ros2Config
     from otwarp.ros.ros2.node import Ros2Node
-    from otwarp.ros.twin import Twin
+    from otwarp.ros.sinks import Ros2Sink
 
     config = Ros2Config(
         pairing=options["pairing"],
@@ -53,8 +53,8 @@ def ros2(
     try:
         session = open_session(scene, options)
         model = session.loop.sim.model
-        twin = Twin.of(model.scene, model.held, config.pairing)
-        session.loop.add(Ros2Outlet(node, Ros2Border(node, config), twin, say=sayer(options)))
+        twin = Roles.of(model.scene, model.held, config.pairing)
+        session.loop.add(Ros2Sink(node, Ros2Bridge(node, config), twin, say=sayer(options)))
         return run_session(session, options)
     finally:
         node.close()

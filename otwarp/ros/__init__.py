@@ -1,1 +1,1 @@
-"""Borders to ROS 1 and ROS 2."""
+"""Bridges to ROS 1 and ROS 2."""

@@ -23,7 +23,7 @@ from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.rpc import call
 from tests.ros.ros1 import conftest as debian
 from tests.ros.ros1.conftest import RealMaster
-from tests.ros.ros2_setup import loopback
+from tests.ros.ros2.setups import loopback
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = "scenes/teleop_small.usda"
@@ -207,7 +207,7 @@ def check_a_hand_moves_the_first_group(
             assert np.abs(second.all() - stays).max() < EXACT
             assert together(other, second, (0, 2))
             assert all(len(places.all()) for places in heard.values())
-            assert not node.journal.counts
+            assert not node.log.counts
             assert {*names, twist} <= registered(master, "/otwarp")
             assert "session" in command.interrupt()
             assert registered(master, "/otwarp") == set()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from otwarp.errors import InputError
 from otwarp.haptics.config import FACING_USER, IDENTITY, from_dict, to_dict
 from otwarp.ros.contract import SIMULATOR_TOPICS, Axes, ContractConfig, product, quaternion
-from otwarp.ros.held_velocity import MOST_WAITING, HeldVelocity
+from otwarp.ros.motion import MOST_WAITING, VelocityHold
 
 EXACT = 1e-12
 """Relative: a dozen products of float64."""
@@ -93,11 +93,11 @@ def test_quaternion_of_a_matrix(components):
 def test_poses_turn_with_the_axes(axes, body):
     """A point fixed to the body is published at the same place whether pose or point is turned."""
     a, q = Rotation.from_quat(axes), Rotation.from_quat(body)
-    border = Axes(ContractConfig(axis_map=matrix(a), scene_unit=20.0))
+    bridge = Axes(ContractConfig(axis_map=matrix(a), scene_unit=20.0))
     centre, arm = np.array([3.0, -40.0, 5.0]), np.array([1.0, 2.0, -3.0])
-    position, orientation = border.pose((centre, q.as_quat()))
+    position, orientation = bridge.pose((centre, q.as_quat()))
     published = np.array(position) + Rotation.from_quat(orientation).apply(arm) / 20.0
-    np.testing.assert_allclose(published, border.point(centre + q.apply(arm)), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(published, bridge.point(centre + q.apply(arm)), rtol=0, atol=1e-9)
     np.testing.assert_allclose(published, a.inv().apply(centre + q.apply(arm)) / 20.0, rtol=0, atol=1e-9)
 
 
@@ -130,7 +130,7 @@ def test_product_of_quaternions():
 
 
 def test_a_velocity_holds_until_the_next():
-    held = HeldVelocity(timeout=1.0)
+    held = VelocityHold(timeout=1.0)
     assert held.displacement(0.0) == (0.0, 0.0, 0.0)
     held.message((10.0, 0.0, 0.0), 0.1)
     held.message((0.0, 4.0, 0.0), 0.3)
@@ -139,7 +139,7 @@ def test_a_velocity_holds_until_the_next():
 
 
 def test_a_velocity_ends_with_its_timeout():
-    held = HeldVelocity(timeout=0.1)
+    held = VelocityHold(timeout=0.1)
     held.displacement(0.0)
     held.message((1.0, 0.0, 0.0), 0.0)
     assert held.displacement(5.0)[0] == pytest.approx(0.1, rel=EXACT)
@@ -147,7 +147,7 @@ def test_a_velocity_ends_with_its_timeout():
 
 
 def test_before_the_first_reading_nothing_moves():
-    held = HeldVelocity(timeout=10.0)
+    held = VelocityHold(timeout=10.0)
     held.message((1.0, 0.0, 0.0), 0.0)
     assert held.displacement(5.0) == (0.0, 0.0, 0.0)
     assert held.displacement(6.0)[0] == pytest.approx(1.0)
@@ -162,7 +162,7 @@ def test_before_the_first_reading_nothing_moves():
 def test_the_integral_does_not_depend_on_when_it_is_read(messages, readings, timeout):
     """Against the integral of the same steps on a fine list of edges."""
     messages = sorted(messages, key=lambda m: m[0])
-    held, total, waiting = HeldVelocity(timeout), 0.0, list(messages)
+    held, total, waiting = VelocityHold(timeout), 0.0, list(messages)
     held.displacement(0.0)
     for now in [*sorted(readings), 4.0]:
         while waiting and waiting[0][0] <= now:
@@ -177,7 +177,7 @@ def test_the_integral_does_not_depend_on_when_it_is_read(messages, readings, tim
 
 
 def test_a_velocity_can_be_asked_for_and_forgotten():
-    held = HeldVelocity(timeout=0.1)
+    held = VelocityHold(timeout=0.1)
     held.displacement(0.0)
     held.message((1.0, 0.0, 0.0), 0.1)
     assert (held.at(0.05), held.at(0.15), held.at(0.25)) == ((0.0,) * 3, (1.0, 0.0, 0.0), (0.0,) * 3)
@@ -192,7 +192,7 @@ def test_a_velocity_can_be_asked_for_and_forgotten():
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 11.0])
 def test_speeds_that_no_hand_has_are_refused(bad):
-    held = HeldVelocity(timeout=1.0, fastest=10.0)
+    held = VelocityHold(timeout=1.0, fastest=10.0)
     held.displacement(0.0)
     held.message((0.0, bad, 0.0), 0.0)
     assert held.displacement(1.0) == (0.0, 0.0, 0.0)
@@ -200,7 +200,7 @@ def test_speeds_that_no_hand_has_are_refused(bad):
 
 
 def test_clocks_that_disagree_move_nothing_backwards():
-    held = HeldVelocity(timeout=1.0)
+    held = VelocityHold(timeout=1.0)
     held.displacement(1.0)
     held.message((1.0, 0.0, 0.0), 1.4)  # by the other thread, after `now` was read
     assert held.displacement(1.2) == (0.0, 0.0, 0.0)
@@ -209,7 +209,7 @@ def test_clocks_that_disagree_move_nothing_backwards():
 
 
 def test_what_waits_is_bounded():
-    held = HeldVelocity(timeout=1.0)
+    held = VelocityHold(timeout=1.0)
     held.displacement(0.0)
     for n in range(3 * MOST_WAITING):
         held.message((1.0, 0.0, 0.0), n * 1e-4)

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from typing import Any, Literal, Protocol
 
 from otwarp.errors import InputError
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 
 Backend = Literal["auto", "own", "rospy"]
 BACKENDS = ("auto", "own", "rospy")
@@ -69,7 +69,7 @@ class RosNode(Protocol):
         ...
 
     @property
-    def journal(self) -> Journal:
+    def log(self) -> EventLog:
         """What went wrong."""
         ...
 

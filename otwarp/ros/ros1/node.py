@@ -18,13 +18,13 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.ros.ros1 import names
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type
 from otwarp.ros.ros1.names import MASTER, global_name, own_host
-from otwarp.ros.ros1.receiving import Callback, Feed, Subscription
+from otwarp.ros.ros1.publisher import QUEUE, Publisher, TopicServer
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
-from otwarp.ros.ros1.sending import QUEUE, Publisher, TopicServer
 from otwarp.ros.ros1.slave import SlaveServer
+from otwarp.ros.ros1.subscriber import Callback, SubscribedTopic, Subscription
 from otwarp.ros.ros1.wire import MOST_MESSAGE
 
 POLL = 1.0
@@ -46,7 +46,7 @@ class Node:
         most: Largest message accepted [bytes].
 
     Attributes:
-        journal: What went wrong, bounded.
+        log: What went wrong, bounded.
         uri: Of its slave server.
         master_there: Whether the master answered last time.
 
@@ -66,19 +66,19 @@ class Node:
         self.name = global_name("node", name)
         self.master = names.master_uri(master_uri)
         self.host, address = own_host(host, self.master)
-        self.journal = Journal()
+        self.log = EventLog()
         self.master_there = True
         self._complaint = ""
         self._poll, self._most = poll, most
         self._lock = threading.RLock()
         self._publishers: dict[str, Publisher] = {}
-        self._feeds: dict[str, Feed] = {}
+        self._feeds: dict[str, SubscribedTopic] = {}
         self._stopped = threading.Event()
         check_master(self.master, self.name)
         try:
-            self._topics = TopicServer(address, self.name, lambda topic: self._publishers.get(topic), self.journal)
+            self._topics = TopicServer(address, self.name, lambda topic: self._publishers.get(topic), self.log)
             try:
-                self._slave = SlaveServer(address, self._methods(), self.journal)
+                self._slave = SlaveServer(address, self._methods(), self.log)
             except BaseException:
                 self._topics.close()
                 raise
@@ -106,9 +106,7 @@ class Node:
             InputError: A bad name or type, a topic that is published already, or a master that is gone.
         """
         topic, kind = global_name("topic", topic), message_type(type_name)
-        publisher = Publisher(
-            topic, kind, latch=latch, queue=queue, journal=self.journal, release=self._release_publisher
-        )
+        publisher = Publisher(topic, kind, latch=latch, queue=queue, log=self.log, release=self._release_publisher)
         with self._lock:
             self._check_alive()
             if topic in self._publishers:
@@ -137,8 +135,8 @@ class Node:
             self._check_alive()
             feed, known = self._feeds.get(topic), topic in self._feeds
             if feed is None:
-                feed = self._feeds[topic] = Feed(
-                    topic, kind, caller=self.name, most=self._most, journal=self.journal, release=self._release_feed
+                feed = self._feeds[topic] = SubscribedTopic(
+                    topic, kind, caller=self.name, most=self._most, log=self.log, release=self._release_feed
                 )
             elif feed.type is not kind:
                 raise InputError(f"type of {topic} is {type_name!r}; allowed: {feed.type.name}, as subscribed before")
@@ -187,7 +185,7 @@ class Node:
     def _register_publisher(self, publisher: Publisher) -> None:
         self._ask("registerPublisher", publisher.topic, publisher.type.name, self.uri)
 
-    def _register_feed(self, feed: Feed) -> None:
+    def _register_feed(self, feed: SubscribedTopic) -> None:
         publishers = self._ask("registerSubscriber", feed.topic, feed.type.name, self.uri)
         if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
             raise NoAnswer("registerSubscriber: no list of URIs")
@@ -199,7 +197,7 @@ class Node:
                 del self._publishers[publisher.topic]
         self._tell("unregisterPublisher", publisher.topic)
 
-    def _release_feed(self, feed: Feed) -> None:
+    def _release_feed(self, feed: SubscribedTopic) -> None:
         with self._lock:
             if self._feeds.get(feed.topic) is feed:
                 del self._feeds[feed.topic]
@@ -212,7 +210,7 @@ class Node:
                 self._ask(method, topic, self.uri)
             except (NoAnswer, Refused) as error:
                 self.master_there = False
-                self.journal.note("master", str(error))
+                self.log.note("master", str(error))
 
     def _watch(self) -> None:
         """Register anew with a master that has restarted."""
@@ -224,7 +222,7 @@ class Node:
             except NoAnswer as error:
                 if self.master_there:
                     self.master_there = False
-                    self.journal.note("master", f"gone; topics that are connected go on without it ({error})")
+                    self.log.note("master", f"gone; topics that are connected go on without it ({error})")
                 continue
             if known == self.uri and self.master_there:
                 self._complaint = ""
@@ -237,7 +235,7 @@ class Node:
         """Note what the master would not, once: it is asked again at every look."""
         if line != self._complaint:
             self._complaint = line
-            self.journal.note("master", line)
+            self.log.note("master", line)
 
     def _register_all(self) -> bool:
         """Whether the master took all registrations."""
@@ -255,9 +253,9 @@ class Node:
         self._complaint = ""
         done = f"registered anew, topics published: {len(publishers)}, subscribed: {len(feeds)}"
         if not self.master_there:
-            self.journal.note("master", f"back; {done}")
+            self.log.note("master", f"back; {done}")
         elif publishers or feeds:
-            self.journal.note("master", done)
+            self.log.note("master", done)
         return True
 
     # what others may ask of this node
@@ -265,7 +263,7 @@ class Node:
     def _methods(self) -> dict[str, Any]:
         def _shutdown(caller: str, reason: str = "") -> list[Any]:
             _strings(caller, reason)
-            self.journal.note("master", f"shut down by {caller}: {reason}")
+            self.log.note("master", f"shut down by {caller}: {reason}")
             threading.Thread(target=self.close, name="ros1-close", daemon=True).start()
             return [1, "", 0]
 

@@ -16,10 +16,10 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.ros.ros1 import names
 from otwarp.ros.ros1.interface import Newest
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import MessageType, message_type
 from otwarp.ros.ros1.node import check_master
-from otwarp.ros.ros1.sending import QUEUE
+from otwarp.ros.ros1.publisher import QUEUE
 from otwarp.ros.ros1.wire import Malformed
 
 FLUSH = 0.05
@@ -83,10 +83,10 @@ class RospySubscription(Newest):
     """See `RosSubscription`; a message that cannot be decoded is dropped and noted, its connection stays."""
 
     def __init__(
-        self, rospy: Any, topic: str, kind: MessageType, callback: Callable[[Any], None] | None, journal: Journal
+        self, rospy: Any, topic: str, kind: MessageType, callback: Callable[[Any], None] | None, log: EventLog
     ) -> None:
         super().__init__()
-        self.topic, self.type, self._callback, self._journal = topic, kind, callback, journal
+        self.topic, self.type, self._callback, self._log = topic, kind, callback, log
         self._closed = False
         self._subscriber = rospy.Subscriber(
             topic, _carrier(rospy, kind), self._came, queue_size=None if callback else 1, tcp_nodelay=True
@@ -101,14 +101,14 @@ class RospySubscription(Newest):
         try:
             message = self.type.decode(carrier._buff)
         except Malformed as error:
-            self._journal.note("malformed", f"{self.topic}: {error}")
+            self._log.note("malformed", f"{self.topic}: {error}")
             return
         self.put(message)
         if self._callback is not None and not self._closed:
             try:
                 self._callback(message)
             except Exception as error:  # as with our own client
-                self._journal.note("callback", f"{self.topic}: {type(error).__name__}: {error}")
+                self._log.note("callback", f"{self.topic}: {type(error).__name__}: {error}")
 
     def close(self) -> None:
         """See `RosSubscription`."""
@@ -133,7 +133,7 @@ class RospyNode:
         _start(rospy, name, master, host)
         self._rospy = rospy
         self.name: str = rospy.get_name()
-        self.journal = Journal()
+        self.log = EventLog()
         self._topics: list[RospyPublisher | RospySubscription] = []
         self._closed = False
 
@@ -151,7 +151,7 @@ class RospyNode:
     def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None] | None = None) -> RospySubscription:
         """See `RosNode`."""
         topic, kind = names.global_name("topic", topic), message_type(type_name)
-        self._topics.append(made := RospySubscription(self._rospy, topic, kind, callback, self.journal))
+        self._topics.append(made := RospySubscription(self._rospy, topic, kind, callback, self.log))
         return made
 
     def close(self) -> None:

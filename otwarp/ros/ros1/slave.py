@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler
 from typing import Any
 
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.rpc import MOST_BODY, parse
 from otwarp.ros.ros1.wire import Malformed
 
@@ -23,28 +23,28 @@ MOST_CALLERS = 32
 Method = Callable[..., list[Any]]
 
 
-def answer(methods: Mapping[str, Method], body: bytes, journal: Journal) -> bytes:
+def answer(methods: Mapping[str, Method], body: bytes, log: EventLog) -> bytes:
     """XML of the answer to the XML of a call; a bad call gets a fault or a code of −1, never an exception.
 
     Args:
         methods: By name; each takes the caller's name and its arguments and returns `[code, text, value]`, and raises
             `TypeError` or `ValueError` for arguments that are not what they must be.
         body: As received.
-        journal: Where bad calls are noted.
+        log: Where bad calls are noted.
     """
     try:
         arguments, name = parse(body)
     except (Malformed, xmlrpc.client.Fault) as error:
-        journal.note("rpc", f"bad call ({error})")
+        log.note("rpc", f"bad call ({error})")
         return _xml(xmlrpc.client.Fault(1, "no XML-RPC call"))
     method = methods.get(name or "")
     if method is None:
-        journal.note("rpc", f"call of unknown method {str(name)[:60]!r}")
+        log.note("rpc", f"call of unknown method {str(name)[:60]!r}")
         return _xml(xmlrpc.client.Fault(1, "unknown method"))
     try:
         return _xml((method(*arguments),))
     except (TypeError, ValueError) as error:
-        journal.note("rpc", f"{name} with wrong arguments ({error})")
+        log.note("rpc", f"{name} with wrong arguments ({error})")
         return _xml(([-1, "wrong arguments", 0],))
 
 
@@ -65,14 +65,14 @@ class _Calls(BaseHTTPRequestHandler):
         except ValueError:
             size = -1
         if not 0 <= size <= MOST_BODY:
-            self.server.journal.note("rpc", f"call of {self.headers.get('Content-Length')!r} bytes")
+            self.server.log.note("rpc", f"call of {self.headers.get('Content-Length')!r} bytes")
             self.send_error(411 if size < 0 else 413)
             return
         body = self.rfile.read(size)
         if len(body) < size:
-            self.server.journal.note("rpc", f"call of {size} bytes ended after {len(body)}")
+            self.server.log.note("rpc", f"call of {size} bytes ended after {len(body)}")
             return
-        reply = answer(self.server.methods, body, self.server.journal)
+        reply = answer(self.server.methods, body, self.server.log)
         self.send_response(200)
         self.send_header("Content-Type", "text/xml")
         self.send_header("Content-Length", str(len(reply)))
@@ -80,7 +80,7 @@ class _Calls(BaseHTTPRequestHandler):
         self.wfile.write(reply)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing: what matters is in the journal."""
+        """Say nothing: what matters is in the log."""
 
 
 class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
@@ -89,7 +89,7 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
     Args:
         address: To listen on, this one only.
         methods: See `answer`.
-        journal: Where bad calls are noted.
+        log: Where bad calls are noted.
     """
 
     daemon_threads = True
@@ -97,8 +97,8 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
     allow_reuse_address = True
     request_queue_size = 64
 
-    def __init__(self, address: str, methods: Mapping[str, Method], journal: Journal) -> None:
-        self.methods, self.journal = methods, journal
+    def __init__(self, address: str, methods: Mapping[str, Method], log: EventLog) -> None:
+        self.methods, self.log = methods, log
         self._places = threading.BoundedSemaphore(MOST_CALLERS)
         super().__init__((address, 0), _Calls)
         self._closed = False
@@ -112,7 +112,7 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve it if there is a place."""
         if not self._places.acquire(blocking=False):
-            self.journal.note("refused", f"more than {MOST_CALLERS} calls at once")
+            self.log.note("refused", f"more than {MOST_CALLERS} calls at once")
             self.shutdown_request(request)
             return
         try:
@@ -130,7 +130,7 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
 
     def handle_error(self, request: socket.socket | tuple[bytes, socket.socket], client_address: Any) -> None:
         """A caller that hung up or was too slow."""
-        self.journal.count("rpc")
+        self.log.count("rpc")
 
     def close(self) -> None:
         """Stop listening."""

@@ -5,7 +5,7 @@ Importing this package needs nothing; making a `Ros2Node` needs `cyclonedds` (`p
 
 from __future__ import annotations
 
-from otwarp.ros.ros2.border import Ros2Border, Ros2Commands
+from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Commands
 from otwarp.ros.ros2.config import Ros2Config
 from otwarp.ros.ros2.motion import move_pair
 from otwarp.ros.ros2.node import Publisher, Ros2Node, Subscription, load_messages
@@ -16,7 +16,7 @@ __all__ = [
     "SENSOR_DATA",
     "Publisher",
     "QoS",
-    "Ros2Border",
+    "Ros2Bridge",
     "Ros2Commands",
     "Ros2Config",
     "Ros2Node",

@@ -1,4 +1,4 @@
-"""Configuration of the ROS 2 border: units, rates, limits and names, typed and with their ranges."""
+"""Configuration of the ROS 2 bridge: units, rates, limits and names, typed and with their ranges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FEWEST_PERIODS = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ros2Config:
-    """What the border says and hears, and in which units.
+    """What the bridge says and hears, and in which units.
 
     Attributes:
         pairing: Key of `otwarp.haptics.presets.PAIRINGS`: names and sides of the hands' topics.

@@ -1,4 +1,4 @@
-"""ROS 2 messages as IDL dataclasses: what `rosidl` would generate, for the few types of the border.
+"""ROS 2 messages as IDL dataclasses: what `rosidl` would generate, for the few types of the bridge.
 
 Needs `cyclonedds`; reach it through `otwarp.ros.ros2.node.load_messages`, which says what to install. Field names,
 order and types are those of the `.msg` files of ROS 2 (common_interfaces, geometry2, rcl_interfaces), type names those
@@ -129,7 +129,7 @@ class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStam
 
 @dataclass
 class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
-    """Transforms; the border sends exactly one in each."""
+    """Transforms; the bridge sends exactly one in each."""
 
     transforms: sequence[TransformStamped] = field(default_factory=list)
 

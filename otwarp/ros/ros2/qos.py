@@ -1,7 +1,7 @@
-"""Quality of service: the profiles of ROS 2 that the border uses, and what they are called in Cyclone DDS.
+"""Quality of service: the profiles of ROS 2 that the bridge uses, and what they are called in Cyclone DDS.
 
 Requested against offered: a best-effort reader takes from any writer, a reliable reader only from a reliable one; a
-volatile reader takes from any, a transient-local one only from a transient-local writer. So the border writes reliably
+volatile reader takes from any, a transient-local one only from a transient-local writer. So the bridge writes reliably
 and reads best-effort, which matches every node that keeps to ROS 2's default or sensor profile.
 """
 

@@ -13,7 +13,7 @@ from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from otwarp.ros.ros1.interface import Newest
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type
 from otwarp.ros.ros1.wire import encode_header
 
@@ -202,7 +202,7 @@ class LocalNode:
     name, alive = "/local", True
 
     def __init__(self) -> None:
-        self.journal = Journal()
+        self.log = EventLog()
         self.sent: dict[str, list[Any]] = {}
         self.heard: dict[str, LocalSubscription] = {}
         self.closed: list[str] = []

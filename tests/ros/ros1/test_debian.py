@@ -15,7 +15,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.devices.ros1 import find_devices
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRAP_TOPICS, ContractConfig
-from otwarp.ros.ros1.border import Ros1Border
+from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.interface import open_node
 from otwarp.ros.ros1.messages import message_type
 from otwarp.ros.ros1.node import Node
@@ -83,7 +83,7 @@ def test_a_rospy_node_reads_and_writes_every_type(rospy_python, real_master):
             # rospy counts the sequence number of a leading header itself
             start = 4 if name in ("geometry_msgs/PoseStamped", "sensor_msgs/JointState", "sensor_msgs/Joy") else 0
             assert kind.encode(heard.take())[start:] == bytes_of(name)[start:]
-        assert not node.journal.counts
+        assert not node.log.counts
 
 
 def test_the_releases_force_on_a_rospy_node(rospy_python, real_master):
@@ -92,14 +92,14 @@ def test_the_releases_force_on_a_rospy_node(rospy_python, real_master):
     hand = config.hands()[0]
     arguments = (hand.namespace, TRAP_TOPICS[0], ROBOT_TOPICS[0])
     with Peer(rospy_python, real_master, "force", *arguments), Node("sim", real_master.uri) as sim:
-        border, felt = Ros1Border(sim, config), []
+        bridge, felt = Ros1Bridge(sim, config), []
         with Node("touch", real_master.uri) as touch:
             touch.subscribe(hand.topic("force_feedback"), HAND_TYPES["force_feedback"], felt.append)
-            trap, robot = border._out[TRAP_TOPICS[0]], border._out[ROBOT_TOPICS[0]]
+            trap, robot = bridge._out[TRAP_TOPICS[0]], bridge._out[ROBOT_TOPICS[0]]
             wait_for(lambda: trap.connections == robot.connections == 1)
-            assert border.publish(0.0, ((0.0, 0.0, 5.0),), (None,))
+            assert bridge.publish(0.0, ((0.0, 0.0, 5.0),), (None,))
             for n in range(1, 100):
-                border.publish(n / 60.0 + 1e-6, (None,), (((0.0, 0.0, 6.25), (0.0, 0.0, 0.0, 1.0)),))
+                bridge.publish(n / 60.0 + 1e-6, (None,), (((0.0, 0.0, 6.25), (0.0, 0.0, 0.0, 1.0)),))
                 wait_for(lambda n=n: len(felt) == n, "a force")
             force = felt[-1].force
             assert (force.x, force.y, force.z) == pytest.approx((0.0, 1.312, 0.0), abs=PRINTED)

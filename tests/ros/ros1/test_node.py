@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.ros.ros1 import receiving
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1 import subscriber
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type, types
 from otwarp.ros.ros1.node import Node, check_master
+from otwarp.ros.ros1.publisher import receive_header
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
-from otwarp.ros.ros1.sending import receive_header
 from otwarp.ros.ros1.slave import answer
 from otwarp.ros.ros1.wire import decode_header, encode_header, packed
 
@@ -173,9 +173,9 @@ def test_a_restarted_master_hears_of_all_again(node, master):
     wait_for(lambda: out.connections == 2)
     out.publish(twist(2.0))
     wait_for(lambda: later.received == 1)
-    wait_for(lambda: len(a.journal.lines) > 1 and len(b.journal.lines) > 1, "the line that it is back")
+    wait_for(lambda: len(a.log.lines) > 1 and len(b.log.lines) > 1, "the line that it is back")
     for one, done in ((a, "topics published: 1, subscribed: 0"), (b, "topics published: 0, subscribed: 1")):
-        gone, back = one.journal.lines
+        gone, back = one.log.lines
         assert gone.startswith("master: gone; topics that are connected go on without it (lookupNode of http://")
         assert back == f"master: back; registered anew, {done}"
 
@@ -192,7 +192,7 @@ def test_a_name_that_another_node_took_is_told_once(node, master):
 
     master._server.register_function(_lookup, "lookupNode")
     wait_for(lambda: len(looks) > 4)
-    assert list(a.journal.lines) == ["master: another node took the name /a"]
+    assert list(a.log.lines) == ["master: another node took the name /a"]
 
 
 def test_a_master_that_refuses_a_registration_is_told_once(node, master):
@@ -207,11 +207,11 @@ def test_a_master_that_refuses_a_registration_is_told_once(node, master):
     master._server.register_function(_refuse, "registerPublisher")
     master.publishers.clear()
     wait_for(lambda: len(tried) > 4)
-    assert [line for line in a.journal.lines if "not today" in line] == list(a.journal.lines)
-    assert len(a.journal.lines) == 1 and not a.master_there
+    assert [line for line in a.log.lines if "not today" in line] == list(a.log.lines)
+    assert len(a.log.lines) == 1 and not a.master_there
     master._server.register_function(master._registerPublisher, "registerPublisher")
     wait_for(lambda: a.master_there)
-    assert a.journal.lines[-1].startswith("master: back; registered anew, topics published: 1")
+    assert a.log.lines[-1].startswith("master: back; registered anew, topics published: 1")
 
 
 def test_a_connection_outlives_its_listing(node, master):
@@ -326,7 +326,7 @@ def test_no_arguments_break_the_slave_calls(node):
     @settings(max_examples=300, deadline=None)
     def any_call(name, arguments):
         body = xmlrpc.client.dumps(tuple(arguments), name).encode()
-        ((code, text, _),), _ = xmlrpc.client.loads(answer(methods, body, Journal()))
+        ((code, text, _),), _ = xmlrpc.client.loads(answer(methods, body, EventLog()))
         assert code in (-1, 0, 1) and isinstance(text, str)
 
     any_call()
@@ -340,7 +340,7 @@ def test_the_master_may_shut_a_node_down(node, master):
     call(a.uri, "shutdown", "/master", "new node registered with same name")
     wait_for(lambda: not master.publishers["/t"])
     assert not a.alive
-    assert any("same name" in line for line in a.journal.lines)
+    assert any("same name" in line for line in a.log.lines)
 
 
 # ---- subscribers that misbehave
@@ -395,8 +395,8 @@ def test_a_subscriber_that_does_not_fit_is_told_so(node, sent, kind, says):
     a.publisher("/t", TWIST, latch=True).publish(twist(1.0))
     header, message = shake(a, sent)
     assert says in header["error"] and not message
-    assert a.journal.counts == {kind: 1}
-    assert says in a.journal.lines[0]
+    assert a.log.counts == {kind: 1}
+    assert says in a.log.lines[0]
 
 
 @pytest.mark.parametrize("sent", [b"", b"\xff\xff\xff\xff", packed(b"\x09\x00\x00\x00a=b"), packed(packed(b"nothing"))])
@@ -404,7 +404,7 @@ def test_a_malformed_header_costs_its_connection_only(node, sent):
     a = node("a")
     a.publisher("/t", TWIST, latch=True).publish(twist(1.0))
     assert shake(a, sent) == ({}, b"")
-    wait_for(lambda: a.journal.counts["malformed"] == 1)
+    wait_for(lambda: a.log.counts["malformed"] == 1)
     assert shake(a, request())[1]
 
 
@@ -422,7 +422,7 @@ def test_a_subscriber_that_does_not_read_loses_the_oldest(node):
 
         def one_more() -> bool:
             out.publish(big)
-            return a.journal.counts["dropped"] > 5 and heard.received > 5
+            return a.log.counts["dropped"] > 5 and heard.received > 5
 
         wait_for(one_more, "dropped messages")
     wait_for(lambda: (out.publish(big), out.connections == 1)[1], "the deaf one's end")
@@ -458,12 +458,12 @@ GOOD = packed(bytes_of(TWIST))
 )
 def test_a_bad_publisher_costs_its_connection_and_is_tried_again(node, master, answer, kind, monkeypatch):
     """The second time it behaves."""
-    monkeypatch.setattr(receiving, "LONGEST_PAUSE", 0.1)
+    monkeypatch.setattr(subscriber, "LONGEST_PAUSE", 0.1)
     bad = BadPublisher(answer, good_header(TWIST) + GOOD)
     try:
         b, heard = heard_from(node, master, bad)
         wait_for(lambda: heard.received >= 1)
-        assert b.journal.counts[kind] >= 1
+        assert b.log.counts[kind] >= 1
         assert heard.latest()[1].linear.x == 1.0
     finally:
         bad.close()
@@ -483,8 +483,8 @@ def test_a_callback_that_raises_is_noted_and_called_again(node):
     for _ in range(2):
         out.publish(twist(1.0))
     assert seen.acquire(timeout=PATIENCE) and seen.acquire(timeout=PATIENCE)
-    wait_for(lambda: b.journal.counts["callback"] == 2)
-    assert "RuntimeError: oh no" in b.journal.lines[0]
+    wait_for(lambda: b.log.counts["callback"] == 2)
+    assert "RuntimeError: oh no" in b.log.lines[0]
 
 
 def test_check_master(master):

@@ -1,4 +1,4 @@
-"""The release's force node between our simulator's border and a device, as a node of its own over the wire.
+"""The release's force node between our simulator's bridge and a device, as a node of its own over the wire.
 
 The release's `force_pub.py` needs rospy; here `PaperForce`, which does what it does, sits behind the same topics.
 """
@@ -11,7 +11,7 @@ import pytest
 from otwarp.haptics.config import IDENTITY
 from otwarp.haptics.paper_mode import PaperForce, PaperTwist
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRANSFORM, TRAP_TOPICS, ContractConfig, HandTopics
-from otwarp.ros.ros1.border import Ros1Border
+from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.node import Node
 
@@ -66,7 +66,7 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
     config = ContractConfig(scene_unit=UNIT)
     topics = config.hands()[hand]
     with Node("sim", master.uri) as sim, Node("force_pub", master.uri) as paper, Node("device", master.uri) as touch:
-        border = Ros1Border(sim, config)
+        bridge = Ros1Bridge(sim, config)
         node = ForceNode(paper, topics)
         felt = []
         touch.subscribe(topics.topic("force_feedback"), HAND_TYPES["force_feedback"], felt.append)
@@ -79,7 +79,7 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
                 traps[topics.group] = trap
             if robot is not None:
                 robots[topics.group] = (robot, UPRIGHT)
-            assert border.publish(now, traps, robots)
+            assert bridge.publish(now, traps, robots)
 
         one((0.0, 0.0, 5.0), None, 0.0)
         wait_for(lambda: node.inputs[0].received == 1)
@@ -88,7 +88,7 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
             wait_for(lambda n=n: len(felt) == n)
         force = felt[-1].force
         assert (force.x, force.y, force.z) == pytest.approx((0.0, 1.312, 0.0), abs=PRINTED)
-        assert not any(one.journal.counts for one in (sim, paper, touch))
+        assert not any(one.log.counts for one in (sim, paper, touch))
 
 
 def test_the_hand_moves_the_trap_through_the_node(master):
@@ -97,17 +97,17 @@ def test_the_hand_moves_the_trap_through_the_node(master):
     topics = config.hands()[0]
     now = [0.0]
     with Node("sim", master.uri) as sim, Node("force_pub", master.uri) as paper, Node("device", master.uri) as touch:
-        border = Ros1Border(sim, config, clock=lambda: now[0])
+        bridge = Ros1Bridge(sim, config, clock=lambda: now[0])
         node = ForceNode(paper, topics)
         out = touch.publisher(topics.topic("twist"), HAND_TYPES["twist"], queue=100)
         wait_for(lambda: out.connections == 1 and node.smoothed.connections == 1)
-        border.commands(0.0)
+        bridge.commands(0.0)
         t = types()
         for _ in range(20):
             out.publish(t.Twist(t.Vector3(100.0, 0.0, 0.0), t.Vector3(0.0, 0.0, 0.0)))
-        heard = border._in[0]
+        heard = bridge._in[0]
         wait_for(lambda: heard.received == 20)
         now[0] = 0.05
-        first, second = border.commands(0.05)
+        first, second = bridge.commands(0.05)
         assert first[0] == pytest.approx(100.0 * (1.0 - 0.95**20) * 0.05 * 0.02 * UNIT, rel=1e-9)
         assert second == (0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from otwarp.ros.ros1.journal import MOST_LINES, Journal
+from otwarp.ros.ros1.log import MOST_LINES, EventLog
 from otwarp.ros.ros1.rpc import MOST_BODY, NoAnswer, Refused, call, parse
 from otwarp.ros.ros1.slave import MOST_CALLERS, SlaveServer, answer
 from otwarp.ros.ros1.wire import Malformed
@@ -48,12 +48,12 @@ def methods(seen: list[Any]) -> dict[str, Any]:
 @settings(max_examples=150, deadline=None)
 def test_calls_with_any_arguments_are_answered(arguments, name):
     body = xmlrpc.client.dumps(tuple(arguments), name, allow_none=True).encode()
-    journal, seen = Journal(), []
-    reply = answer(methods(seen), body, journal)
+    log, seen = EventLog(), []
+    reply = answer(methods(seen), body, log)
     try:
         (value, _) = xmlrpc.client.loads(reply)
     except xmlrpc.client.Fault:
-        assert not seen and journal.counts["rpc"] == 1
+        assert not seen and log.counts["rpc"] == 1
     else:
         assert value[0][0] == (1 if seen else -1)
 
@@ -67,7 +67,7 @@ def test_no_bytes_break_the_slave(data):
     for at in data.draw(st.lists(st.integers(0, max(len(body) - 1, 0)), max_size=4)):
         if body:
             body[at] = data.draw(st.integers(0, 255))
-    reply = answer(methods([]), bytes(body), Journal())
+    reply = answer(methods([]), bytes(body), EventLog())
     parser = xmlrpc.client.getparser()[0]
     parser.feed(reply)
     parser.close()  # well-formed XML, whatever it says
@@ -87,22 +87,22 @@ def test_deep_nesting_ends_in_an_answer():
         + deep
         + b"</value></param></params></methodCall>"
     )
-    assert b"wrong arguments" in answer(methods([]), body, Journal())
+    assert b"wrong arguments" in answer(methods([]), body, EventLog())
 
 
 def test_the_journal_is_bounded_and_printable():
-    journal = Journal()
+    log = EventLog()
     for n in range(3 * MOST_LINES):
-        journal.note("rpc", f"{n}\n\x1b[31m" + "x" * 1000)
-    assert len(journal.lines) == MOST_LINES
-    assert journal.counts == Counter(rpc=3 * MOST_LINES)
-    assert all(line.isprintable() and len(line) < 300 for line in journal.lines)
+        log.note("rpc", f"{n}\n\x1b[31m" + "x" * 1000)
+    assert len(log.lines) == MOST_LINES
+    assert log.counts == Counter(rpc=3 * MOST_LINES)
+    assert all(line.isprintable() and len(line) < 300 for line in log.lines)
 
 
 @pytest.fixture
 def slave():
-    journal = Journal()
-    server = SlaveServer("127.0.0.1", methods([]), journal)
+    log = EventLog()
+    server = SlaveServer("127.0.0.1", methods([]), log)
     yield server
     server.close()
 
@@ -135,14 +135,14 @@ def test_bad_http_gets_a_status(slave, request_, status):
 
 def test_a_call_that_ends_early_is_noted(slave):
     assert talk(slave.server_address[1], b"POST / HTTP/1.0\r\nContent-Length: 30\r\n\r\nabc") == b""
-    wait_for(lambda: slave.journal.counts["rpc"] == 1)
+    wait_for(lambda: slave.log.counts["rpc"] == 1)
 
 
 def test_silent_callers_do_not_pile_up(slave):
     port = slave.server_address[1]
     silent = [socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) for _ in range(MOST_CALLERS + 3)]
     try:
-        wait_for(lambda: slave.journal.counts["refused"] == 3)
+        wait_for(lambda: slave.log.counts["refused"] == 3)
     finally:
         for sock in silent:
             sock.close()

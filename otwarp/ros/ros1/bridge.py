@@ -23,7 +23,7 @@ from otwarp.ros.contract import (
     HandTopics,
     Quat,
 )
-from otwarp.ros.held_velocity import HeldVelocity
+from otwarp.ros.motion import VelocityHold
 from otwarp.ros.ros1.interface import RosNode
 from otwarp.ros.ros1.messages import types
 
@@ -39,16 +39,16 @@ Body = tuple[Place, Sequence[float]]
 """Position [µm] and orientation x, y, z, w."""
 
 
-class Ros1Border:
+class Ros1Bridge:
     """Publishes the scene to the paper's topics and integrates the hands' twists.
 
-        border = Ros1Border(node, ContractConfig(scene_unit=25.0))
+        bridge = Ros1Bridge(node, ContractConfig(scene_unit=25.0))
         while ...:
-            first, second = border.commands(clock())     # µm that each group's traps are to move
-            border.publish(clock(), (trap0, trap1), ((p0, q0), (p1, q1)), obstacles)
+            first, second = bridge.commands(clock())     # µm that each group's traps are to move
+            bridge.publish(clock(), (trap0, trap1), ((p0, q0), (p1, q1)), obstacles)
 
     Args:
-        node: Of `interface.open_node`; the border takes no notice of its closing.
+        node: Of `interface.open_node`; the bridge takes no notice of its closing.
         config: Pairing, units, gain, rate.
         clock: Monotonic [s]; when a twist came. `commands` must be given times of the same clock.
         stamp: Seconds since 1970 for the headers.
@@ -76,11 +76,11 @@ class Ros1Border:
         self._next = -math.inf
         self.skipped = 0
         self.hands: tuple[HandTopics, HandTopics] = self.config.hands()
-        self._held: dict[int, HeldVelocity] = {}
+        self._held: dict[int, VelocityHold] = {}
         self._in = [self._listen(node, hand) for hand in self.hands]
 
     def _listen(self, node: RosNode, hand: HandTopics) -> Any:
-        held = self._held[hand.group] = HeldVelocity(self.config.twist_timeout, FASTEST_HAND)
+        held = self._held[hand.group] = VelocityHold(self.config.twist_timeout, FASTEST_HAND)
 
         def _twist(message: Any) -> None:
             linear = message.linear
@@ -94,7 +94,7 @@ class Ros1Border:
         A velocity holds until the next one, and for `twist_timeout` at most: a hand's node that dies stops its traps.
 
         Args:
-            now: On the clock of the border [s].
+            now: On the clock of the bridge [s].
         """
         first, second = (self._axes.motion(self._held[group].displacement(now)) for group in (0, 1))
         return first, second

@@ -12,7 +12,7 @@ MOST_WAITING = 8192
 """Messages kept between two readings: four seconds of a device node at 2 kHz."""
 
 
-class HeldVelocity:
+class VelocityHold:
     """Integral of a velocity given at irregular times.
 
     Messages come in one thread, readings in another. Times are those of one monotonic clock.

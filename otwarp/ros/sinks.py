@@ -7,46 +7,46 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from otwarp.errors import InputError
+from otwarp.ros.roles import Roles, TopicState
 from otwarp.ros.ros2.motion import Group, move_pair
-from otwarp.ros.twin import Twin, TwinNow
 from otwarp.teleop.core.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
 from otwarp.teleop.core.frame import LiveFrame
 
 if TYPE_CHECKING:
-    from otwarp.ros.ros1.border import Ros1Border
+    from otwarp.ros.ros1.bridge import Ros1Bridge
     from otwarp.ros.ros1.interface import RosNode
-    from otwarp.ros.ros2.border import Ros2Border
+    from otwarp.ros.ros2.bridge import Ros2Bridge
     from otwarp.ros.ros2.node import Ros2Node
 
 LINES = 20
 """Refused commands and peers that are told on the terminal; a controller may repeat its mistake at 60 Hz."""
 
 
-class Ros1Outlet:
-    """The paper's ROS 1 contract, see `otwarp.ros.ros1.border`.
+class Ros1Sink:
+    """The paper's ROS 1 contract, see `otwarp.ros.ros1.bridge`.
 
     Args:
         node: Closed with the outlet.
-        border: On that node, with `time.perf_counter` or `clock` as its clock.
+        bridge: On that node, with `time.perf_counter` or `clock` as its clock.
         twin: What the topics mean.
         say: Takes lines for the user.
-        clock: Of the border.
+        clock: Of the bridge.
         alone: Whether nobody else watches: then the session ends with the node.
     """
 
-    interval = 0.0  # the border has a rate of its own
+    interval = 0.0  # the bridge has a rate of its own
 
     def __init__(
         self,
         node: RosNode,
-        border: Ros1Border,
-        twin: Twin,
+        bridge: Ros1Bridge,
+        twin: Roles,
         *,
         say: Callable[[str], None] = print,
         clock: Callable[[], float] = time.perf_counter,
         alone: bool = False,
     ):
-        self._node, self._border, self._twin, self._clock, self._alone = node, border, twin, clock, alone
+        self._node, self._bridge, self._twin, self._clock, self._alone = node, bridge, twin, clock, alone
         self._say, self._say_of_node = _Sayer(say), _Sayer(say)  # no flood of refused peers hides a lost master
         self._warned = self._still = False
         self._noted = 0
@@ -54,7 +54,7 @@ class Ros1Outlet:
     def publish(self, live: LiveFrame) -> None:
         """See `Outlet`."""
         self._still = live.pace.paused
-        self._noted, lines = self._node.journal.since(self._noted)
+        self._noted, lines = self._node.log.since(self._noted)
         for line in lines:  # a peer of another type or md5, messages that are none, a master that went
             say = self._say_of_node if line.startswith("master:") else self._say
             say(f"ros1: {line}")
@@ -63,13 +63,13 @@ class Ros1Outlet:
             self._warn_once(f"ros1: the node was shut down through ROS; the session {then}")
             return
         now = self._twin.now(live)
-        self._border.publish(self._clock(), now.centres, now.robots, now.obstacles)
+        self._bridge.publish(self._clock(), now.centres, now.robots, now.obstacles)
 
     def commands(self) -> Sequence[Command]:
         """See `Outlet`: how far the hands' twists move each group; in a pause they move nothing."""
         if self._alone and not self._node.alive:
             return [Stop()]
-        moved = self._border.commands(self._clock())
+        moved = self._bridge.commands(self._clock())
         if self._still:  # or the traps would leap when it ends, and lose what they hold
             return []
         return [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, moved, strict=True) if any(by)]
@@ -88,12 +88,12 @@ class Ros1Outlet:
             self._say_of_node(line)
 
 
-class Ros2Outlet:
-    """The ROS 2 border of the twin and of the RL companion, see `otwarp.ros.ros2.border`.
+class Ros2Sink:
+    """The ROS 2 bridge of the twin and of the RL companion, see `otwarp.ros.ros2.bridge`.
 
     Args:
         node: Closed with the outlet.
-        border: On that node.
+        bridge: On that node.
         twin: What the topics mean.
         say: Takes lines for the user.
         clock: Monotonic [s].
@@ -104,13 +104,13 @@ class Ros2Outlet:
     def __init__(
         self,
         node: Ros2Node,
-        border: Ros2Border,
-        twin: Twin,
+        bridge: Ros2Bridge,
+        twin: Roles,
         *,
         say: Callable[[str], None] = print,
         clock: Callable[[], float] = time.perf_counter,
     ):
-        self._node, self._border, self._twin, self._clock = node, border, twin, clock
+        self._node, self._bridge, self._twin, self._clock = node, bridge, twin, clock
         self._traps: tuple[Group, Group] | None = None
         self._say = _Sayer(say)
         self._still = False
@@ -125,9 +125,9 @@ class Ros2Outlet:
         except InputError as error:
             self._say(f"ros2: {error}")
 
-    def _send(self, now: TwinNow) -> None:
+    def _send(self, now: TopicState) -> None:
         hit = [force for touched, force in now.hits if touched]
-        self._border.publish(
+        self._bridge.publish(
             self._clock(),
             traps=now.traps,
             robots=now.robots,
@@ -143,7 +143,7 @@ class Ros2Outlet:
 
     def commands(self) -> Sequence[Command]:
         """See `Outlet`: a reset, motions of the pair as one, motions of each group; in a pause nothing moves."""
-        asked = self._border.commands(self._clock())
+        asked = self._bridge.commands(self._clock())
         if asked.reset:
             return [Reset()]
         if self._still:

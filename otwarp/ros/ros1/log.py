@@ -9,7 +9,7 @@ MOST_LINES = 100
 LONGEST_LINE = 240
 
 
-class Journal:
+class EventLog:
     """Bounded record of events; safe from any thread.
 
     Attributes:

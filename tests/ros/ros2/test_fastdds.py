@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, Ros2Node, load_messages
-from tests.ros.ros2_setup import loopback, until
+from tests.ros.ros2.setups import loopback, until
 
 pytest.importorskip("cyclonedds")
 m = load_messages()

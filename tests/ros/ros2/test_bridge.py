@@ -1,4 +1,4 @@
-"""The border on a virtual clock against a double of the node, and once over DDS against a companion's side."""
+"""The bridge on a virtual clock against a double of the node, and once over DDS against a companion's side."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from otwarp.haptics.config import IDENTITY
 from otwarp.ros.ros2 import (
     RELIABLE,
     SENSOR_DATA,
-    Ros2Border,
+    Ros2Bridge,
     Ros2Commands,
     Ros2Config,
     Ros2Node,
     load_messages,
     move_pair,
 )
-from tests.ros.ros2_setup import loopback, until
+from tests.ros.ros2.setups import loopback, until
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
@@ -84,7 +84,7 @@ def sent(desk, topic):
 
 
 def test_the_topics_are_those_of_the_contract(desk):
-    Ros2Border(desk, MICROMETRES)
+    Ros2Bridge(desk, MICROMETRES)
     obstacles = [f"/DynaOb0{n}{end}" for n in (1, 2, 3, 4) for end in ("", "Collide")]
     ours = ["/firstOTposition", "/secondOTposition", "/robot01", "/robot02", "/xform", "/object", *obstacles]
     assert sorted(desk.out) == sorted(ours)
@@ -96,20 +96,20 @@ def test_the_topics_are_those_of_the_contract(desk):
 
 def test_pairing_and_namespace_are_configuration():
     desk = Desk()
-    border = Ros2Border(desk, Ros2Config(pairing="older", namespace="/lab/twin", axis_map=IDENTITY))
+    bridge = Ros2Bridge(desk, Ros2Config(pairing="older", namespace="/lab/twin", axis_map=IDENTITY))
     assert "/lab/twin/xform" in desk.out and "/lab/twin/rl_vel" in desk.into
-    border.commands(0.0)
+    bridge.commands(0.0)
     # of the older release, the first hand's namespace moves the second group
     desk.into["/lab/twin/Geomagic/smoothedTwist"].publish(twist(x=10.0))
-    border.commands(0.0)
-    first, second = border.commands(0.1).hands
+    bridge.commands(0.0)
+    first, second = bridge.commands(0.1).hands
     assert first == (0.0, 0.0, 0.0)
     assert second == pytest.approx((0.1, 0.0, 0.0), abs=EXACT)
 
 
 def test_what_is_published(desk):
-    border = Ros2Border(desk, Ros2Config(scene_unit=2.0, force_unit=10.0))
-    assert border.publish(
+    bridge = Ros2Bridge(desk, Ros2Config(scene_unit=2.0, force_unit=10.0))
+    assert bridge.publish(
         5.0,
         traps=TRAPS,
         robots=ROBOTS,
@@ -136,15 +136,15 @@ def test_what_is_published(desk):
 
 
 def test_a_lost_cell_and_no_cell(desk):
-    border = Ros2Border(desk, MICROMETRES)
-    border.publish(0.0, traps=TRAPS, robots=ROBOTS)
+    bridge = Ros2Bridge(desk, MICROMETRES)
+    bridge.publish(0.0, traps=TRAPS, robots=ROBOTS)
     assert desk.out["/object"].messages == []
-    border.publish(1.0, traps=TRAPS, robots=ROBOTS, cell=(0.0, 0.0, 0.0), cell_lost=True)
+    bridge.publish(1.0, traps=TRAPS, robots=ROBOTS, cell=(0.0, 0.0, 0.0), cell_lost=True)
     assert sent(desk, "/object")[1] == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_pair_is_halfway_and_turned_along_it(desk):
-    Ros2Border(desk, MICROMETRES).publish(0.0, traps=TRAPS, robots=ROBOTS)
+    Ros2Bridge(desk, MICROMETRES).publish(0.0, traps=TRAPS, robots=ROBOTS)
     (x, y, z), (qx, qy, qz, qw) = sent(desk, "/xform")
     assert (x, y, z) == (0.0, 2.0, 3.0)
     # the companion's own way from quaternion to heading: from the second robot (−2, 0) to the first (2, 4)
@@ -153,16 +153,16 @@ def test_the_pair_is_halfway_and_turned_along_it(desk):
 
 
 def test_publication_keeps_to_its_rate(desk):
-    border = Ros2Border(desk, replace(MICROMETRES, communication_rate=60.0))
+    bridge = Ros2Bridge(desk, replace(MICROMETRES, communication_rate=60.0))
     # a loop at 1 kHz for two seconds: the grid of 60 Hz holds though a millisecond does not divide it
-    times = [n / 1000.0 for n in range(2000) if border.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS)]
+    times = [n / 1000.0 for n in range(2000) if bridge.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS)]
     assert len(times) == 120
     assert all(abs(time - n / 60.0) <= TICK + EXACT for n, time in enumerate(times))
     # after a pause one message, not the missed ones
-    after = [border.publish(10.0 + n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
+    after = [bridge.publish(10.0 + n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
     assert after == [True] + [False] * 15
     # a clock that starts again does not silence it
-    again = [border.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
+    again = [bridge.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
     assert again == [True] + [False] * 15
 
 
@@ -187,59 +187,59 @@ NAN, INF = math.nan, math.inf
     ],
 )
 def test_a_state_that_is_no_state_is_not_sent(desk, change):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     state = {"traps": TRAPS, "robots": ROBOTS, "cell": (0.0, 0.0, 0.0)}
     with pytest.raises(InputError, match="allowed") as caught:
-        border.publish(0.0, **(state | change))
+        bridge.publish(0.0, **(state | change))
     assert "\n" not in str(caught.value)
     assert all(line.messages == [] for line in desk.out.values())
     # and the next good one goes at once
-    assert border.publish(0.0, **state)
+    assert bridge.publish(0.0, **state)
 
 
 def test_a_now_that_is_no_time_is_refused(desk):
-    border = Ros2Border(desk, MICROMETRES)
-    for call in (border.commands, lambda now: border.publish(now, traps=TRAPS, robots=ROBOTS)):
+    bridge = Ros2Bridge(desk, MICROMETRES)
+    for call in (bridge.commands, lambda now: bridge.publish(now, traps=TRAPS, robots=ROBOTS)):
         with pytest.raises(InputError, match="now is nan"):
             call(NAN)
 
 
 def test_a_velocity_moves_the_pair_until_it_is_too_old(desk):
-    border = Ros2Border(desk, Ros2Config(scene_unit=20.0, timeout=0.5))
-    assert border.commands(0.0) == Ros2Commands()
+    bridge = Ros2Bridge(desk, Ros2Config(scene_unit=20.0, timeout=0.5))
+    assert bridge.commands(0.0) == Ros2Commands()
     desk.into["/rl_vel"].publish(twist(x=2.0, y=-1.0, turn=90.0))
-    found = border.commands(1.0)
+    found = bridge.commands(1.0)
     assert found.velocity == (40.0, -20.0) and found.turn == pytest.approx(math.pi / 2.0, abs=EXACT)
     # nothing moves for the time before it came
     assert found.shift == (0.0, 0.0) and found.angle == 0.0
-    found = border.commands(1.1)
+    found = bridge.commands(1.1)
     assert found.shift == pytest.approx((4.0, -2.0), abs=EXACT)
     assert found.angle == pytest.approx(math.radians(9.0), abs=EXACT)
     # the rest of the half second, though the loop looked away for a minute
-    found = border.commands(61.1)
+    found = bridge.commands(61.1)
     assert found.shift == pytest.approx((16.0, -8.0), abs=EXACT)
     assert found.velocity == (0.0, 0.0) and found.turn == 0.0
-    assert border.commands(62.0).shift == (0.0, 0.0)
+    assert bridge.commands(62.0).shift == (0.0, 0.0)
 
 
 def test_the_newest_velocity_counts(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     for x in (1.0, 2.0, 3.0):
         desk.into["/rl_vel"].publish(twist(x=x))
-    assert border.commands(0.0).velocity == (3.0, 0.0)
+    assert bridge.commands(0.0).velocity == (3.0, 0.0)
     desk.into["/rl_vel"].publish(twist(x=0.0))
-    found = border.commands(0.1)
+    found = bridge.commands(0.1)
     assert found.velocity == (0.0, 0.0) and found.shift == pytest.approx((0.3, 0.0), abs=EXACT)
 
 
 def test_the_way_does_not_depend_on_how_often_one_looks(desk):
     ways = []
     for steps in (1, 7, 100):
-        border = Ros2Border(desk, MICROMETRES)
-        border.commands(0.0)
+        bridge = Ros2Bridge(desk, MICROMETRES)
+        bridge.commands(0.0)
         desk.into["/rl_vel"].publish(twist(x=5.0, y=1.0, turn=10.0))
-        border.commands(0.0)
-        found = [border.commands(0.8 * n / steps) for n in range(1, steps + 1)]
+        bridge.commands(0.0)
+        found = [bridge.commands(0.8 * n / steps) for n in range(1, steps + 1)]
         ways.append((sum(f.shift[0] for f in found), sum(f.shift[1] for f in found), sum(f.angle for f in found)))
     assert ways[0] == pytest.approx((2.5, 0.5, math.radians(5.0)), abs=EXACT)
     assert all(way == pytest.approx(ways[0], abs=EXACT) for way in ways)
@@ -250,22 +250,22 @@ def test_the_way_does_not_depend_on_how_often_one_looks(desk):
     [{"x": NAN}, {"y": INF}, {"turn": -INF}, {"x": 30.1}, {"y": -1e300}, {"turn": 501.0}, {"turn": NAN}],
 )
 def test_velocities_beyond_belief_are_refused_and_counted(desk, bad):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     desk.into["/rl_vel"].publish(twist(x=1.0))
     desk.into["/rl_vel"].publish(twist(**bad))
-    assert border.commands(0.0).velocity == (1.0, 0.0)
-    assert border.refused == 1
+    assert bridge.commands(0.0).velocity == (1.0, 0.0)
+    assert bridge.refused == 1
     # and a bad one does not keep an old one alive
     for n in range(1, 10):
         desk.into["/rl_vel"].publish(twist(**bad))
-        found = border.commands(n / 10.0)
-    assert found.velocity == (0.0, 0.0) and border.refused == 10
+        found = bridge.commands(n / 10.0)
+    assert found.velocity == (0.0, 0.0) and bridge.refused == 10
 
 
 def test_the_companions_own_limits_are_believed(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     desk.into["/rl_vel"].publish(twist(x=30.0, y=-30.0, turn=500.0))
-    assert border.commands(0.0).velocity == (30.0, -30.0) and border.refused == 0
+    assert bridge.commands(0.0).velocity == (30.0, -30.0) and bridge.refused == 0
 
 
 any_float = st.floats(width=64)
@@ -275,80 +275,80 @@ any_float = st.floats(width=64)
 @given(st.lists(st.tuples(any_float, any_float, any_float, any_float), max_size=6), st.floats(0.0, 1e6))
 def test_whatever_comes_what_goes_on_is_bounded(values, pause):
     desk = Desk()
-    border = Ros2Border(desk, MICROMETRES)
-    border.commands(0.0)
+    bridge = Ros2Bridge(desk, MICROMETRES)
+    bridge.commands(0.0)
     for x, y, turn, reset in values:
         desk.into["/rl_vel"].publish(twist(x=x, y=y, turn=turn))
         desk.into["/resetSignal"].publish(twist(reset=reset))
         for hand in ("Left", "Right"):
             desk.into[f"/Geomagic{hand}/smoothed_twist"].publish(twist(x=x, y=y, z=turn))
-    border.commands(0.0)
-    found = border.commands(pause)
+    bridge.commands(0.0)
+    found = bridge.commands(pause)
     # half a second of 30 units/s and 500 deg/s, a tenth of 2000 mm/s times 0.1 µm/mm
     assert all(abs(x) <= 15.0 + EXACT for x in found.shift) and abs(found.angle) <= math.radians(250.0) + EXACT
     assert all(abs(x) <= 20.0 + EXACT for hand in found.hands for x in hand)
 
 
 def test_reset_is_the_step_and_not_the_level(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     line = desk.into["/resetSignal"]
     asked = []
     for level in (0.0, 1.0, 1.0, None, 0.0, 1.0, NAN, 1.0):
         if level is not None:
             line.publish(twist(reset=level))
-        asked.append(border.commands(float(len(asked))).reset)
+        asked.append(bridge.commands(float(len(asked))).reset)
     assert asked == [False, True, False, False, False, True, False, False]
-    assert border.refused == 1
+    assert bridge.refused == 1
     # both ends of a pulse between two looks
     line.publish(twist(reset=0.0))
     line.publish(twist(reset=1.0))
     line.publish(twist(reset=0.0))
-    assert border.commands(20.0).reset
+    assert bridge.commands(20.0).reset
 
 
 def test_a_reset_drops_the_velocities(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     desk.into["/rl_vel"].publish(twist(x=3.0))
     desk.into["/GeomagicLeft/smoothed_twist"].publish(twist(x=100.0))
-    border.commands(0.0)
+    bridge.commands(0.0)
     desk.into["/rl_vel"].publish(twist(x=5.0))
     desk.into["/resetSignal"].publish(twist(reset=1.0))
-    assert border.commands(0.1).velocity == (0.0, 0.0)
-    found = border.commands(0.2)
+    assert bridge.commands(0.1).velocity == (0.0, 0.0)
+    found = bridge.commands(0.2)
     assert found.shift == (0.0, 0.0) and found.hands[0] == (0.0, 0.0, 0.0)
 
 
 def test_hands_move_their_groups(desk):
-    border = Ros2Border(desk, replace(MICROMETRES, motion_gain=200.0, hand_timeout=0.5))
+    bridge = Ros2Bridge(desk, replace(MICROMETRES, motion_gain=200.0, hand_timeout=0.5))
     desk.into["/GeomagicLeft/smoothed_twist"].publish(twist(x=10.0, y=20.0, z=30.0))
     desk.into["/GeomagicRight/smoothed_twist"].publish(twist(y=NAN))
-    border.commands(0.0)
-    first, second = border.commands(0.25).hands
+    bridge.commands(0.0)
+    first, second = bridge.commands(0.25).hands
     # mm/s · 0.2 µm/mm · 0.25 s; the hand's up is the scene's z, its towards-the-user the scene's −y
     assert first == pytest.approx((0.5, -1.5, 1.0), abs=EXACT)
-    assert second == (0.0, 0.0, 0.0) and border.refused == 1
+    assert second == (0.0, 0.0, 0.0) and bridge.refused == 1
 
 
 def test_a_clock_that_goes_back_drops_what_was_asked(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     desk.into["/rl_vel"].publish(twist(x=1.0))
-    border.commands(100.0)
-    found = border.commands(0.0)
+    bridge.commands(100.0)
+    found = bridge.commands(0.0)
     assert found.shift == (0.0, 0.0) and found.velocity == (0.0, 0.0)
     desk.into["/rl_vel"].publish(twist(x=2.0))
-    border.commands(0.1)
-    assert border.commands(0.2).shift == pytest.approx((0.2, 0.0), abs=EXACT)
+    bridge.commands(0.1)
+    assert bridge.commands(0.2).shift == pytest.approx((0.2, 0.0), abs=EXACT)
 
 
 def test_arrays_are_taken_as_they_are(desk):
-    border = Ros2Border(desk, MICROMETRES)
+    bridge = Ros2Bridge(desk, MICROMETRES)
     traps = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 5.0]])
     pose = (np.array([1.0, 2.0, 3.0]), np.array(UPRIGHT))
-    border.publish(0.0, traps=(traps, traps[:1]), robots=(pose, pose), cell=np.float32([1.0, 2.0, 4.0]))
+    bridge.publish(0.0, traps=(traps, traps[:1]), robots=(pose, pose), cell=np.float32([1.0, 2.0, 4.0]))
     assert sent(desk, "/firstOTposition") == ((2.0, 2.0, 4.0), UPRIGHT)
     assert sent(desk, "/object")[0] == (1.0, 2.0, 4.0)
     with pytest.raises(InputError, match="empty group"):
-        border.publish(1.0, traps=(traps[:0], traps), robots=(pose, pose))
+        bridge.publish(1.0, traps=(traps[:0], traps), robots=(pose, pose))
 
 
 def test_the_pair_moves_as_one_about_its_midpoint():
@@ -386,20 +386,20 @@ def test_a_controller_over_dds(monkeypatch):
     """The companion's side: best-effort subscriptions, default publishers, a turn of its control loop."""
     domain = loopback(monkeypatch)
     with Ros2Node("twin", domain) as twin, Ros2Node("dqn_deployment", domain) as companion:
-        border = Ros2Border(twin, MICROMETRES)
+        bridge = Ros2Bridge(twin, MICROMETRES)
         states = {t: companion.subscribe(t, m.TFMessage, SENSOR_DATA) for t in ("/object", "/xform", "/robot01")}
         velocity, reset = companion.publisher("/rl_vel", m.Twist), companion.publisher("/resetSignal", m.Twist)
         until(lambda: all(s.matched for s in states.values()) and velocity.matched and reset.matched, "the topics")
-        border.commands(0.0)
-        border.publish(0.0, traps=TRAPS, robots=ROBOTS, cell=(1.0, 2.0, 3.0), contact_force=4.0)
+        bridge.commands(0.0)
+        bridge.publish(0.0, traps=TRAPS, robots=ROBOTS, cell=(1.0, 2.0, 3.0), contact_force=4.0)
         heard = {topic: line.latest().transforms[0] for topic, line in states.items()}
         assert heard["/object"].transform.translation == m.Vector3(1.0, 2.0, 3.0)
         assert heard["/object"].transform.rotation == m.Quaternion(4.0, 1.0, 0.0, 0.0)
         velocity.publish(twist(x=1.4, y=-0.7, turn=45.0))
         reset.publish(twist(reset=1.0))
         reset.publish(twist(reset=0.0))
-        assert border.commands(0.1).reset
+        assert bridge.commands(0.1).reset
         velocity.publish(twist(x=1.4, y=-0.7, turn=45.0))
-        border.commands(0.2)
-        assert border.commands(0.4).shift == pytest.approx((0.28, -0.14), abs=EXACT)
-        assert (border.refused, border.malformed) == (0, 0)
+        bridge.commands(0.2)
+        assert bridge.commands(0.4).shift == pytest.approx((0.28, -0.14), abs=EXACT)
+        assert (bridge.refused, bridge.malformed) == (0, 0)

@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, Publisher, QoS, Ros2Node, load_messages
 from otwarp.ros.ros2 import node as node_module
-from tests.ros.ros2_setup import child, loopback, until
+from tests.ros.ros2.setups import child, loopback, until
 
 pytest.importorskip("cyclonedds")
 m = load_messages()

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import MessageType
 from otwarp.ros.ros1.wire import MOST_HEADER, Frames, Malformed, decode_header, encode_header, packed
 
@@ -29,7 +29,7 @@ QUEUE = 16
 CHUNK = 1 << 12
 
 
-class Connection:
+class SubscriberLink:
     """What waits for one subscriber, and the socket to it."""
 
     def __init__(self, sock: socket.socket, peer: str, queue: int) -> None:
@@ -96,7 +96,7 @@ class Publisher:
         message_type: Of its messages.
         latch: Whether a new subscriber gets the last message at once.
         queue: Messages that wait for a subscriber before the oldest is dropped.
-        journal: Counts `dropped`.
+        log: Counts `dropped`.
         release: Called once by `close`.
     """
 
@@ -107,15 +107,15 @@ class Publisher:
         *,
         latch: bool,
         queue: int,
-        journal: Journal,
+        log: EventLog,
         release: Callable[[Publisher], None],
     ) -> None:
         if not 1 <= queue <= 10_000:
             raise InputError(f"queue of {topic} is {queue!r}; allowed: 1 to 10000 messages")
         self.topic, self.type, self.latch = topic, message_type, latch
-        self._queue, self._journal, self._release = queue, journal, release
+        self._queue, self._log, self._release = queue, log, release
         self._lock = threading.Lock()
-        self._connections: list[Connection] = []
+        self._connections: list[SubscriberLink] = []
         self._last: bytes | None = None
         self._closed = False
 
@@ -138,7 +138,7 @@ class Publisher:
                 self._last = frame
             for connection in self._connections:
                 if not connection.put(frame):
-                    self._journal.count("dropped")
+                    self._log.count("dropped")
 
     def flush(self, timeout: float) -> None:
         """Wait until subscribers were sent what is queued, at most `timeout` [s]."""
@@ -158,7 +158,7 @@ class Publisher:
 
     def serve(self, sock: socket.socket, peer: str) -> None:
         """Send to a subscriber whose header fits, until it goes or the topic is closed."""
-        connection = Connection(sock, peer, self._queue)
+        connection = SubscriberLink(sock, peer, self._queue)
         with self._lock:
             if self._closed:
                 return
@@ -190,11 +190,11 @@ class TopicServer:
         address: To listen on, this one only.
         name: Of the node.
         find: Publisher of a topic, or None.
-        journal: Where refused subscribers are noted.
+        log: Where refused subscribers are noted.
     """
 
-    def __init__(self, address: str, name: str, find: Callable[[str], Publisher | None], journal: Journal) -> None:
-        self._name, self._find, self._journal = name, find, journal
+    def __init__(self, address: str, name: str, find: Callable[[str], Publisher | None], log: EventLog) -> None:
+        self._name, self._find, self._log = name, find, log
         self._socket = socket.create_server((address, 0), backlog=64)
         self.port: int = self._socket.getsockname()[1]
         self._places = threading.BoundedSemaphore(MOST_CONNECTIONS)
@@ -209,14 +209,14 @@ class TopicServer:
             except OSError as error:
                 if self._closed:
                     return
-                self._journal.note("connection", f"accept failed ({error})")
+                self._log.note("connection", f"accept failed ({error})")
                 time.sleep(IDLE)  # out of file descriptors, or the like: do not spin on it
                 continue
             if self._closed:
                 sock.close()
                 return
             if not self._places.acquire(blocking=False):
-                self._journal.note("refused", f"more than {MOST_CONNECTIONS} subscribers")
+                self._log.note("refused", f"more than {MOST_CONNECTIONS} subscribers")
                 sock.close()
                 continue
             peer = f"{where[0]}:{where[1]}"
@@ -230,9 +230,9 @@ class TopicServer:
                 if publisher is not None:
                     publisher.serve(sock, peer)
         except Malformed as error:
-            self._journal.note("malformed", f"subscriber {peer}: {error}")
+            self._log.note("malformed", f"subscriber {peer}: {error}")
         except OSError:
-            self._journal.count("connection")
+            self._log.count("connection")
         finally:
             self._places.release()
 
@@ -246,7 +246,7 @@ class TopicServer:
             complaint = publisher.refusal(header)
         if publisher is None or complaint is not None:
             kind = "md5" if complaint and complaint.startswith("md5sum of") else "refused"
-            self._journal.note(kind, f"subscriber {peer} ({header.get('callerid', '')[:60]}): {complaint}")
+            self._log.note(kind, f"subscriber {peer} ({header.get('callerid', '')[:60]}): {complaint}")
             sock.sendall(encode_header({"error": complaint or ""}))
             return None
         sock.sendall(

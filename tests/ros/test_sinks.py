@@ -1,4 +1,4 @@
-"""ROS as an outlet of a live session: a real loop and real borders, a node that keeps what it is given."""
+"""ROS as an outlet of a live session: a real loop and real bridges, a node that keeps what it is given."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.clock import VirtualClock
 from otwarp.ros.contract import ContractConfig
-from otwarp.ros.outlets import LINES, Ros1Outlet, Ros2Outlet
-from otwarp.ros.ros1.journal import Journal
-from otwarp.ros.ros2.border import Ros2Commands
+from otwarp.ros.roles import Roles
+from otwarp.ros.ros1.log import EventLog
+from otwarp.ros.ros2.bridge import Ros2Commands
+from otwarp.ros.sinks import LINES, Ros1Sink, Ros2Sink
 from otwarp.ros.touching import gap
-from otwarp.ros.twin import Twin
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.track import Track
 from otwarp.teleop.core.commands import Pause, Stop
@@ -50,7 +50,7 @@ class Node:
         self.out: dict[str, Topic] = {}
         self.into: dict[str, Topic] = {}
         self.alive, self.closed = True, False
-        self.journal = Journal()
+        self.log = EventLog()
 
     def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 0) -> Topic:
         return self.out.setdefault(topic, Topic())
@@ -62,9 +62,9 @@ class Node:
         self.closed = True
 
 
-def twin_of(loop: LiveLoop, pairing: str = "release") -> Twin:
+def twin_of(loop: LiveLoop, pairing: str = "release") -> Roles:
     model = loop.sim.model
-    return Twin.of(model.scene, model.held, pairing)
+    return Roles.of(model.scene, model.held, pairing)
 
 
 def run(loop: LiveLoop, clock: VirtualClock, seconds: float):
@@ -78,15 +78,15 @@ def run(loop: LiveLoop, clock: VirtualClock, seconds: float):
 
 def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     pytest.importorskip("rosbags")
-    from otwarp.ros.ros1.border import Ros1Border
+    from otwarp.ros.ros1.bridge import Ros1Bridge
     from otwarp.ros.ros1.messages import types
 
     clock, node, lines = VirtualClock(), Node(), []
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     config = ContractConfig(scene_unit=2.0, motion_gain=0.05)
-    border = Ros1Border(node, config, clock=clock.now, stamp=clock.now)
+    bridge = Ros1Bridge(node, config, clock=clock.now, stamp=clock.now)
     outlet_twin = twin_of(loop)
-    loop.add(Ros1Outlet(node, border, outlet_twin, say=lines.append, clock=clock.now))
+    loop.add(Ros1Sink(node, bridge, outlet_twin, say=lines.append, clock=clock.now))
     loop.start()
     run(loop, clock, 0.1)
     t = types()
@@ -114,15 +114,15 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     loop.do(Pause(False))
     still = run(loop, clock, 0.1)
     assert np.array_equal(still.frame.trap_position, live.frame.trap_position)  # what came in the pause moved nothing
-    node.journal.note("md5", "md5sum of /robot01 is 1, subscriber has 2")
-    node.journal.count("dropped")
+    node.log.note("md5", "md5sum of /robot01 is 1, subscriber has 2")
+    node.log.count("dropped")
     run(loop, clock, 0.1)
     assert lines == ["ros1: md5: md5sum of /robot01 is 1, subscriber has 2"]
     for _ in range(LINES + 5):
-        node.journal.note("refused", "a peer that comes again and again")
-    node.journal.note("master", "gone; topics that are connected go on without it (refused)")
+        node.log.note("refused", "a peer that comes again and again")
+    node.log.note("master", "gone; topics that are connected go on without it (refused)")
     run(loop, clock, 0.1)
-    node.journal.note("master", "back; registered anew, topics published: 9, subscribed: 2")
+    node.log.note("master", "back; registered anew, topics published: 9, subscribed: 2")
     run(loop, clock, 0.1)
     assert len(lines) == LINES + 2 and lines[-2].startswith("ros1: master: gone; topics")
     assert lines[-1] == "ros1: master: back; registered anew, topics published: 9, subscribed: 2"
@@ -132,12 +132,12 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     assert lines == ["ros1: the node was shut down through ROS; the session goes on without it"]
     loop.close()
     assert node.closed
-    alone = Ros1Outlet(node, border, outlet_twin, say=lines.append, clock=clock.now, alone=True)
+    alone = Ros1Sink(node, bridge, outlet_twin, say=lines.append, clock=clock.now, alone=True)
     assert alone.commands() == [Stop()]
 
 
-class Border2:
-    """A ROS 2 border that is asked what the test says."""
+class Bridge2:
+    """A ROS 2 bridge that is asked what the test says."""
 
     def __init__(self) -> None:
         self.said: list[dict[str, Any]] = []
@@ -156,32 +156,32 @@ class Border2:
 
 
 def test_a_controller_moves_turns_and_resets_the_pair():
-    clock, node, border = VirtualClock(), Node(), Border2()
+    clock, node, bridge = VirtualClock(), Node(), Bridge2()
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     lines: list[str] = []
-    outlet = Ros2Outlet(node, border, twin_of(loop), say=lines.append, clock=clock.now)
+    outlet = Ros2Sink(node, bridge, twin_of(loop), say=lines.append, clock=clock.now)
     loop.add(outlet)
     loop.start()
     run(loop, clock, 0.1)
-    border.asked = Ros2Commands(shift=(1.0, -2.0), angle=math.pi / 2.0, hands=((0.0, 0.0, 0.5), (0.0, 0.0, 0.0)))
+    bridge.asked = Ros2Commands(shift=(1.0, -2.0), angle=math.pi / 2.0, hands=((0.0, 0.0, 0.5), (0.0, 0.0, 0.0)))
     live = run(loop, clock, 0.1)
     # (∓8, 0) turned by a quarter about their midpoint, then shifted; the first group also rises
     want = [(1.0, -10.0, 5.5), (1.0, 6.0, 5.0), PLACES["none"]]
     assert live.frame.trap_position[0] == pytest.approx(np.array(want), abs=1e-4)
-    assert border.said[-1]["traps"][0][0] == pytest.approx(want[0], abs=1e-4)
-    border.asked = Ros2Commands(shift=(9.0, 9.0), reset=True)
+    assert bridge.said[-1]["traps"][0][0] == pytest.approx(want[0], abs=1e-4)
+    bridge.asked = Ros2Commands(shift=(9.0, 9.0), reset=True)
     live = run(loop, clock, 0.1)
     assert live.frame.time < 0.12 and live.frame.trap_position[0, 0] == pytest.approx(PLACES["left"])
     loop.do(Pause(True))
     run(loop, clock, 2.0 / RATE)
-    border.asked = Ros2Commands(shift=(9.0, 9.0), hands=((9.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    bridge.asked = Ros2Commands(shift=(9.0, 9.0), hands=((9.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     run(loop, clock, 0.1)
     loop.do(Pause(False))
     live = run(loop, clock, 0.1)
     assert live.frame.trap_position[0, 0] == pytest.approx(PLACES["left"])  # what came in the pause moved nothing
-    border.fails = InputError("robot01 is (nan, 0.0, 0.0); allowed: finite")
+    bridge.fails = InputError("robot01 is (nan, 0.0, 0.0); allowed: finite")
     run(loop, clock, 1.0 / RATE)
-    border.fails = None
+    bridge.fails = None
     run(loop, clock, 0.1)
     assert lines.pop() == "ros2: robot01 is (nan, 0.0, 0.0); allowed: finite" and not lines
     for _ in range(LINES + 5):
@@ -192,7 +192,7 @@ def test_a_controller_moves_turns_and_resets_the_pair():
 
 def test_the_twin_of_the_cell_delivery():
     scene = Scene.load(SCENES / "cell_delivery.usda")
-    clock, node, border = VirtualClock(), Node(), Border2()
+    clock, node, bridge = VirtualClock(), Node(), Bridge2()
     loop = LiveLoop(scene, clock=clock, rate=RATE, device="cpu")
     twin = twin_of(loop)
     names = [scene.bodies[b].name for b in twin.robots]
@@ -200,10 +200,10 @@ def test_the_twin_of_the_cell_delivery():
     assert twin.cell is not None and scene.bodies[twin.cell].kind == "cell"
     assert twin_of(loop, "older").groups == twin.groups[::-1]
     assert all(o.position.animated for o in twin.obstacles) and 1 <= len(twin.obstacles) <= 4
-    loop.add(Ros2Outlet(node, border, twin, clock=clock.now))
+    loop.add(Ros2Sink(node, bridge, twin, clock=clock.now))
     loop.start()
     live = run(loop, clock, 0.2)
-    said = border.said[-1]
+    said = bridge.said[-1]
     assert said["cell"] == pytest.approx(tuple(live.frame.position[0, twin.cell]))
     assert said["contact_force"] == pytest.approx(float(live.frame.contact_load[0, twin.cell]))
     assert said["cell_lost"] is False and said["collision"] is False and len(said["hits"]) == len(twin.obstacles)
@@ -222,9 +222,9 @@ def test_a_scene_without_two_hands_is_refused():
     scene = three_beads()
     one = replace(scene, traps=scene.traps[1:])
     with pytest.raises(InputError, match="no trap of the left hand has ot:trap:hand = 'left'; allowed: two hands"):
-        Twin.of(one, [(0, 0), (1, 0)])
+        Roles.of(one, [(0, 0), (1, 0)])
     with pytest.raises(InputError, match="no trap of the left hand holds a sphere"):
-        Twin.of(scene, [(-1, -1), (0, 0), (1, 0)])
+        Roles.of(scene, [(-1, -1), (0, 0), (1, 0)])
 
 
 @pytest.mark.parametrize(

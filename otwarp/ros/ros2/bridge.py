@@ -1,8 +1,8 @@
-"""The twin's border to ROS 2: what it tells a controller, and what a controller and two hands ask of it.
+"""The twin's bridge to ROS 2: what it tells a controller, and what a controller and two hands ask of it.
 
 Topics and meanings are the contract of the public release `Zongcai23/ot-haptic-feedback-digital-twin` and of its RL
 companion `Zongcai23/digital-twin-ros2-rl-navigation`; states leave as `tf2_msgs/TFMessage` with exactly one transform.
-The border has no loop and no clock of its own: a live loop calls `publish` and `commands` with its time.
+The bridge has no loop and no clock of its own: a live loop calls `publish` and `commands` with its time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.presets import PAIRINGS
 from otwarp.haptics.types import ZERO, Vec3
-from otwarp.ros.held_velocity import HeldVelocity
+from otwarp.ros.motion import VelocityHold
 from otwarp.ros.ros2.config import Ros2Config
 from otwarp.ros.ros2.motion import Group, centroid, middle
 from otwarp.ros.ros2.node import Ros2Node, load_messages
@@ -76,7 +76,7 @@ def _check_now(now: float) -> None:
         raise InputError(f"now is {now!r}; allowed: a finite time")
 
 
-class Ros2Border:
+class Ros2Bridge:
     """Publishes the twin's states and collects commands.
 
     Publishes reliably, subscribes best-effort: both match ROS 2's default and sensor profiles.
@@ -105,8 +105,8 @@ class Ros2Border:
             node.subscribe(config.topic(f"{side.namespace}/{side.smoothed_twist}"), twist, SENSOR_DATA)
             for side in sides
         ]
-        self._pair = HeldVelocity(config.timeout)
-        self._hands = [HeldVelocity(config.hand_timeout) for _ in sides]
+        self._pair = VelocityHold(config.timeout)
+        self._hands = [VelocityHold(config.hand_timeout) for _ in sides]
         self._due, self._last, self._reset_high = -math.inf, -math.inf, False
 
     @property
@@ -237,7 +237,7 @@ class Ros2Border:
         for held in (self._pair, *self._hands):
             held.drop()
 
-    def _read(self, source: Any, meaning: Callable[[Any], Vec3 | None], held: HeldVelocity, now: float) -> None:
+    def _read(self, source: Any, meaning: Callable[[Any], Vec3 | None], held: VelocityHold, now: float) -> None:
         """Hold the newest velocity that can be believed."""
         for message in source.take():
             value = meaning(message)

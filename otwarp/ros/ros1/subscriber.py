@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from otwarp.ros.ros1.interface import Newest
-from otwarp.ros.ros1.journal import Journal
+from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import MessageType
 from otwarp.ros.ros1.names import address
+from otwarp.ros.ros1.publisher import receive_header
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
-from otwarp.ros.ros1.sending import receive_header
 from otwarp.ros.ros1.wire import Frames, Malformed, decode_header, encode_header
 
 CONNECT = 5.0
@@ -44,7 +44,7 @@ class Subscription(Newest):
         callback: Or None.
     """
 
-    def __init__(self, feed: Feed, callback: Callback | None) -> None:
+    def __init__(self, feed: SubscribedTopic, callback: Callback | None) -> None:
         super().__init__()
         self.feed, self.callback = feed, callback
         self.closed = False
@@ -64,7 +64,7 @@ class Subscription(Newest):
         try:
             self.callback(message)
         except Exception as error:  # the user's function must not end the connection
-            self.feed.journal.note("callback", f"{self.feed.topic}: {type(error).__name__}: {error}")
+            self.feed.log.note("callback", f"{self.feed.topic}: {type(error).__name__}: {error}")
 
     def close(self) -> None:
         """Stop listening; may be called more than once. No message is handed on after it, save one in a callback."""
@@ -73,7 +73,7 @@ class Subscription(Newest):
             self.feed.leave(self)
 
 
-class Feed:
+class SubscribedTopic:
     """A topic that this node listens to: one connection to each publisher, however many listen to it here.
 
     Publishers of `rospy` drop the older of two connections from one node, so that a second one would end the first.
@@ -83,7 +83,7 @@ class Feed:
         message_type: Of its messages.
         caller: Name of the node.
         most: Largest message accepted [bytes].
-        journal: Where lost connections and bad messages are noted.
+        log: Where lost connections and bad messages are noted.
         release: Called when the last listener has left.
     """
 
@@ -94,13 +94,13 @@ class Feed:
         *,
         caller: str,
         most: int,
-        journal: Journal,
-        release: Callable[[Feed], None],
+        log: EventLog,
+        release: Callable[[SubscribedTopic], None],
     ) -> None:
         self.topic, self.type = topic, message_type
-        self.caller, self.most, self.journal, self._release = caller, most, journal, release
+        self.caller, self.most, self.log, self._release = caller, most, log, release
         self.received = 0
-        self._links: dict[str, Link] = {}
+        self._links: dict[str, PublisherLink] = {}
         self._listeners: tuple[Subscription, ...] = ()
         self._latched: dict[str, Any] = {}
         self.changing = threading.Lock()
@@ -148,7 +148,7 @@ class Feed:
         """
         wanted = [uri for uri in dict.fromkeys(uris) if address(uri) is not None]
         if len(wanted) > MOST_PUBLISHERS:
-            self.journal.note("refused", f"{self.topic} has {len(wanted)} publishers, {MOST_PUBLISHERS} are heard")
+            self.log.note("refused", f"{self.topic} has {len(wanted)} publishers, {MOST_PUBLISHERS} are heard")
             wanted = wanted[:MOST_PUBLISHERS]
         with self.changing:
             if self._closed:
@@ -160,9 +160,9 @@ class Feed:
                     link.stop()
             for uri in wanted:
                 if uri not in self._links:
-                    self._links[uri] = Link(uri, self)
+                    self._links[uri] = PublisherLink(uri, self)
 
-    def forget(self, link: Link) -> None:
+    def forget(self, link: PublisherLink) -> None:
         """Take a link from the list; the caller holds `changing`."""
         if self._links.get(link.uri) is link:
             del self._links[link.uri]
@@ -186,7 +186,7 @@ class Feed:
                 listener.deliver(message, len(group))
 
 
-class Link:
+class PublisherLink:
     """The thread that listens to one publisher.
 
     Args:
@@ -198,7 +198,7 @@ class Link:
         connected: Whether messages may come.
     """
 
-    def __init__(self, uri: str, feed: Feed) -> None:
+    def __init__(self, uri: str, feed: SubscribedTopic) -> None:
         self.uri, self._for = uri, feed
         self.wanted = True
         self._latching = False
@@ -208,19 +208,19 @@ class Link:
         threading.Thread(target=self._run, name="ros1-subscribe", daemon=True).start()
 
     def _run(self) -> None:
-        journal, topic, pause = self._for.journal, self._for.topic, FIRST_PAUSE
+        log, topic, pause = self._for.log, self._for.topic, FIRST_PAUSE
         while not self._stopped.is_set():
             before = self._for.received
             try:
                 self._listen()
             except Malformed as error:
-                journal.note("malformed", f"{topic} from {self.uri}: {error}")
+                log.note("malformed", f"{topic} from {self.uri}: {error}")
             except WrongPublisher as error:
-                journal.note("md5" if "md5sum" in str(error) else "refused", f"{topic} from {self.uri}: {error}")
+                log.note("md5" if "md5sum" in str(error) else "refused", f"{topic} from {self.uri}: {error}")
                 pause = LONGEST_PAUSE
             except (NoAnswer, Refused, OSError) as error:
                 if not self._stopped.is_set():
-                    journal.note("connection", f"{topic} from {self.uri}: {error or type(error).__name__}")
+                    log.note("connection", f"{topic} from {self.uri}: {error or type(error).__name__}")
             finally:
                 self.connected = False
             with self._for.changing:

@@ -1,4 +1,4 @@
-"""`Twin`: a scene as the paper's topics know it: two groups of traps, their robots, a cell, moving obstacles."""
+"""`Roles`: a scene as the paper's topics know it: two groups of traps, their robots, a cell, moving obstacles."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_OBSTACLES = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class TwinNow:
+class TopicState:
     """A moment of the twin.
 
     Attributes:
@@ -54,7 +54,7 @@ class TwinNow:
 
 
 @dataclass(frozen=True, eq=False)
-class Twin:
+class Roles:
     """Which of a scene's traps and bodies the topics mean.
 
     Attributes:
@@ -72,7 +72,7 @@ class Twin:
     obstacles: tuple[Obstacle, ...]
 
     @classmethod
-    def of(cls, scene: Scene, held: Sequence[tuple[int, int]], pairing: str = "release") -> Twin:
+    def of(cls, scene: Scene, held: Sequence[tuple[int, int]], pairing: str = "release") -> Roles:
         """Find them.
 
         Args:
@@ -98,7 +98,7 @@ class Twin:
         cell = _cell(scene, (robots[0], robots[1]))
         return cls(scene, (groups[0], groups[1]), (robots[0], robots[1]), cell, moving[:MOST_OBSTACLES])
 
-    def now(self, live: LiveFrame) -> TwinNow:
+    def now(self, live: LiveFrame) -> TopicState:
         """What the topics say of a frame."""
         frame = live.frame
         place, turn, load = frame.position[0], frame.orientation[0], frame.contact_load[0]
@@ -109,7 +109,7 @@ class Twin:
             (_vector(o.position.at(frame.time)), _quat(o.orientation.at(frame.time))) for o in self.obstacles
         )
         cell = self.cell
-        return TwinNow(
+        return TopicState(
             time=frame.time,
             traps=(first, second),
             robots=(one, two),
