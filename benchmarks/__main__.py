@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--write]`: run all benchmarks, print their tables, and put them into docs/benchmarks.md."""
+"""`python -m benchmarks [--write]`: run all benchmarks, print their tables, and put them into docs/benchmarks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from benchmarks import (
     crowd,
     forces,
     haptics,
+    headlines,
     integrators,
     precision,
     realtime,
@@ -16,8 +17,7 @@ from benchmarks import (
     teleop,
     terms,
 )
-from benchmarks.report import PAGE, command, options, put_on_page, save_json
-from otwarp.errors import InputError
+from benchmarks.report import command, options, save_json, write_pages
 
 BENCHMARKS = {
     "startup": startup.measure,
@@ -39,7 +39,7 @@ def main() -> None:
     """Command line."""
     parser = options("Run the benchmarks.", rounds=None)
     parser.add_argument("--only", choices=list(BENCHMARKS), help="run one of them")
-    parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks.md")
+    parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks")
     arguments = parser.parse_args()
     rounds = {} if arguments.rounds is None else {"rounds": arguments.rounds}
     sections = []
@@ -52,13 +52,8 @@ def main() -> None:
         save_json(arguments.json, sections)
     if arguments.write:
         # written together at the end, so that a benchmark cut off in the middle changes nothing
-        try:
-            page = PAGE.read_text()
-        except OSError as error:
-            raise InputError(f"{PAGE.name} cannot be read: {error.strerror}") from error
-        for section in sections:
-            page = put_on_page(page, section)
-        PAGE.write_text(page)
+        write_pages(sections)
+        headlines.write()
 
 
 if __name__ == "__main__":

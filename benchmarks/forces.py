@@ -1,4 +1,4 @@
-"""What each digit of force accuracy costs: the section of `otwarp bench forces` for docs/benchmarks.md."""
+"""What each digit of force accuracy costs: the section of `otwarp bench forces` for docs/benchmarks/forces.md."""
 
 from __future__ import annotations
 

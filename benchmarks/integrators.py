@@ -1,4 +1,4 @@
-"""The central figure in numbers: the section of `otwarp bench integrators` for docs/benchmarks.md."""
+"""The central figure in numbers: the section of `otwarp bench integrators` for docs/benchmarks/integrators.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of results: printed, written as JSON, and put between the markers of docs/benchmarks.md."""
+"""Tables of results: printed, written as JSON, and put on the benchmark's page in docs/benchmarks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import Any
 from benchmarks.machine import Machine
 from otwarp.errors import InputError
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
+PAGES = Path(__file__).resolve().parent.parent / "docs" / "benchmarks"
+"""One page for each benchmark, named after its module: `terms.md` holds what `benchmarks.terms` found."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,7 @@ class Section:
     """What one benchmark found.
 
     Attributes:
-        name: Module name; with the kind of device it names the markers on the page.
+        name: Module name, and name of its page; with the kind of device it names the markers there.
         kind: `cpu` or `cuda`.
         machine: Where it was measured.
         tables: For people.
@@ -62,19 +63,41 @@ class Section:
         return {"device": self.kind, "machine": self.machine.data(), **self.data}
 
 
+def markers(name: str, kind: str) -> tuple[str, str]:
+    """Lines between which a section stands on its page."""
+    return f"<!-- begin {name} {kind} -->", f"<!-- end {name} {kind} -->"
+
+
 def put_on_page(page: str, section: Section) -> str:
     """Replace what stands between the markers of a section.
 
     Raises:
         InputError: The page has no such markers.
     """
-    key = f"{section.name} {section.kind}"
-    begin, end = f"<!-- begin {key} -->", f"<!-- end {key} -->"
+    begin, end = markers(section.name, section.kind)
     if page.count(begin) != 1 or page.count(end) != 1:
-        raise InputError(f"docs/benchmarks.md must hold the markers {begin} and {end} once each")
+        raise InputError(f"docs/benchmarks/{section.name}.md must hold the markers {begin} and {end} once each")
     before, rest = page.split(begin)
     _, after = rest.split(end)
     return f"{before}{begin}\n{section.markdown()}\n{end}{after}"
+
+
+def write_pages(sections: Sequence[Section], pages: Path = PAGES) -> None:
+    """Put each section on its page; either all are written or none.
+
+    Raises:
+        InputError: A page cannot be read, or lacks the markers.
+    """
+    written = {}
+    for section in sections:
+        page = pages / f"{section.name}.md"
+        try:
+            text = page.read_text(encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"docs/benchmarks/{page.name} cannot be read: {error.strerror}") from error
+        written[page] = put_on_page(text, section)
+    for page, text in written.items():
+        page.write_text(text, encoding="utf-8")
 
 
 def save_json(file: Path, sections: Sequence[Section]) -> None:

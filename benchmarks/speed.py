@@ -1,4 +1,4 @@
-"""Speed beside other programs: the section of `otwarp bench speed` for docs/benchmarks.md."""
+"""Speed beside other programs: the section of `otwarp bench speed` for docs/benchmarks/speed.md."""
 
 from __future__ import annotations
 

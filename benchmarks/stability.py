@@ -1,4 +1,4 @@
-"""Stress tests of stability: the section of `otwarp bench stability` for docs/benchmarks.md."""
+"""Stress tests of stability: the section of `otwarp bench stability` for docs/benchmarks/stability.md."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import integrators as section
-from benchmarks.report import PAGE, put_on_page
+from benchmarks.report import PAGES, put_on_page
 from otwarp.bench.fokker_planck import Estimate
 from otwarp.bench.integrator_cases import DEFAULT, MODELS, PLAIN, SCHEMES, all_cases, rung
 from otwarp.bench.integrators import bench_integrators, limits, references, relative
@@ -318,7 +318,7 @@ def test_the_tables_and_the_page(measured):
     assert error_cell(Measured(-0.0123, 0.001)) == "-1.23 ± 0.1"
     titles = [table.title for table in section.tables(measured)]
     assert titles[0] == "Time to 1 %" and len(titles) == 3
-    page = PAGE.read_text()
+    page = (PAGES / "integrators.md").read_text()
     for kind in ("cpu", "cuda"):
         assert page.count(f"<!-- begin integrators {kind} -->") == page.count(f"<!-- end integrators {kind} -->") == 1
 
@@ -330,7 +330,7 @@ def test_the_section_goes_on_the_page(device):
     text = found.markdown()
     assert "| Heun, default |" in text and "| float32 |" in text and section.HOW_TO_READ in text
     assert IntegratorsBench.from_json(found.data["integrators"]).worlds == 16
-    assert text in put_on_page(PAGE.read_text(), found)
+    assert text in put_on_page((PAGES / "integrators.md").read_text(), found)
 
 
 def test_runs_of_two_devices_share_a_picture(measured, tmp_path: Path):

@@ -1,10 +1,10 @@
-"""The section of docs/benchmarks.md that `otwarp bench forces` fills."""
+"""The section of docs/benchmarks/forces.md that `otwarp bench forces` fills."""
 
 from __future__ import annotations
 
 from benchmarks import forces
 from benchmarks.__main__ import BENCHMARKS
-from benchmarks.report import PAGE, put_on_page
+from benchmarks.report import PAGES, put_on_page
 from otwarp.bench.result import ForcesBench
 from otwarp.optics import Sphere
 
@@ -24,11 +24,11 @@ def test_the_section_has_a_table_and_says_how_to_read_it(device, tmp_path, monke
     assert forces.HOW_TO_READ in text and forces.HOW_TO_READ.count(". ") == 1
     assert "| harmonic, radial + axial |" in text and "| bilinear table 1e-2 |" in text
     assert ForcesBench.from_json(section.data["accurate"]).row("bilinear-1e-2").table_bytes > 0
-    assert text in put_on_page(PAGE.read_text(), section)
+    assert text in put_on_page((PAGES / "forces.md").read_text(), section)
 
 
 def test_it_is_one_of_the_benchmarks():
     assert BENCHMARKS["forces"] is forces.measure
-    page = PAGE.read_text()
+    page = (PAGES / "forces.md").read_text()
     for kind in ("cpu", "cuda"):
         assert page.count(f"<!-- begin forces {kind} -->") == page.count(f"<!-- end forces {kind} -->") == 1

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import realtime, startup, terms
+from benchmarks import headlines, realtime, startup, terms
+from benchmarks.__main__ import BENCHMARKS
 from benchmarks.machine import Machine
 from benchmarks.numpy_bead import NumpyBeads
-from benchmarks.report import PAGE, Section, Table, put_on_page, save_json
+from benchmarks.report import PAGES, Section, Table, markers, put_on_page, save_json, write_pages
 from benchmarks.term_scenes import COMPARISONS, SCENES, TOGETHER, Comparison
 from benchmarks.timing import Spread, interleaved
 from otwarp.errors import InputError
@@ -158,7 +160,7 @@ def test_pairs_are_taken_in_turns():
 
 
 def test_tables_go_between_the_markers_of_the_page(term_section: Section):
-    page = PAGE.read_text()
+    page = (PAGES / "terms.md").read_text()
     once = put_on_page(page, term_section)
     assert term_section.markdown() in once
     assert put_on_page(once, term_section) == once
@@ -168,10 +170,30 @@ def test_tables_go_between_the_markers_of_the_page(term_section: Section):
         put_on_page("no markers here", term_section)
 
 
-def test_every_benchmark_has_its_place_on_the_page():
-    page = PAGE.read_text()
-    for name in ("startup", "realtime", "terms"):
-        assert page.count(f"<!-- begin {name} cpu -->") == page.count(f"<!-- end {name} cpu -->") == 1
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_every_benchmark_has_its_page(name: str):
+    page = (PAGES / f"{name}.md").read_text()
+    for marker in markers(name, "cpu"):
+        assert page.count(marker) == 1
+
+
+def test_sections_are_written_to_their_pages_or_none_is(term_section: Section, tmp_path: Path):
+    page = tmp_path / "terms.md"
+    page.write_text("before\n{}\n{}\nafter\n".format(*markers("terms", "cpu")))
+    write_pages([term_section], tmp_path)
+    written = page.read_text()
+    assert written.startswith("before\n") and written.endswith("\nafter\n") and term_section.markdown() in written
+    page.write_text("before\n{}\n{}\nafter\n".format(*markers("terms", "cpu")))
+    with pytest.raises(InputError, match=r"forces\.md cannot be read"):
+        write_pages([term_section, replace(term_section, name="forces")], tmp_path)
+    assert term_section.markdown() not in page.read_text()
+
+
+def test_the_short_page_states_what_the_pages_under_it_hold():
+    text = headlines.SUMMARY.read_text()
+    assert text.split(headlines.BEGIN)[1].split(headlines.END)[0].strip() == headlines.summary().strip()
+    assert len(text.splitlines()) <= 120
+    assert all((f"(benchmarks/{name}.md)") in text for name in BENCHMARKS)
 
 
 def test_machine_is_described_without_naming_it():

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import budget
-from benchmarks.report import PAGE, put_on_page, save_json
+from benchmarks.report import PAGES, put_on_page, save_json
 
 
 def test_a_budget_becomes_a_row(tmp_path: Path):
@@ -19,7 +19,7 @@ def test_a_budget_becomes_a_row(tmp_path: Path):
     assert data["single_bead auto"]["fits"] and not data["single_bead auto"]["reduced"]
     assert data["single_bead 0.0001"]["speed"] < 1.0
     assert [row[0] for row in section.tables[0].rows] == ["`single_bead`"] * 2
-    assert "single_bead" in put_on_page(PAGE.read_text(), section)
+    assert "single_bead" in put_on_page((PAGES / "budget.md").read_text(), section)
 
 
 def test_the_bead_of_the_crowd_has_room():

@@ -1,4 +1,4 @@
-"""README quotes the cost of terms from docs/benchmarks.md: the same figures."""
+"""README quotes the cost of terms from docs/benchmarks/terms.md: the same figures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def cells(line: str) -> list[str]:
 
 def costs(kind: str) -> dict[str, str]:
     """Median costs of `python -m benchmarks.terms` by term, as printed."""
-    page = (ROOT / "docs" / "benchmarks.md").read_text()
+    page = (ROOT / "docs" / "benchmarks" / "terms.md").read_text()
     block = page.split(f"<!-- begin terms {kind} -->")[1].split(f"<!-- end terms {kind} -->")[0]
     rows = [cells(line) for line in block.splitlines() if line.startswith("|")]
     return {row[0]: row[3].split()[0] for row in rows if len(row) == 6 and row[0] != "term"}

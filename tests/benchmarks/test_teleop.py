@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from benchmarks import teleop
-from benchmarks.report import PAGE, put_on_page, save_json
+from benchmarks.report import PAGES, put_on_page, save_json
 
 
 def test_both_tables_go_to_the_page(tmp_path: Path):
@@ -24,7 +24,7 @@ def test_both_tables_go_to_the_page(tmp_path: Path):
         assert one["real_time_factor"] > 0.0 and 0.0 < one["busy"] <= 1.0
     assert [len(table.rows) for table in section.tables] == [10, 2]
     assert len(data["drag"]) == 10
-    assert "| glides, predicted, no noise | 1.0" in put_on_page(PAGE.read_text(), section)
+    assert "| glides, predicted, no noise | 1.0" in put_on_page((PAGES / "teleop.md").read_text(), section)
 
 
 def test_thermal_force_is_that_of_equipartition():
