@@ -13,18 +13,18 @@ from typing import Any
 from benchmarks.machine import Machine
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
-from otwarp.haptics.chain import Chain
-from otwarp.haptics.check import BUSY
-from otwarp.haptics.check_costs import STEPS, Cost, chain_costs, mailbox_costs, step_cost
-from otwarp.haptics.check_latency import STATE_RATE, check_hand, measure_latency
-from otwarp.haptics.check_width import DEVICE, HIGH, RATE, widths
-from otwarp.haptics.config import HandConfig
-from otwarp.haptics.jitter import Jitter, Spread, measure_jitter
-from otwarp.haptics.law import SplitLaw, local_model
-from otwarp.haptics.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
-from otwarp.haptics.table import TableLaw
-from otwarp.haptics.types import DeviceSample, SceneNow, SphereNow, TrapLaw, TrapNow
-from otwarp.haptics.zwidth import PASSIVE, BareDevice, chain_width
+from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.check.check import BUSY
+from otwarp.haptics.check.costs import STEPS, Cost, chain_costs, mailbox_costs, step_cost
+from otwarp.haptics.check.jitter import Jitter, Spread, measure_jitter
+from otwarp.haptics.check.latency import STATE_RATE, check_hand, measure_latency
+from otwarp.haptics.check.width import DEVICE, HIGH, RATE, widths
+from otwarp.haptics.check.zwidth import PASSIVE, BareDevice, chain_width
+from otwarp.haptics.core.config import HandConfig
+from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
+from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.force.law import SplitLaw, local_model
+from otwarp.haptics.force.table import TableLaw
 from otwarp.optics import Beam, ForceTable, Sphere
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)

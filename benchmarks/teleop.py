@@ -20,7 +20,7 @@ from benchmarks.machine import Machine
 from benchmarks.realtime import load
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap, TrapLaw
 from otwarp.scene.track import Track
 from otwarp.teleop.core.commands import Command

@@ -17,7 +17,7 @@ from otwarp.cli.options import json_option
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.haptics.check import Check
+    from otwarp.haptics.check.check import Check
     from otwarp.scene.description import Scene
 
 
@@ -50,8 +50,8 @@ def check(
 
     Nothing that can push is armed.
     """
-    from otwarp.haptics.check import run_check
-    from otwarp.haptics.check_latency import VIRTUAL
+    from otwarp.haptics.check.check import run_check
+    from otwarp.haptics.check.latency import VIRTUAL
 
     measured = None if scene is None else _load(scene)  # a bad one is told before anything is measured
     with _progress(as_json) as say:
@@ -147,7 +147,7 @@ def _page_text(page: dict[str, Any]) -> str:
 def _print(found: Check) -> None:
     from rich.console import Console
 
-    from otwarp.haptics.check_tables import check_tables
+    from otwarp.haptics.check.tables import check_tables
 
     # a pipe or file has no width of its own: do not cut lines there
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import FACING_USER, check_orthogonal
-from otwarp.haptics.fields import Matrix, check_fields, number
-from otwarp.haptics.presets import PAIRINGS, Hand
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.config import FACING_USER, check_orthogonal
+from otwarp.haptics.core.fields import Matrix, check_fields, number
+from otwarp.haptics.core.presets import PAIRINGS, Hand
+from otwarp.haptics.core.types import Vec3
 
 Quat = tuple[float, float, float, float]
 """x, y, z, w."""

@@ -6,7 +6,7 @@ import math
 import threading
 from collections import deque
 
-from otwarp.haptics.types import ZERO, Vec3
+from otwarp.haptics.core.types import ZERO, Vec3
 
 MOST_WAITING = 8192
 """Messages kept between two readings: four seconds of a device node at 2 kHz."""

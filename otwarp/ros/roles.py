@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.presets import PAIRINGS
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.presets import PAIRINGS
+from otwarp.haptics.core.types import Vec3
 from otwarp.ros.touching import gap
 from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.transforms import rotate

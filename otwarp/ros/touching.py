@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.scene.description import Obstacle
 from otwarp.scene.transforms import conjugate, rotate
 

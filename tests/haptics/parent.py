@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import time
 
-from otwarp.haptics.servo_process import HandSetup, ServoProcess
-from otwarp.haptics.types import SceneNow, SphereNow
+from otwarp.haptics.core.types import SceneNow, SphereNow
+from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from tests.haptics.spring import SpringChain
 
 

@@ -7,10 +7,10 @@ import random
 from collections.abc import Callable
 from dataclasses import replace
 
-from otwarp.haptics.chain import Chain
-from otwarp.haptics.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.core.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
 AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)

@@ -6,7 +6,7 @@ import math
 import sys
 from pathlib import Path
 
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow
 
 STIFFNESS = 100.0
 """N/m; 1 µm of scene is 1 mm of hand."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import FACING_USER, IDENTITY, from_dict, to_dict
+from otwarp.haptics.core.config import FACING_USER, IDENTITY, from_dict, to_dict
 from otwarp.ros.contract import SIMULATOR_TOPICS, Axes, ContractConfig, product, quaternion
 from otwarp.ros.motion import MOST_WAITING, VelocityHold
 
@@ -112,7 +112,7 @@ def test_a_push_is_felt_where_it_comes_from():
 
 def test_default_gain_is_that_of_a_hand():
     """100 µm per metre of `HandConfig`, 0.1 µm per mm."""
-    from otwarp.haptics.config import HandConfig
+    from otwarp.haptics.core.config import HandConfig
 
     moved = Axes(ContractConfig(axis_map=IDENTITY)).motion((1000.0, 0.0, 0.0))
     assert moved[0] == pytest.approx(HandConfig().motion_gain, rel=EXACT)

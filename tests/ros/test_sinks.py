@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.clock import VirtualClock
+from otwarp.haptics.core.clock import VirtualClock
 from otwarp.ros.contract import ContractConfig
 from otwarp.ros.roles import Roles
 from otwarp.ros.ros1.log import EventLog

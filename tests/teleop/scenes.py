@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap, TrapLaw
 from otwarp.scene.track import Track
 

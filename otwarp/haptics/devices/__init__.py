@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Literal
 
 from otwarp.errors import InputError
-from otwarp.haptics.types import Device
+from otwarp.haptics.core.types import Device
 
 MOST_HANDS = 2
 

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices.dualsense_report import (
     CALIBRATION,
@@ -38,7 +39,6 @@ from otwarp.haptics.devices.hid_port import (
 )
 from otwarp.haptics.devices.latest_sender import LatestSender
 from otwarp.haptics.devices.rate import RateHand
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 MODELS = {(0x054C, 0x0CE6): "DualSense", (0x054C, 0x0DF2): "DualSense Edge"}
 """By (vendor, product); those that the Linux driver calls PS5 controllers."""

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable
 
-from otwarp.haptics.types import ZERO, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core.types import ZERO, DeviceLost, DeviceSample, Vec3
 
 HOLD, GONE = 0.02, 0.1
 """Seconds after its writing at which a force starts to fall, and at which it is zero: those of the chain's watchdog."""

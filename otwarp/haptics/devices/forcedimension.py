@@ -21,9 +21,9 @@ from importlib import import_module
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices.exchange import Exchange
-from otwarp.haptics.types import DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 LARGEST_FORCE = {60: 8.0, 63: 20.0, **dict.fromkeys((33, 34, 35, 36, 37), 12.0)}
 """Newtons by number of `DeviceType` (Falcon, delta.3, omega.3, .6 and .7), as CHAI3D's driver of these devices has

@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 from otwarp.haptics.devices.exchange import Exchange
 from otwarp.haptics.devices.inverse3_messages import (
@@ -27,7 +28,6 @@ from otwarp.haptics.devices.inverse3_messages import (
     read_inventory,
     read_state,
 )
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 SERVICE = "ws://localhost:10001"
 FORCE, CONTINUOUS_FORCE = 4.0, 1.5

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.mailbox import Mailbox, RecordLayout
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
-from otwarp.haptics.mailbox import Mailbox, RecordLayout
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 POINTER = RecordLayout(b"pointer", "3dQ")
 """Target x, y, z [m] in the device's frame, and buttons."""

@@ -20,11 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices import libhd as hdapi
 from otwarp.haptics.devices.exchange import Exchange
 from otwarp.haptics.devices.libhd import ErrorInfo, LibHD, library_path
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 METRE = 1e-3
 """Metres per millimetre, the library's unit of length."""

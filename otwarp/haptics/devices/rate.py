@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from otwarp.haptics.types import ZERO, Vec3
+from otwarp.haptics.core.types import ZERO, Vec3
 
 LONGEST_STEP = 0.1
 """Seconds of movement that one reading may catch up: a loop that was stopped must not make the hand leap."""

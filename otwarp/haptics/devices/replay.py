@@ -17,10 +17,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 from otwarp.haptics.devices.bag import SUFFIXES, UNITS, bag_samples, is_bag
-from otwarp.haptics.mcap import CONFIG, PART, SUFFIX, McapFile, is_take
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.recording.mcap import CONFIG, PART, SUFFIX, McapFile, is_take
 
 EDGE = 1e-9
 """Seconds by which a sample may be early: differences of clock times round, and a sample must not slip by a cycle."""
@@ -137,8 +137,8 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
 
 def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
-    from otwarp.haptics.messages import CYCLES_TYPE, unpack_cycles
-    from otwarp.haptics.ring import FRESH, SAMPLED, cycles_of
+    from otwarp.haptics.core.ring import FRESH, SAMPLED, cycles_of
+    from otwarp.haptics.recording.messages import CYCLES_TYPE, unpack_cycles
 
     batches: dict[str, list[bytes]] = {}
     with McapFile(file) as take:

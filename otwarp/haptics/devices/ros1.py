@@ -19,8 +19,8 @@ from importlib import import_module
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 HOME = "otwarp.ros.ros1"
 """Where the ROS client lives, imported when a device is opened: haptics knows of no other room."""

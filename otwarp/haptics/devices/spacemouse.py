@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import struct
 
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices.hid_port import (
     HidFound,
@@ -28,7 +29,6 @@ from otwarp.haptics.devices.hid_port import (
     waiting_reports,
 )
 from otwarp.haptics.devices.rate import RateHand
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 MODELS = {
     (0x046D, 0xC623): "SpaceTraveler",

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 
 Path3 = Callable[[float], Vec3]
 

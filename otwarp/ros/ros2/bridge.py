@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.presets import PAIRINGS
-from otwarp.haptics.types import ZERO, Vec3
+from otwarp.haptics.core.presets import PAIRINGS
+from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.ros.motion import VelocityHold
 from otwarp.ros.ros2.config import Ros2Config
 from otwarp.ros.ros2.motion import Group, centroid, middle

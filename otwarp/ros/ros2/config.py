@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import FACING_USER, check_orthogonal
-from otwarp.haptics.fields import Matrix, check_fields, number
-from otwarp.haptics.presets import PAIRINGS
+from otwarp.haptics.core.config import FACING_USER, check_orthogonal
+from otwarp.haptics.core.fields import Matrix, check_fields, number
+from otwarp.haptics.core.presets import PAIRINGS
 from otwarp.ros.ros2.names import resolve_topic
 
 FEWEST_PERIODS = 1.0
@@ -19,7 +19,7 @@ class Ros2Config:
     """What the bridge says and hears, and in which units.
 
     Attributes:
-        pairing: Key of `otwarp.haptics.presets.PAIRINGS`: names and sides of the hands' topics.
+        pairing: Key of `otwarp.haptics.core.presets.PAIRINGS`: names and sides of the hands' topics.
         namespace: Put before every topic, as `/twin`; empty for none.
         frame: `frame_id` of what is published.
         scene_unit: Micrometres in one unit of length on the topics. The companion's scenes are drawn in units of some

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 
 Group = Sequence[Vec3]
 """Foci of the traps of one group [µm]."""

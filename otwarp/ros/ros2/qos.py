@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from otwarp.haptics.fields import check_fields, number
+from otwarp.haptics.core.fields import check_fields, number
 
 if TYPE_CHECKING:
     from cyclonedds.qos import Qos

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from otwarp.haptics.servo_link import ServoStatus
-from otwarp.haptics.types import HandNow, Vec3
+from otwarp.haptics.core.types import HandNow, Vec3
+from otwarp.haptics.servo.link import ServoStatus
 from otwarp.record.frame import Frame
 
 HANDS = ("left", "right")

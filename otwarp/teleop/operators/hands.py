@@ -8,10 +8,10 @@ from functools import partial
 from typing import Any, Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.hands import make_chain
-from otwarp.haptics.servo_link import ServoStatus
-from otwarp.haptics.servo_process import HandSetup, ServoProcess
-from otwarp.haptics.types import HandNow, SceneNow, Vec3
+from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.core.types import HandNow, SceneNow, Vec3
+from otwarp.haptics.servo.link import ServoStatus
+from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.operators.hand_plan import HandPlan
 from otwarp.teleop.operators.local_scene import LocalScene

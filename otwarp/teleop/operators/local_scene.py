@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from otwarp.haptics.law import IsotropicLaw, Law, SplitLaw, fitted_for
-from otwarp.haptics.table import TableLaw
-from otwarp.haptics.types import SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.core.types import SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw, fitted_for
+from otwarp.haptics.force.table import TableLaw
 from otwarp.record.frame import Frame
 from otwarp.scene import description
 from otwarp.scene.transforms import rotate

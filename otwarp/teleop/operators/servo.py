@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from otwarp.haptics.clock import VirtualClock
+from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.core.clock import VirtualClock
+from otwarp.haptics.core.gains import checked_gains
+from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.core.types import HandNow, SceneNow
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.gains import checked_gains
-from otwarp.haptics.hands import make_chain
-from otwarp.haptics.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
-from otwarp.haptics.servo import Hand, Servo
-from otwarp.haptics.servo_link import Orders, OrdersLayout, ServoStatus, StatusLayout
-from otwarp.haptics.types import HandNow, SceneNow
+from otwarp.haptics.servo.link import Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.servo.servo import Hand, Servo
 from otwarp.teleop.operators.hand_plan import HandPlan
 from otwarp.teleop.operators.local_scene import LocalScene
 

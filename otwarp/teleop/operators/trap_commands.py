@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
 

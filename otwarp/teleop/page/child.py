@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.platform import ordinary
+from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.haptics.mailbox import Mailbox
-from otwarp.haptics.platform import ordinary
-from otwarp.haptics.types import Vec3
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.page.controls import Controls, gizmo_position
 from otwarp.teleop.page.gizmos import Gizmos

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.teleop.core.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
 from otwarp.teleop.core.frame import HANDS, HandFrame
 from otwarp.teleop.page.drawing import Drawing

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.types import Vec3
 from otwarp.teleop.core.commands import Command, MoveTraps
 from otwarp.teleop.core.frame import HANDS, HandFrame
 from otwarp.teleop.page.drawing import TrapDrawing

@@ -15,9 +15,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from otwarp.haptics.fields import Matrix
-from otwarp.haptics.servo_link import ServoStatus
-from otwarp.haptics.types import Vec3
+from otwarp.haptics.core.fields import Matrix
+from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.servo.link import ServoStatus
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HandFrame, LiveFrame, PaceNow
 from otwarp.teleop.page.drawing import Drawing

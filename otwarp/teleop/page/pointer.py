@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from otwarp.haptics.fields import Matrix
-from otwarp.haptics.types import ZERO, Vec3
+from otwarp.haptics.core.fields import Matrix
+from otwarp.haptics.core.types import ZERO, Vec3
 
 INTERVAL = 0.1
 """Seconds between two words to the mailbox; the device takes `mouse.SILENCE` = 0.5 s of silence for a release."""

@@ -19,8 +19,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import FACING_USER, check_orthogonal
-from otwarp.haptics.fields import Matrix
+from otwarp.haptics.core.config import FACING_USER, check_orthogonal
+from otwarp.haptics.core.fields import Matrix
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.mcap import SUFFIX, part_of
-from otwarp.haptics.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
-from otwarp.haptics.types import SceneNow
+from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.recording.mcap import SUFFIX, part_of
+from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 from otwarp.teleop.recording.templates import Template, array_of, pose, transforms, wrench

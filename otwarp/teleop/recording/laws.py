@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.table import Grid, TableLaw
-from otwarp.haptics.types import TrapLaw
+from otwarp.haptics.core.types import TrapLaw
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
+from otwarp.haptics.force.table import Grid, TableLaw
 
 
 def laws_to_dict(laws: Mapping[int, Sequence[Law]]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from otwarp.haptics.types import SceneNow
+from otwarp.haptics.core.types import SceneNow
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import LiveFrame
 

@@ -17,15 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain_state import scene_from_json
-from otwarp.haptics.config import HandConfig, HapticsConfig, from_dict
-from otwarp.haptics.hands import make_chain
-from otwarp.haptics.law import Law
-from otwarp.haptics.mailbox import STATES
-from otwarp.haptics.mcap import CONFIG, McapFile
-from otwarp.haptics.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
-from otwarp.haptics.rendering import Rendering
-from otwarp.haptics.ring import (
+from otwarp.haptics.chain.chain_state import scene_from_json
+from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.chain.rendering import Rendering
+from otwarp.haptics.core.config import HandConfig, HapticsConfig, from_dict
+from otwarp.haptics.core.mailbox import STATES
+from otwarp.haptics.core.ring import (
     ABSOLUTE,
     ACTIONS,
     ARMED,
@@ -40,7 +37,10 @@ from otwarp.haptics.ring import (
     actions_of,
     cycles_of,
 )
-from otwarp.haptics.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.force.law import Law
+from otwarp.haptics.recording.mcap import CONFIG, McapFile
+from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
 from otwarp.teleop.recording.file import CYCLES, END, SCENE, START
 from otwarp.teleop.recording.laws import laws_from_dict
 from otwarp.teleop.recording.writer import FORMAT

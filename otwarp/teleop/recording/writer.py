@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import otwarp
 from otwarp.errors import InputError
-from otwarp.haptics.config import HapticsConfig, to_dict
-from otwarp.haptics.law import Law
-from otwarp.haptics.mcap import CONFIG, part_of
-from otwarp.haptics.ring import CYCLE
-from otwarp.haptics.servo_link import Cycles
-from otwarp.haptics.types import SceneNow
+from otwarp.haptics.core.config import HapticsConfig, to_dict
+from otwarp.haptics.core.ring import CYCLE
+from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.force.law import Law
+from otwarp.haptics.recording.mcap import CONFIG, part_of
+from otwarp.haptics.servo.link import Cycles
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import LiveFrame, PaceNow
@@ -53,7 +53,7 @@ class TakeWriter:
         path: `.mcap`; must not exist yet.
         config: Of the hands, as their chains were made with it.
         devices: Hand → device as the user named it.
-        laws, kinds: What the hands feel, as `otwarp.haptics.hands.make_chain` had it.
+        laws, kinds: What the hands feel, as `otwarp.haptics.chain.hands.make_chain` had it.
         scene: What is simulated.
         settings: More that is worth keeping, for JSON: rates, seed, speed.
         clock: The loop's; `LiveFrame.wall` and the servo's times are of the same.
@@ -246,7 +246,7 @@ def _about(scene: Scene) -> dict[str, Any]:
 
 @runtime_checkable
 class Recordable(Protocol):
-    """What a recording asks of a servo, see `otwarp.haptics.servo_process.ServoProcess`."""
+    """What a recording asks of a servo, see `otwarp.haptics.servo.process.ServoProcess`."""
 
     def record(self, on: bool) -> None:
         """Begin a recording, or end it."""

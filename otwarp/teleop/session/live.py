@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.errors import InputError, SimulationError
-from otwarp.haptics.clock import Clock, RealClock, next_deadline
-from otwarp.haptics.types import SceneNow
+from otwarp.haptics.core.clock import Clock, RealClock, next_deadline
+from otwarp.haptics.core.types import SceneNow
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.monitor import Monitor
 from otwarp.record.run import capture_frame

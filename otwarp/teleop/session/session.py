@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import HapticsConfig
+from otwarp.haptics.core.config import HapticsConfig
+from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.platform import favour
 from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.haptics.mailbox import Mailbox
-from otwarp.haptics.platform import favour
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.commands import Record
 from otwarp.teleop.core.sink import Outlet

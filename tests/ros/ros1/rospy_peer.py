@@ -54,7 +54,7 @@ def echo():
 
 
 def force(namespace, trap_topic, robot_topic):
-    from otwarp.haptics.paper_mode import PaperForce
+    from otwarp.haptics.chain.paper_mode import PaperForce
 
     chain, heard = PaperForce(), set()
     out = rospy.Publisher(namespace + "/force_feedback", DeviceFeedback, queue_size=1000)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import IDENTITY
+from otwarp.haptics.core.config import IDENTITY
 from otwarp.ros.contract import SIMULATOR_TOPICS, ContractConfig
 from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.haptics.config import IDENTITY
-from otwarp.haptics.paper_mode import PaperForce, PaperTwist
+from otwarp.haptics.chain.paper_mode import PaperForce, PaperTwist
+from otwarp.haptics.core.config import IDENTITY
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRANSFORM, TRAP_TOPICS, ContractConfig, HandTopics
 from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import IDENTITY
+from otwarp.haptics.core.config import IDENTITY
 from otwarp.ros.ros2 import (
     RELIABLE,
     SENSOR_DATA,

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from otwarp.haptics.config import HandConfig
-from otwarp.haptics.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.table import TableLaw
+from otwarp.haptics.core.config import HandConfig
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.haptics.force.table import TableLaw
 from otwarp.record.run import capture_frame
 from otwarp.scene.description import Body, Scene, Sphere
 from otwarp.simulation.simulation import Simulation

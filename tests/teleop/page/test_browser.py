@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import otwarp as ot
+from otwarp.haptics.core.mailbox import Mailbox
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.haptics.mailbox import Mailbox
 from otwarp.teleop.core.commands import MoveTraps, Pause
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.child import HAND_HANDLE, TRAP_HANDLE

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from otwarp.haptics.config import FACING_USER
+from otwarp.haptics.core.config import FACING_USER
+from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.types import HandNow, Vec3
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
-from otwarp.haptics.mailbox import Mailbox
-from otwarp.haptics.types import HandNow, Vec3
 from otwarp.teleop.core.commands import MoveTraps
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.gizmos import HOLD_OFF, Gizmos

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import otwarp as ot
-from otwarp.haptics.types import HandNow
+from otwarp.haptics.core.types import HandNow
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.drawing import Drawing

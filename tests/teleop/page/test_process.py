@@ -14,7 +14,7 @@ import pytest
 
 import otwarp as ot
 from otwarp.errors import InputError
-from otwarp.haptics.fields import Matrix
+from otwarp.haptics.core.fields import Matrix
 from otwarp.teleop.core.sink import Outlet
 from otwarp.teleop.page import process as module
 from otwarp.teleop.page.messages import Complaint, receive, send

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from otwarp.haptics.servo_link import HandStatus, ServoStatus
-from otwarp.haptics.types import HandNow
+from otwarp.haptics.core.types import HandNow
+from otwarp.haptics.servo.link import HandStatus, ServoStatus
 from otwarp.teleop.core.frame import HandFrame, PaceNow
 from otwarp.teleop.page.controls import HOLD, Follower, file_name
 from otwarp.teleop.page.readout import LONGEST_DEVICE, QUIET, News, banner, figures, hand_text

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from otwarp.errors import InputError
+from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.core.types import DeviceLost, DeviceSample
 from otwarp.haptics.devices import KINDS, DeviceSpec, Kind
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
-from otwarp.haptics.hands import make_chain
-from otwarp.haptics.types import DeviceLost, DeviceSample
 
 FLAKY = "flaky"
 ROW = Kind("tests.teleop.recording.flaky:create", "required", "a file", True)

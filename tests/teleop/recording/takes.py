@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.haptics.config import HandConfig, HapticsConfig
-from otwarp.haptics.hands import make_chain
-from otwarp.haptics.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.servo_link import Cycles
-from otwarp.haptics.servo_process import HandSetup, ServoProcess
-from otwarp.haptics.table import Grid, TableLaw
-from otwarp.haptics.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
+from otwarp.haptics.force.table import Grid, TableLaw
+from otwarp.haptics.servo.link import Cycles
+from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.frame import HandFrame, LiveFrame

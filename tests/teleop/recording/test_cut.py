@@ -9,10 +9,10 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.haptics.core.ring import cycles_of
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.mcap import MAGIC, McapFile, part_of
-from otwarp.haptics.messages import CYCLES_TYPE
-from otwarp.haptics.ring import cycles_of
+from otwarp.haptics.recording.mcap import MAGIC, McapFile, part_of
+from otwarp.haptics.recording.messages import CYCLES_TYPE
 from otwarp.teleop.recording import file as take_file
 from otwarp.teleop.recording.replay import HandReplay, ReplayReport, replay_take
 from tests.teleop.recording.test_replay import STABLE, one

@@ -16,12 +16,12 @@ from rosbags.typesys import Stores, get_typestore
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.haptics.config import CouplingConfig, LowPass
+from otwarp.haptics.core.config import CouplingConfig, LowPass
+from otwarp.haptics.core.ring import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
-from otwarp.haptics.mcap import McapFile
-from otwarp.haptics.messages import pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene
-from otwarp.haptics.ring import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
+from otwarp.haptics.recording.mcap import McapFile
+from otwarp.haptics.recording.messages import pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene
 from otwarp.teleop.recording.replay import replay_take
 from tests.haptics.setups import hand_config
 from tests.teleop.recording.takes import LAWS, Session

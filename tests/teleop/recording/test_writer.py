@@ -18,12 +18,12 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from otwarp.errors import InputError
-from otwarp.haptics.config import HapticsConfig, LowPass, from_dict
-from otwarp.haptics.law import IsotropicLaw, SplitLaw
-from otwarp.haptics.mcap import McapFile, part_of
-from otwarp.haptics.ring import CYCLE
-from otwarp.haptics.servo_link import Cycles, Start
-from otwarp.haptics.types import HandNow
+from otwarp.haptics.core.config import HapticsConfig, LowPass, from_dict
+from otwarp.haptics.core.ring import CYCLE
+from otwarp.haptics.core.types import HandNow
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
+from otwarp.haptics.recording.mcap import McapFile, part_of
+from otwarp.haptics.servo.link import Cycles, Start
 from otwarp.record.frame import SHAPES
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.frame import HandFrame
@@ -31,8 +31,8 @@ from otwarp.teleop.recording import writer as take_module
 from otwarp.teleop.recording.laws import laws_from_dict, laws_to_dict
 from otwarp.teleop.recording.replay import replay_take
 from otwarp.teleop.recording.writer import FRAMES, TakeWriter
+from tests.haptics.core.test_ring import record
 from tests.haptics.setups import RADIAL, hand_config
-from tests.haptics.test_ring import record
 from tests.teleop.recording.takes import LAWS, live_frame, scene_now
 from tests.teleop.scenes import three_beads
 

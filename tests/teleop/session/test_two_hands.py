@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.haptics.config import FACING_USER, HandConfig, HapticsConfig
+from otwarp.haptics.core.config import FACING_USER, HandConfig, HapticsConfig
 from otwarp.teleop.operators.hand_plan import plan_hands
 from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
 from otwarp.teleop.session.live import LiveLoop

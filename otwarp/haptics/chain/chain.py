@@ -1,0 +1,261 @@
+"""The haptic chain of one hand: from a sample of its device and the newest state of the scene to a force.
+
+stable: velocity → coupling → motion gain with clutch → force sum → force gain → filter → damping → passivity → safety
+paper:  motion low-pass and gain with clutch → the release's force node, per published state → its damping → safety
+
+Safety (arming, ramp, slew limit, clamp, motor guard, watchdog) ends both: the release has none, and what it would send
+is `Chain.asked`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.haptics.chain.chain_state import restore, snapshot
+from otwarp.haptics.chain.coupling import VirtualCoupling
+from otwarp.haptics.chain.motion import Motion, VelocityEstimate
+from otwarp.haptics.chain.paper_mode import PaperRenderer
+from otwarp.haptics.chain.passivity import Passivity
+from otwarp.haptics.chain.safety import Safety
+from otwarp.haptics.core.config import HandConfig, PassivityConfig
+from otwarp.haptics.core.filters import VectorFilter
+from otwarp.haptics.core.gains import checked_gains
+from otwarp.haptics.core.types import ZERO, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.force.law import ForceModel
+
+DEAD_MAN, CLUTCH = 1, 2
+"""Bits of `DeviceSample.buttons`."""
+
+
+class Chain:
+    """One hand.
+
+    Args:
+        config: Of the hand.
+        model: What it feels, `local_model(config, laws)` for the traps of a scene.
+
+    Raises:
+        InputError: Paper mode with a table.
+
+    Attributes:
+        asked: Force that was asked of safety in the last step [N].
+        complaint: What made the last fault, one line; "" since it was armed.
+        safety, passivity, motion: Its parts.
+    """
+
+    def __init__(self, config: HandConfig, model: ForceModel) -> None:
+        chain = config.chain
+        self.config, self.model = config, model
+        self._period = 1.0 / chain.rate
+        self.safety = Safety(config.safety, chain.rate)
+        self.passivity = Passivity(chain.passivity or PassivityConfig(), self._period)
+        self.motion = Motion(config)
+        self._velocity = VelocityEstimate(self._period, chain.quantum)
+        self._coupling = VirtualCoupling(chain.coupling, chain.rate) if chain.coupling else None
+        low_pass = chain.force_filter
+        self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and chain.mode == "stable" else None
+        self._paper = PaperRenderer(config, model) if chain.mode == "paper" else None
+        self._back = self._to_hand(config.force_gain)
+        self._limited = chain.passivity is not None
+        self._moves = self._limited or chain.damping > 0.0
+        self._damping = chain.damping
+        self._tick = 0
+        self._time: float | None = None
+        self._beat: int | None = None
+        self._scene_time = -math.inf
+        self._scene_age = self._device_age = 0.0
+        self._anchors: dict[int, Vec3] = {}
+        self._position: Vec3 = ZERO
+        self._felt: Vec3 = ZERO
+        self._paper_force: Vec3 = ZERO
+        self.asked: Vec3 = ZERO
+        self.complaint = ""
+
+    def arm(self) -> None:
+        """Allow force, from zero by the ramp; clears a fault. What is stale stays so, and disarms it again."""
+        self.complaint = ""
+        self.safety.arm()
+
+    def disarm(self) -> None:
+        """Let the force fall to zero, and leave it there until `arm`."""
+        self.safety.disarm()
+
+    def set_gains(self, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """Gains from the next step on; None for as configured.
+
+        Traps stay where they are and follow further motion with the new gain. The force goes to its new value within
+        the slew limit, and passivity control goes on counting: it bounds what a force may give back whatever made it.
+
+        Args:
+            motion_gain: [µm/m].
+            force_gain: [N/pN].
+
+        Raises:
+            InputError: Out of the range of `HandConfig`; nothing has changed.
+        """
+        motion_gain, force_gain = checked_gains(motion_gain, force_gain)
+        config = self.config
+        self.motion.set_gain(config.motion_gain if motion_gain is None else motion_gain)
+        force_gain = config.force_gain if force_gain is None else force_gain
+        self._back = self._to_hand(force_gain)
+        if self._paper:
+            self._paper.set_gain(force_gain)
+
+    def _to_hand(self, gain: float) -> tuple[float, ...]:
+        """−G_hand·Aᵀ for the force on the spheres; the release's force is that on the hand already."""
+        sign, rows = 1.0 if self._paper else -gain, self.config.axis_map
+        return tuple(sign * rows[j][i] for i in range(3) for j in range(3))
+
+    @property
+    def moved(self) -> Vec3:
+        """How far the traps are commanded from where the hand took hold of them [µm]."""
+        return self.motion.commanded
+
+    def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
+        """All that it remembers, see `chain_state.snapshot`; `scene` is the one of its last step."""
+        return snapshot(self, scene)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a snapshot of a chain of the same configuration, see `chain_state.restore`."""
+        restore(self, state)
+
+    @property
+    def heat(self) -> float:
+        """Mean square force that the motors have borne of late [N²]; set for a chain that follows another."""
+        return self.safety.heat
+
+    @heat.setter
+    def heat(self, value: float) -> None:
+        self.safety.heat = value
+
+    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+        """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""
+        self._tick += 1
+        x, y, z = sample.position
+        elapsed = self._elapsed(sample.time)
+        self._scene_age += elapsed
+        self._device_age = 0.0 if sample.fresh else self._device_age + elapsed
+        if math.isfinite(x + y + z):
+            self.passivity.observe(x, y, z, self.safety.force)
+            self._position = (x, y, z)
+        else:
+            self._fault("the device's position is not finite")
+            x, y, z = self._position
+        new = scene.beat != self._beat
+        if new:
+            self._refresh(scene)
+        config, buttons = self.config, sample.buttons
+        held = (buttons & DEAD_MAN) != 0 or not config.safety.dead_man
+        holds = held and not (config.clutch and buttons & CLUTCH)
+        alive = self._scene_age < config.safety.disarm_after
+        if self._anchors and not alive:
+            # a simulation that comes back has its traps where it left them
+            self._anchors = {}
+        force = self._render(x, y, z, holds, new, scene) if self._anchors else ZERO
+        if not math.isfinite(force[0] + force[1] + force[2]):
+            self._fault("the force is not finite")
+            force = ZERO
+        self.asked = force
+        age = self._scene_age if self._scene_age > self._device_age else self._device_age
+        sent = self.safety.step(force, elapsed=elapsed, age=age, allowed=holds)
+        return self._report(sample, sent)
+
+    def _elapsed(self, time: float) -> float:
+        """Time since the last step [s]: one period at first, after a clock that ran backwards or is no number."""
+        last, self._time = self._time, time
+        if last is None or not 0.0 <= time - last < math.inf:
+            if not math.isfinite(time):
+                self._time = last
+                self._fault("the servo's time is not finite")
+            return self._period
+        return time - last
+
+    def _refresh(self, scene: SceneNow) -> None:
+        """Take in a new state; take hold of the traps where there is no hold, or where simulated time began anew."""
+        self._beat = scene.beat
+        anew = not self._anchors or scene.time < self._scene_time
+        anchors = self._anchors
+        if anew:
+            anchors = {trap.index: trap.position for trap in scene.traps if trap.index in self.config.traps}
+        try:
+            if len(anchors) < len(self.config.traps):
+                lacks = sorted(set(self.config.traps) - set(anchors))
+                raise InputError(f"hand.traps has {lacks[0]}, which the scene lacks; allowed: traps of the scene")
+            finite = self.model.refresh(scene, anchors) and math.isfinite(scene.time)
+        except InputError as error:
+            self._fault(str(error))
+            return
+        if not finite:
+            self._fault("the simulation's state is not finite")
+            return
+        self._scene_age, self._scene_time = 0.0, scene.time
+        if anew:
+            self._anchors = anchors
+            self._take_hold()
+
+    def _take_hold(self) -> None:
+        """Forget everything that was carried, filtered or felt."""
+        self.motion.reset()
+        self._velocity.reset()
+        self._felt = self._paper_force = ZERO
+        if self._filter:
+            self._filter.value = ZERO
+        if self._coupling:
+            self._coupling.reset()
+        if self._paper:
+            self._paper.reset()
+
+    def _fault(self, why: str) -> None:
+        self.complaint = why
+        self.safety.fault()
+        self._anchors = {}
+
+    def _render(self, x: float, y: float, z: float, holds: bool, new: bool, scene: SceneNow) -> Vec3:
+        """The force that the chain asks for [N]."""
+        velocity = self._velocity.step(x, y, z) if self._moves or self._paper else ZERO
+        if self._coupling:
+            x, y, z = self._coupling.step(x, y, z, self._felt)
+        carried = self.motion.step(x, y, z, holds)
+        if self._paper:
+            if new:
+                fx, fy, fz = self._on_hand(self._paper.state(scene, self._time or 0.0))
+                vx, vy, vz = velocity
+                b = self._damping
+                self._paper_force = (fx - b * vx, fy - b * vy, fz - b * vz)
+            return self._paper_force
+        force = self._felt = self._on_hand(self.model.force(*carried))
+        if self._filter:
+            force = self._filter.step(*force)
+        if self._damping > 0.0:
+            b, (fx, fy, fz), (vx, vy, vz) = self._damping, force, velocity
+            force = (fx - b * vx, fy - b * vy, fz - b * vz)
+        return self.passivity.control(force, velocity) if self._limited else force
+
+    def _on_hand(self, force: Vec3) -> Vec3:
+        """From the scene's axes and units to the device's."""
+        (u, v, w), (a, b, c, d, e, f, g, h, i) = force, self._back
+        return a * u + b * v + c * w, d * u + e * v + f * w, g * u + h * v + i * w
+
+    def _report(self, sample: DeviceSample, sent: Vec3) -> HandNow:
+        """What is published; traps only while the hand has hold of them."""
+        traps: tuple[tuple[int, Vec3], ...] = ()
+        x, y, z = self.motion.commanded
+        if self._anchors:
+            if math.isfinite(x + y + z):
+                traps = tuple((n, (u + x, v + y, w + z)) for n, (u, v, w) in self._anchors.items())
+            else:
+                self._fault("the hand's motion is not finite")
+        safety, time = self.safety, self._time
+        return HandNow(
+            self._tick,
+            0.0 if time is None else time,
+            self._position,
+            sent,
+            traps,
+            safety.state,
+            self.passivity.energy,
+            sample.buttons,
+        )

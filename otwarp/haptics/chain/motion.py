@@ -1,0 +1,147 @@
+"""From the hand's position to its velocity and to the motion of its traps."""
+
+from __future__ import annotations
+
+import math
+
+from otwarp.haptics.core.config import HandConfig
+from otwarp.haptics.core.filters import VectorFilter
+from otwarp.haptics.core.types import Vec3
+
+LONGEST_WINDOW = 15
+"""Periods that a velocity estimate looks back at most: 15 ms at 1 kHz is what a slow hand can spare."""
+
+
+class VelocityEstimate:
+    """First-order adaptive windowing, end-fit: the slope over the longest window that the noise margin allows.
+
+    Of the lines through the newest sample and the n-th before it, the longest is taken for which every sample between
+    lies within ±quantum of the line. Fast motion has a short window and little delay, slow motion a long one and
+    little noise. Samples are taken to be `period` apart.
+
+    Source: Janabi-Sharifi, Hayward and Chen 2000, "Discrete-time adaptive windowing for velocity estimation", IEEE
+    Transactions on Control Systems Technology 8(6), 1003–1009, doi:10.1109/87.880606.
+
+    Args:
+        period: Servo period [s].
+        quantum: Noise margin [m]; 0 takes the difference of the last two samples, except in perfectly even motion.
+    """
+
+    __slots__ = ("_axes", "_period", "_quantum")
+
+    def __init__(self, period: float, quantum: float) -> None:
+        self._period, self._quantum = period, quantum
+        self._axes: tuple[list[float], ...] = ([], [], [])
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._axes = ([], [], [])
+
+    def step(self, x: float, y: float, z: float) -> Vec3:
+        """Velocity [m/s] with the hand at x, y, z [m]."""
+        a, b, c = self._axes
+        return self._slope(a, x), self._slope(b, y), self._slope(c, z)
+
+    def _slope(self, past: list[float], x: float) -> float:
+        """Slope of one axis; `past` holds its samples, newest first."""
+        low, high, slope, q = -math.inf, math.inf, 0.0, self._quantum
+        if q == 0.0:
+            slope = x - past[0] if past else 0.0
+            past[:] = [x]
+            return slope / self._period
+        for n, before in enumerate(past, 1):
+            s = (x - before) / n
+            if not low <= s <= high:
+                break
+            slope = s
+            # slopes of lines through x that pass this sample within the margin
+            margin = q / n
+            if s - margin > low:
+                low = s - margin
+            if s + margin < high:
+                high = s + margin
+        past.insert(0, x)
+        del past[LONGEST_WINDOW:]
+        return slope / self._period
+
+
+class Motion:
+    """G_control: how far the hand has carried its traps, Δtrap = motion_gain·A·Δhand, while it holds them.
+
+    `carried` is where the force is evaluated; `commanded` lags behind it by the motion low-pass and is what the
+    simulation is told. In absolute mode the traps follow the place of the hand from where it took hold.
+    """
+
+    __slots__ = ("_absolute", "_axes", "_filter", "_hand", "_last", "_limit", "_map", "_origin", "carried", "commanded")
+
+    def __init__(self, config: HandConfig) -> None:
+        chain = config.chain
+        self._axes = config.axis_map
+        self._map = self._scaled(config.motion_gain)
+        self._absolute = config.absolute
+        self._limit = chain.trap_speed / chain.rate
+        low_pass = chain.motion_filter
+        self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and low_pass.alpha < 1.0 else None
+        self._hand: Vec3 | None = None
+        self._last: Vec3 = (0.0, 0.0, 0.0)
+        self._origin: Vec3 = (0.0, 0.0, 0.0)
+        self.carried: Vec3 = (0.0, 0.0, 0.0)
+        self.commanded: Vec3 = (0.0, 0.0, 0.0)
+
+    def _scaled(self, gain: float) -> tuple[float, ...]:
+        return tuple(gain * entry for row in self._axes for entry in row)
+
+    def set_gain(self, gain: float) -> None:
+        """Another motion gain [µm/m] from the next motion on; what was carried so far stays where it is."""
+        if self._absolute and self._hand is not None:
+            # the place for where the hand is now belongs to it under both gains
+            self._origin = self._place(*self._last)
+            self._hand = self._last
+        self._map = self._scaled(gain)
+
+    def reset(self) -> None:
+        """Take hold anew: nothing carried yet."""
+        self._hand = None
+        self._origin = self.carried = self.commanded = (0.0, 0.0, 0.0)
+        if self._filter:
+            self._filter.value = (0.0, 0.0, 0.0)
+
+    def step(self, x: float, y: float, z: float, holds: bool) -> Vec3:
+        """Carry the traps to where the hand at x, y, z [m] takes them, if it holds them; returns `carried` [µm]."""
+        if self._hand is None:
+            self._hand = (x, y, z)
+        if self._absolute:
+            self._last = (x, y, z)
+            if holds:
+                self.carried = self._place(x, y, z)
+        else:
+            if holds:
+                p, q, r = self._slowed(*self._moved(x, y, z))
+                u, v, w = self.carried
+                self.carried = (u + p, v + q, w + r)
+            self._hand = (x, y, z)
+        self.commanded = self._filter.step(*self.carried) if self._filter else self.carried
+        return self.carried
+
+    def _moved(self, x: float, y: float, z: float) -> Vec3:
+        """What the way from `_hand` to x, y, z [m] is to the traps [µm]."""
+        u, v, w = self._hand or (x, y, z)
+        u, v, w = x - u, y - v, z - w
+        a, b, c, d, e, f, g, h, i = self._map
+        return a * u + b * v + c * w, d * u + e * v + f * w, g * u + h * v + i * w
+
+    def _place(self, x: float, y: float, z: float) -> Vec3:
+        """Where absolute motion puts the traps for a hand at x, y, z [m]."""
+        p, q, r = self._moved(x, y, z)
+        u, v, w = self._origin
+        return u + p, v + q, w + r
+
+    def _slowed(self, p: float, q: float, r: float) -> Vec3:
+        """A step [µm] no longer than the traps' speed limit allows."""
+        length = self._limit
+        if length < math.inf:
+            step = math.sqrt(p * p + q * q + r * r)
+            if step > length:
+                k = length / step
+                return k * p, k * q, k * r
+        return p, q, r

@@ -1,0 +1,186 @@
+"""The public release's haptic chain as it is, for comparison: filtered per message, from a distance alone, unclamped.
+
+On every message of the trap and on every message of the robot, with d their distance and n the direction from trap to
+robot: F ← F + α(f(d)·n − D·Δd/Δt·n − F), force on the hand = G_hand·F. Nothing happens before both were heard of, nor
+at d = 0. Nothing limits the force, and it is held for ever when messages stop. The device node subtracts its damping
+times the hand's velocity, when a force arrives.
+
+With D > 0 the release's damping term pulls less when the distance grows, which feeds motion away from the robot rather
+than damping it; it ships D = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from otwarp.errors import InputError
+from otwarp.haptics.core.config import ChainConfig, HandConfig
+from otwarp.haptics.core.filters import LowPass, VectorFilter
+from otwarp.haptics.core.types import ZERO, SceneNow, TrapLaw, Vec3
+from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
+
+RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, constant=-1568.0, cutoff=0.10)
+"""Eq. 1 with the release's constants, in its raw force units and scene units."""
+
+RELEASE_GAIN = 0.0022
+"""G_hand as the release ships it [N per raw unit]; the paper's range is 0.0022 to 0.0030."""
+
+RELEASE_ALPHA = 0.05
+"""α of both of the release's filters, per message."""
+
+RELEASE_RATE = 60.0
+"""Rate of each of the simulator's topics [Hz]; the force filter runs on two of them."""
+
+TOUCHING = 1e-9
+"""Distance at which the release gives no force a direction, and sends none [scene units]."""
+
+
+def curve_of(law: TrapLaw, power: float = 1.0) -> Callable[[float], float]:
+    """Pull [pN, or the release's raw units] of eq. 1 at a distance [µm, or its scene units], for a power [mW]."""
+
+    def _pull(distance: float) -> float:
+        if distance < law.threshold:
+            return power * law.stiffness * distance
+        if distance < law.cutoff:
+            return power * (law.inverse_square / distance**2 + law.constant)
+        return 0.0
+
+    return _pull
+
+
+class PaperForce:
+    """The release's force node: messages in, a force out with each of them.
+
+    Args:
+        pull: f(d) in raw units.
+        gain: G_hand [N per raw unit].
+        alpha: α_f per message.
+        distance_damping: D.
+
+    Attributes:
+        gain: As given; a change counts from the next message on.
+        force: Last force sent, in the scene's axes [N].
+    """
+
+    __slots__ = ("_damping", "_filter", "_last", "_robot", "_trap", "force", "gain", "pull")
+
+    def __init__(
+        self,
+        pull: Callable[[float], float] | None = None,
+        *,
+        gain: float = RELEASE_GAIN,
+        alpha: float = RELEASE_ALPHA,
+        distance_damping: float = 0.0,
+    ) -> None:
+        self.pull = pull or curve_of(RELEASE_LAW)
+        self.gain, self._damping = gain, distance_damping
+        self._filter = VectorFilter(alpha)
+        self._trap: Vec3 | None = None
+        self._robot: Vec3 | None = None
+        self._last: tuple[float, float] | None = None
+        self.force: Vec3 = ZERO
+
+    def trap_message(self, position: Vec3, time: float) -> Vec3:
+        """The trap is here, at this time of the node's clock [s]; returns `force`."""
+        self._trap = position
+        return self._publish(time)
+
+    def robot_message(self, position: Vec3, time: float) -> Vec3:
+        """The robot is here; as `trap_message`."""
+        self._robot = position
+        return self._publish(time)
+
+    def _publish(self, time: float) -> Vec3:
+        if self._trap is None or self._robot is None:
+            return self.force
+        x, y, z = (a - b for a, b in zip(self._robot, self._trap, strict=True))
+        distance = math.sqrt(x * x + y * y + z * z)
+        if distance <= TOUCHING:
+            return self.force
+        raw = self.pull(distance)
+        if self._last is not None and time > self._last[1]:
+            raw -= self._damping * (distance - self._last[0]) / (time - self._last[1])
+        self._last = (distance, time)
+        k = raw / distance
+        fx, fy, fz = self._filter.step(k * x, k * y, k * z)
+        self.force = (self.gain * fx, self.gain * fy, self.gain * fz)
+        return self.force
+
+
+class PaperTwist:
+    """The release's smoothing of the hand's velocity, once per message of the device: what its simulator integrates."""
+
+    __slots__ = ("_filter",)
+
+    def __init__(self, alpha: float = RELEASE_ALPHA) -> None:
+        self._filter = VectorFilter(alpha)
+
+    def message(self, velocity: Vec3) -> Vec3:
+        """Smoothed velocity, in the units of the one given."""
+        return self._filter.step(*velocity)
+
+
+class PaperRenderer:
+    """The release's force node fed from published states, one trap and one sphere per hand.
+
+    Its trap is the hand's first, its robot the sphere that was nearest to it when the hand took hold. The release knows
+    the distance alone: of a law with two curves it takes the one across the beam, for whatever direction.
+
+    Args:
+        config: Of the hand.
+        model: Holds the trap's laws, which must be authored curves.
+
+    Raises:
+        InputError: A hand without a trap, or a trap whose force is a table.
+    """
+
+    def __init__(self, config: HandConfig, model: ForceModel) -> None:
+        choices = model.laws.get(config.traps[0], ()) if isinstance(model, LocalModel) and config.traps else ()
+        curves = [_curve(law) for law in choices]
+        if not curves or None in curves:
+            allowed = "a first trap with a force curve"
+            raise InputError(f"chain.mode is 'paper' with traps {config.traps}; allowed: {allowed}")
+        self._curves = [curve for curve in curves if curve is not None]
+        self._kinds = model.kinds if isinstance(model, LocalModel) else ()
+        self._hand, self._gain = config, config.force_gain
+        self._node = self._restarted()
+        self._robot = -1
+
+    def _restarted(self) -> PaperForce:
+        chain: ChainConfig = self._hand.chain
+        # per message, whatever the rate of messages: that is the point of this mode
+        alpha = (chain.force_filter or LowPass(alpha=RELEASE_ALPHA, rate=2.0 * RELEASE_RATE)).alpha
+        return PaperForce(gain=self._gain, alpha=alpha, distance_damping=chain.distance_damping)
+
+    def set_gain(self, gain: float) -> None:
+        """Another G_hand [N per raw unit], from the next message on."""
+        self._gain = self._node.gain = gain
+
+    def reset(self) -> None:
+        """Take hold anew."""
+        self._node, self._robot = self._restarted(), -1
+
+    def state(self, scene: SceneNow, time: float) -> Vec3:
+        """Both messages of a published state; force in the scene's axes [N]."""
+        trap = next((t for t in scene.traps if t.index == self._hand.traps[0]), None)
+        if trap is None or not scene.spheres:
+            return self._node.force
+        if not 0 <= self._robot < len(scene.spheres):
+            gaps = [math.dist(sphere.position, trap.position) for sphere in scene.spheres]
+            self._robot = gaps.index(min(gaps))
+        kind = self._kinds[self._robot] if self._kinds else 0
+        self._node.pull = curve_of(self._curves[kind], trap.power)
+        robot = scene.spheres[self._robot].position
+        if self._hand.chain.messages_per_state == 1:
+            self._node._trap = trap.position
+        else:
+            self._node.trap_message(trap.position, time)
+        return self._node.robot_message(robot, time)
+
+
+def _curve(law: Law) -> TrapLaw | None:
+    """The law's force as a function of distance, None for one that is none."""
+    if isinstance(law, SplitLaw):
+        return law.radial
+    return law.curve if isinstance(law, IsotropicLaw) else None

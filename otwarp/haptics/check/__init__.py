@@ -1,0 +1,1 @@
+"""What `otwarp haptics check` measures: costs, latency, jitter, Z-width."""

@@ -1,0 +1,193 @@
+"""What a machine can do for a hand: devices, what the system grants, punctuality, latency, cost, Z-width."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.haptics.check.costs import STEPS, Cost, chain_costs, mailbox_costs
+from otwarp.haptics.check.jitter import FASTEST, LONGEST, Jitter, measure_jitter
+from otwarp.haptics.check.latency import SHORTEST, VIRTUAL, Latency, measure_latency
+from otwarp.haptics.check.width import Limit, Width, limits, widths
+from otwarp.haptics.core.platform import Grant
+from otwarp.haptics.devices import KINDS, Kind, parse_devices
+
+BUSY = 2
+"""Processes that compute beside the loop in its loaded measurement."""
+
+Progress = Callable[[str], None]
+
+ADVICE = {
+    "SCHED_FIFO": "in /etc/security/limits.d/95-otwarp.conf: `@realtime - rtprio 95`, yourself in the group realtime, "
+    "and a new login; in a container: --ulimit rtprio=95",
+    "nice": "in /etc/security/limits.d/95-otwarp.conf: `@realtime - rtprio 95` and `@realtime - nice -20`, yourself in "
+    "the group realtime, and a new login; in a container: --cap-add=SYS_NICE, or --ulimit rtprio=95",
+    "locked memory": "in /etc/security/limits.d/95-otwarp.conf: `@realtime - memlock unlimited`, yourself in the group "
+    "realtime, and a new login; in a container: --ulimit memlock=-1",
+    "timer slack": "nothing: the system has no call for it, or forbids it",
+    "affinity": "name a core that this process may use",
+    "priority class": "start it as administrator",
+    "timer period": "nothing is known to help",
+}
+"""What a user can do about a grant that was refused, by `Grant.what`."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevices:
+    """What there is of one kind of device.
+
+    Attributes:
+        kind: Row of `KINDS`.
+        software: Whether it is made by software, and so always there.
+        found: A line for each that is there; it begins with what to type after `--left`.
+        trouble: Why none could be looked for, or "".
+    """
+
+    kind: str
+    software: bool
+    found: tuple[str, ...]
+    trouble: str
+
+
+def find_all_devices(kinds: Mapping[str, Kind] = KINDS, progress: Progress = lambda line: None) -> list[FoundDevices]:
+    """Ask every kind of device what is there.
+
+    A package or library that is absent is no error here: it is what the user wants to know.
+    """
+    found = []
+    for name, kind in kinds.items():
+        progress(f"looking for {name}")
+        look = None
+        try:
+            look = getattr(import_module(kind.home.split(":")[0]), "find_devices", None)
+            lines = tuple(look()) if look is not None else ()
+            found.append(FoundDevices(name, look is None, lines, ""))
+        except InputError as error:
+            found.append(FoundDevices(name, False, (), str(error)))
+        except Exception as error:  # whatever a driver's library raises, the other kinds are still of interest
+            found.append(FoundDevices(name, False, (), f"{type(error).__name__}: {error}"))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Advised:
+    """A grant, and what can be done where it was refused."""
+
+    grant: Grant
+    advice: str
+
+
+def advised(grants: tuple[Grant, ...]) -> list[Advised]:
+    """Grants with advice: a nice value in place of SCHED_FIFO is half a grant and gets it too."""
+    return [Advised(g, "" if g.granted and g.what != "nice" else ADVICE.get(g.what, "")) for g in grants]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """All that was found.
+
+    Attributes:
+        system: Operating system, release, machine, Python, and whether the kernel is a real-time one.
+        devices: By kind.
+        grants: What the system gave to a servo.
+        jitter: Of an empty loop: idle, and beside `BUSY` processes.
+        latency: In the servo process; None where it could not be measured, see `trouble`.
+        costs: Of steps and mailboxes.
+        widths: Z-width.
+        limits: What bounds what is felt.
+        trouble: What could not be measured, and why.
+        scene: What a scene costs, if one was given; see the command.
+        page: How long a state takes to the page, if it was measured; see the command.
+    """
+
+    system: str
+    devices: list[FoundDevices]
+    grants: list[Advised]
+    jitter: list[Jitter]
+    latency: Latency | None
+    costs: list[Cost]
+    widths: list[Width]
+    limits: list[Limit]
+    trouble: list[str]
+    scene: dict[str, Any] | None = None
+    page: dict[str, Any] | None = None
+
+    def json(self) -> dict[str, Any]:
+        """For a program; times in seconds."""
+        return asdict(self)
+
+
+def system_text() -> str:
+    """Operating system and Python in a line."""
+    kernel = platform.uname()
+    realtime = ", real-time kernel" if "PREEMPT_RT" in kernel.version else ""
+    return f"{kernel.system} {kernel.release} {kernel.machine}{realtime}, Python {platform.python_version()}"
+
+
+def check_numbers(seconds: float, rate: float) -> None:
+    """See that `run_check` can use its numbers.
+
+    Raises:
+        InputError: One is out of range.
+    """
+    if not 1.0 <= rate <= FASTEST:
+        raise InputError(f"rate = {rate!r}: must be from 1 to {FASTEST:g} Hz")
+    low = max(SHORTEST, 1.0 / rate)
+    if not low <= seconds <= LONGEST:
+        raise InputError(f"seconds = {seconds!r}: must be from {low:g} to {LONGEST:g} s")
+
+
+def run_check(
+    seconds: float = 3.0,
+    *,
+    device: str = VIRTUAL,
+    rate: float = 1000.0,
+    width: bool = True,
+    steps: int = STEPS,
+    progress: Progress = lambda line: None,
+) -> Check:
+    """Look for devices and measure; takes four times `seconds`, and some 15 s for the Z-width.
+
+    Args:
+        seconds: Length of each measurement with a clock [s].
+        device: For the latency; it is read and written, and armed only if it is virtual.
+        rate: Of the servo [Hz].
+        width: Whether to compute the table of Z-widths, which is the same on every machine.
+        steps: Steps that are timed for each cost.
+        progress: Called with a line before each part.
+
+    Raises:
+        InputError: A number out of range, or a `device` that is not there.
+    """
+    check_numbers(seconds, rate)  # what is bad is told before anything is looked for or measured
+    parse_devices([device])
+    progress(f"latency in the servo process, {device}")  # first: a device that is not there is told at once
+    latency, trouble = None, []
+    try:
+        latency = measure_latency(seconds, device=device, rate=rate)
+    except InputError as error:
+        if device != VIRTUAL:
+            raise
+        trouble.append(f"latency: {error}")
+    devices = find_all_devices(progress=progress)
+    progress("loop jitter, idle")
+    idle = measure_jitter(seconds, rate)
+    progress(f"loop jitter, beside {BUSY} busy processes")
+    loaded = measure_jitter(seconds, rate, busy=BUSY)
+    progress("cost of a step and of the mailboxes")
+    costs = [*chain_costs(steps), *mailbox_costs(steps)]
+    return Check(
+        system=system_text(),
+        devices=devices,
+        grants=advised(idle.grants),
+        jitter=[idle, loaded],
+        latency=latency,
+        costs=costs,
+        widths=list(widths(progress)) if width else [],
+        limits=list(limits()),
+        trouble=trouble,
+    )

@@ -1,0 +1,173 @@
+"""How long a force takes, in the real servo process: from a sample of the hand, and from a state of the simulation.
+
+The chain of that process keeps the times itself and writes them down when it has enough: nothing stands in the loop
+that would not be there otherwise, but a look at the clock.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from array import array
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from otwarp.errors import InputError
+from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.chain.hands import within
+from otwarp.haptics.check.jitter import LONGEST, Spread
+from otwarp.haptics.core.config import HandConfig
+from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.force.law import IsotropicLaw, local_model
+from otwarp.haptics.servo.process import HandSetup, ServoProcess
+
+SHORTEST = 0.05
+"""Seconds of a measurement of latency: less has too few states."""
+
+STATE_RATE = 120.0
+"""States of the simulation per second, as the live loop publishes them."""
+
+SPHERES, TRAPS, POWER = 10, 3, 20.0
+"""Of the scene that is rendered: two robots of five elements, three traps of one hand, 20 mW each."""
+
+CURVE = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
+"""Per mW; its values do not matter for times."""
+
+VIRTUAL = "virtual:circle,radius=0.003,period=1"
+"""The hand of the measurement: within reach of the curve all the time."""
+
+SETTLING = 100
+"""First cycles that do not count: pages are touched and caches filled in them."""
+
+DEADLINE = 10.0
+"""Seconds that the servo may take longer than the measurement lasts."""
+
+
+def check_scene(beat: int, now: float, *, spheres: int = SPHERES, traps: int = TRAPS) -> SceneNow:
+    """A state with all spheres within reach of all traps, published at `now` [s]."""
+    balls = tuple(SphereNow((0.1 * i, 0.0, 0.0), i // 5) for i in range(spheres))
+    foci = tuple(TrapNow(i, (0.05 * i, 0.1, 0.0), POWER) for i in range(traps))
+    return SceneNow(beat, now, balls, foci)
+
+
+def check_hand() -> HandConfig:
+    """The hand of the measurements: the Touch's preset with `TRAPS` traps."""
+    return HandConfig(traps=tuple(range(TRAPS)), chain=TOUCH_CHAIN, safety=TOUCH_SAFETY)
+
+
+class TimedChain(Chain):
+    """A chain that keeps how late its force is, and writes it to a file once.
+
+    Args:
+        file: Takes `{"sample": [...], "state": [...], "fresh": n, "cycles": n}` in seconds.
+        cycles: After how many, the first `SETTLING` not counted.
+        config, info: Of the hand and the device.
+    """
+
+    def __init__(self, file: str, cycles: int, config: HandConfig, info: DeviceInfo):
+        config = replace(config, safety=within(config.safety, info))
+        super().__init__(config, local_model(config, {i: (IsotropicLaw(CURVE),) for i in config.traps}))
+        self._file, self._cycles = file, cycles
+        self._samples, self._states = array("d"), array("d")
+        self._steps = self._fresh = 0
+        self._seen = 0
+
+    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+        """See `Chain.step`."""
+        state = super().step(sample, scene)
+        now = time.perf_counter()
+        self._steps += 1
+        if SETTLING < self._steps <= SETTLING + self._cycles:
+            self._samples.append(now - sample.time)
+            self._fresh += sample.fresh
+            if scene.beat != self._seen:
+                self._states.append(now - scene.time)
+        elif self._steps == SETTLING + self._cycles + 1:
+            self._tell()
+        self._seen = scene.beat
+        return state
+
+    def _tell(self) -> None:
+        found = {"sample": list(self._samples), "state": list(self._states)}
+        part = Path(self._file + ".part")
+        part.write_text(json.dumps(found | {"fresh": self._fresh, "cycles": len(self._samples)}))
+        part.rename(self._file)
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """Times in the servo process.
+
+    Attributes:
+        device: That was read and written.
+        cycles: Measured.
+        sample: From the time of a sample, of a virtual device the start of its cycle, to the force for it [s].
+        state: From a state of the simulation, just before it is published, to the first force that knows it [s]. Up to
+            a servo period of it is waiting for the next cycle.
+        late: Deadlines that were dropped.
+        fresh: Part of the cycles in which the device had a new word [1].
+        armed: Whether the hand was armed, as only a virtual one is.
+    """
+
+    device: str
+    cycles: int
+    sample: Spread
+    state: Spread
+    late: int
+    fresh: float
+    armed: bool
+
+
+def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float = 1000.0) -> Latency:
+    """Run the servo for a moment and say how late its forces are.
+
+    Args:
+        seconds: How long [s], 0.05 to 3600.
+        device: See `otwarp.haptics.devices`. A device other than a virtual one is read and told zero force: its hand is
+            not armed.
+        rate: Cycles per second [Hz].
+
+    Raises:
+        InputError: A number out of range, a device that is not there or went away, or a servo that ended.
+    """
+    if not SHORTEST <= seconds <= LONGEST:
+        raise InputError(f"seconds = {seconds!r}: must be from {SHORTEST:g} to {LONGEST:g}")
+    armed = device.partition(":")[0].strip() == "virtual"
+    cycles = round(seconds * rate)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "times.json"
+        hand = HandSetup(device, partial(TimedChain, str(file), cycles, check_hand()))
+        with ServoProcess([hand], spheres=SPHERES, traps=TRAPS, rate=rate) as servo:
+            late = _feed(servo, file, seconds, armed)
+        found = json.loads(file.read_text())
+    return Latency(
+        device=device,
+        cycles=found["cycles"],
+        sample=Spread.of(found["sample"]),
+        state=Spread.of(found["state"]),
+        late=late,
+        fresh=found["fresh"] / found["cycles"],
+        armed=armed,
+    )
+
+
+def _feed(servo: ServoProcess, file: Path, seconds: float, armed: bool) -> int:
+    """Publish states until the times are there; deadlines that the servo dropped meanwhile."""
+    begun, beat = time.perf_counter(), 0
+    first = servo.status()
+    while not file.exists():
+        beat += 1
+        servo.publish(check_scene(beat, time.perf_counter()))
+        if armed and beat == 10:
+            servo.arm()
+        status = servo.status()
+        if status is not None and not status.hands[0].present:
+            raise InputError(status.hands[0].message or "the device went away")
+        if not servo.alive or time.perf_counter() - begun > seconds + DEADLINE:
+            raise InputError("servo: it ended, or told no times, before the measurement was over")
+        time.sleep(1.0 / STATE_RATE)
+    last = servo.status()
+    return (last.late if last else 0) - (first.late if first else 0)

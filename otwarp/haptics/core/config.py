@@ -1,0 +1,219 @@
+"""Configuration of the haptic chain: every number that shapes a force, typed, with its range, and stored with a take.
+
+Device side in SI units, scene side in µm and pN; the two gains carry the units across.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from otwarp.errors import InputError
+from otwarp.haptics.core.fields import Matrix, check_fields, from_dict, number, to_dict
+from otwarp.haptics.core.filters import RATES, LowPass
+
+__all__ = [
+    "FACING_USER",
+    "IDENTITY",
+    "ChainConfig",
+    "CouplingConfig",
+    "HandConfig",
+    "HapticsConfig",
+    "LowPass",
+    "PassivityConfig",
+    "SafetyConfig",
+    "from_dict",
+    "to_dict",
+]
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+FACING_USER: Matrix = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+"""Device axes x right, y up, z towards the user (OpenHaptics) to the scene's x right, y away, z up along the beam."""
+
+ORTHOGONAL = 1e-6
+"""Largest entry of A·Aᵀ − 1 that still counts as a rotation: a matrix typed with seven digits passes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CouplingConfig:
+    """Virtual coupling: a spring and a damper in series between the hand and the traps.
+
+    Attributes:
+        stiffness: The largest that the hand can feel at rest [N/m].
+        damping: Of the coupling [N·s/m]; bounds the stiffness felt at high frequency to damping/T.
+    """
+
+    stiffness: float = number(500.0, 0.0, 1e6, "N/m", open_low=True)
+    damping: float = number(2.0, 0.0, 1e3, "N·s/m", open_low=True)
+
+    def __post_init__(self) -> None:
+        check_fields(self, "coupling")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassivityConfig:
+    """Time-domain passivity control, see `otwarp.haptics.chain.passivity`.
+
+    Attributes:
+        reserve: Energy that the chain may give before it must have taken any [J]; the ε of its passivity.
+        capacity: Most energy that is remembered as taken [J]; more is forgotten, on the safe side.
+        share: Part of the energy at hand that one servo period may give back; below 1 the end of it is approached
+            smoothly.
+        damping_limit: Largest damping used to win back energy [N·s/m]. A sampled damper acts on the velocity of the
+            last period and so destabilizes a mass m from 2m/T on; default: a tenth of that for 0.15 kg at 1 kHz.
+    """
+
+    reserve: float = number(1e-4, 0.0, 1.0, "J")
+    capacity: float = number(0.2, 0.0, 10.0, "J", open_low=True)
+    share: float = number(0.25, 0.0, 1.0, "", open_low=True)
+    damping_limit: float = number(30.0, 0.0, 1e3, "N·s/m")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "passivity")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainConfig:
+    """From the hand's motion to the force that safety is handed.
+
+    Attributes:
+        rate: Servo rate [Hz].
+        mode: `stable`, ours: the force is computed each period from the fresh hand position. `paper`: the public
+            release's, filtered per message.
+        motion_filter: Of the motion that the traps are commanded; the force does not wait for it. None filters nothing.
+        force_filter: Of the force; it delays, so that b/τ bounds the stiffness that passivity control need not touch.
+        pose_filter: Of the sphere positions, which arrive at the simulation's rate, not the servo's.
+        pose_prediction: Whether spheres follow the hand between two published states as they did before, see
+            `law.LocalModel`;
+            stable mode only, for the release does not.
+        damping: Virtual damping of the hand [N·s/m]; in paper mode that of the release's device node.
+        distance_damping: The release's D [raw force·s/µm], paper mode only; it ships 0.
+        coupling: Virtual coupling, or None.
+        passivity: Passivity control, or None.
+        quantum: Resolution of the device's position, the noise margin of the velocity estimate [m]; 0 for none.
+        trap_speed: Fastest that a hand moves its traps [µm/s], inf for no limit.
+        messages_per_state: Force-filter updates that one published state makes in paper mode: the release filters on
+            the trap's message and again on the robot's.
+    """
+
+    rate: float = number(1000.0, 100.0, RATES[1], "Hz")
+    mode: Literal["stable", "paper"] = "stable"
+    motion_filter: LowPass | None = None
+    force_filter: LowPass | None = None
+    pose_filter: LowPass | None = None
+    pose_prediction: bool = False
+    damping: float = number(0.0, 0.0, 100.0, "N·s/m")
+    distance_damping: float = number(0.0, 0.0, 1e6, "pN·s/µm")
+    coupling: CouplingConfig | None = None
+    passivity: PassivityConfig | None = PassivityConfig()
+    quantum: float = number(0.0, 0.0, 1e-2, "m")
+    trap_speed: float = number(math.inf, 0.0, math.inf, "µm/s", open_low=True)
+    messages_per_state: int = number(2, 1, 2, "")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "chain")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyConfig:
+    """What stands between the chain and the motors.
+
+    Attributes:
+        ramp_time: Time from armed to full force [s].
+        slew: Fastest change of the force [N/s].
+        clamp: Largest force [N].
+        continuous_force: Root mean square force that the motors bear for ever [N].
+        thermal_time: Time constant over which the mean is taken [s].
+        decay_after: Age of the newest state, or of the device's newest word, at which the force begins to fall [s].
+        disarm_after: Age at which it is zero and the hand disarmed [s].
+        dead_man: Whether force and motion need button 0 held.
+
+    Raises:
+        InputError: A value out of range, or a slew limit too low to reach zero between the two ages.
+    """
+
+    ramp_time: float = number(0.5, 0.0, 10.0, "s")
+    slew: float = number(1000.0, 0.0, 1e6, "N/s", open_low=True)
+    clamp: float = number(3.3, 0.0, 100.0, "N")
+    continuous_force: float = number(0.88, 0.0, 100.0, "N")
+    thermal_time: float = number(10.0, 0.01, 1e4, "s")
+    decay_after: float = number(0.020, 0.001, 1.0, "s")
+    disarm_after: float = number(0.100, 0.002, 2.0, "s")
+    dead_man: bool = False
+
+    def __post_init__(self) -> None:
+        check_fields(self, "safety")
+        if self.disarm_after <= self.decay_after:
+            allowed = f"above decay_after, {self.decay_after:g} s"
+            raise InputError(f"safety.disarm_after is {self.disarm_after!r}; allowed: {allowed}")
+        least = 2.0 * self.clamp / (self.disarm_after - self.decay_after)
+        if self.slew < least:
+            raise InputError(
+                f"safety.slew is {self.slew!r}; allowed: {least:g} N/s or more, to reach zero before it disarms"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandConfig:
+    """One hand: what it moves, how far, and how hard it is pushed.
+
+    Attributes:
+        name: `left` or `right`.
+        traps: Indices of the traps it moves.
+        motion_gain: Of the paper's G_control [µm of trap per m of hand].
+        force_gain: Of the paper's G_hand [N on the hand per pN in the scene].
+        axis_map: A, (3, 3) rows: scene = A·device. A rotation or a signed permutation.
+        clutch: Whether button 1 lets go of the traps while it is held.
+        absolute: Whether a trap follows the place of the hand, measured from where it was when it took hold, instead of
+            adding up its motions. Letting go of the clutch then brings the traps to the hand at once, and the traps'
+            speed limit is left to the simulation.
+        chain, safety: Their own.
+    """
+
+    name: Literal["left", "right"] = "right"
+    traps: tuple[int, ...] = ()
+    motion_gain: float = number(100.0, 0.0, 1e9, "µm/m", open_low=True)
+    force_gain: float = number(0.05, 0.0, 1e6, "N/pN")
+    axis_map: Matrix = FACING_USER
+    clutch: bool = True
+    absolute: bool = False
+    chain: ChainConfig = ChainConfig()
+    safety: SafetyConfig = SafetyConfig()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "hand")
+        check_orthogonal(self.axis_map)
+        if len(set(self.traps)) != len(self.traps):
+            raise InputError(f"hand.traps is {self.traps!r}; allowed: each trap once")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HapticsConfig:
+    """All hands of a session; no trap is in two of them.
+
+    Raises:
+        InputError: Two hands of one name, or a trap in two hands.
+    """
+
+    hands: tuple[HandConfig, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "haptics")
+        names = [hand.name for hand in self.hands]
+        if len(set(names)) != len(names):
+            raise InputError(f"haptics.hands is {', '.join(names)}; allowed: each hand once")
+        traps = [trap for hand in self.hands for trap in hand.traps]
+        twice = sorted({trap for trap in traps if traps.count(trap) > 1})
+        if twice:
+            raise InputError(f"haptics.hands has trap {twice[0]} in two hands; allowed: each trap in one")
+
+
+def check_orthogonal(a: Matrix) -> None:
+    """Refuse an axis map that would stretch or shear."""
+    for i in range(3):
+        for j in range(3):
+            product = sum(a[i][k] * a[j][k] for k in range(3))
+            if not abs(product - (i == j)) <= ORTHOGONAL:
+                raise InputError(f"hand.axis_map is {a!r}; allowed: a rotation or a signed permutation")

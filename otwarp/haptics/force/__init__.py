@@ -1,0 +1,1 @@
+"""The force of traps on spheres in plain floats."""

@@ -1,0 +1,1 @@
+"""Recordings on disk: the MCAP container and the messages in it."""

@@ -1,0 +1,1 @@
+"""The loop that runs the chains at a fixed rate, and the process that it lives in."""

@@ -1,0 +1,130 @@
+"""The process of the servo.
+
+It is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and with it
+whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order, by a
+signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well); in
+each case the chains let go, every device is told zero force, and only then it ends.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import signal
+import struct
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from otwarp.errors import InputError
+from otwarp.haptics.chain.rendering import ChainLike
+from otwarp.haptics.core.clock import RealClock
+from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.core.platform import parent_is_gone, request_realtime
+from otwarp.haptics.core.ring import Ring
+from otwarp.haptics.core.types import DeviceInfo
+from otwarp.haptics.devices import DeviceSpec, create_device
+from otwarp.haptics.servo.link import HandStatus, OrdersLayout, ServoStatus, StartLayout, StatusLayout
+from otwarp.haptics.servo.servo import Hand, Servo
+
+SWITCH = 2e-4
+"""Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
+ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+"""Signals that end a servo in order: a closed terminal and Ctrl-\\ reach the whole group of processes."""
+UNHEEDED = ("SIGINT", "SIGTSTP", "SIGTTIN", "SIGTTOU")
+"""Signals that a servo does not heed. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
+parent alone, for a servo that stood still would leave the last force on, with nobody there to take it back."""
+LENGTH = struct.Struct("!Q")
+"""Goes before the pickled order in the pipe."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """All that the process must know, see `process.ServoProcess`."""
+
+    specs: tuple[DeviceSpec, ...]
+    chains: tuple[Callable[[DeviceInfo], ChainLike], ...]
+    names: dict[str, Any]
+    spheres: int
+    traps: int
+    rate: float
+    spin: float
+    realtime: bool
+    cpu: int | None
+
+
+def child() -> None:
+    """What the child does: take its order from stdin, run the servo, end with its devices at zero force."""
+    pipe = sys.stdin.buffer
+    size = pipe.read(LENGTH.size)
+    if len(size) < LENGTH.size:
+        return  # the parent died before it had said anything
+    order: Order = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
+    ended = threading.Event()
+    threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
+    _heed_signals(ended)
+    # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
+    os._exit(_serve(order, ended.is_set))
+
+
+def _heed_signals(ended: threading.Event) -> None:
+    """No signal that a terminal sends ends this process, or stops it, with a force on; systems lack some of them."""
+    for name in ENDING:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    for name in UNHEEDED:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def _serve(order: Order, ended: Callable[[], bool]) -> int:
+    """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
+    n, names = len(order.specs), order.names
+    status = Mailbox.attach(StatusLayout(n), names["status"])
+    try:
+        orders = Mailbox.attach(OrdersLayout(n), names["orders"])
+        scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
+        start = StartLayout(order.spheres, order.traps)
+        hands = [
+            Hand(
+                create_device(spec),
+                chain,
+                Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
+                beside=True,
+                ring=Ring.attach(names["rings"][i]),
+                starts=Mailbox.attach(start, names["starts"][i]),
+            )
+            for i, (spec, chain) in enumerate(zip(order.specs, order.chains, strict=True))
+        ]
+        gone = parent_is_gone()
+        grants = request_realtime(cpu=order.cpu) if order.realtime else ()
+        told = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
+        # nothing in the loop makes cycles of references, and a collection would take milliseconds
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        sys.setswitchinterval(SWITCH)
+        servo = Servo(
+            RealClock(order.spin),
+            hands,
+            scenes,
+            orders,
+            status,
+            rate=order.rate,
+            orphaned=lambda: ended() or gone(),
+            grants=told,
+        )
+    except InputError as error:
+        status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))
+        return 2
+    try:
+        servo.run()
+    except InputError:  # its last report says it
+        return 2
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0

@@ -1,0 +1,316 @@
+"""The servo in a process of its own, as its parent holds it; `child` is what runs there."""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, BinaryIO
+
+from otwarp.errors import InputError
+from otwarp.haptics.chain.rendering import ChainLike
+from otwarp.haptics.core.gains import checked_gains
+from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout
+from otwarp.haptics.core.ring import CYCLE, SECONDS, Ring
+from otwarp.haptics.core.types import DeviceInfo, HandNow, SceneNow
+from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.servo.child import LENGTH, Order
+from otwarp.haptics.servo.link import Cycles, Orders, OrdersLayout, ServoStatus, Start, StartLayout, StatusLayout
+
+RATES = (10.0, 5000.0)
+START_WITHIN = 60.0
+"""Seconds in which the child must say that it runs; a cold disk and a busy machine take some."""
+STOP_WITHIN = 5.0
+"""Seconds in which it must have ended; then it is killed, and the device's own watchdog has to do the rest."""
+POLL = 0.005
+KEPT = 16384
+"""States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandSetup:
+    """One hand as its parent wants it.
+
+    Attributes:
+        device: Such as `virtual:circle`, see `otwarp.haptics.devices`.
+        chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
+            of one with plain arguments.
+        pointer: Name of the page's mailbox, for `mouse`.
+        name: `left` or `right`; a take that is replayed holds hands by name.
+    """
+
+    device: str
+    chain: Callable[[DeviceInfo], ChainLike]
+    pointer: str | None = None
+    name: str | None = None
+
+
+class ServoProcess:
+    """A servo that runs from `start` to `stop`, or as a context manager; used by one thread.
+
+    Args:
+        hands: One or two.
+        spheres: Most trapped spheres of the scene.
+        traps: Most traps.
+        rate: Cycles per second [Hz].
+        spin: See `clock.RealClock` [s].
+        realtime: Whether to ask the system for punctuality.
+        cpu: Core to stay on, or None.
+
+    Raises:
+        InputError: A device or a number that cannot be.
+    """
+
+    def __init__(
+        self,
+        hands: Sequence[HandSetup],
+        *,
+        spheres: int,
+        traps: int,
+        rate: float = 1000.0,
+        spin: float = 0.0,
+        realtime: bool = True,
+        cpu: int | None = None,
+    ):
+        for name, value, (low, high) in (("rate", rate, RATES), ("spin", spin, (0.0, 1.0 / RATES[0]))):
+            if not low <= value <= high:
+                raise InputError(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+        for hand in hands:
+            if b"__main__" in pickle.dumps(hand.chain):
+                raise InputError(
+                    f"chain = {hand.chain!r}: must be of a module that the servo can import, not of a script"
+                )
+        pointers, hand_names = [hand.pointer for hand in hands], [hand.name for hand in hands]
+        specs = parse_devices([hand.device for hand in hands], pointers, hand_names)
+        for spec in specs:
+            create_device(spec)  # a bad argument is told here, not by a process that ends
+        n = len(specs)
+        layouts = SceneLayout(spheres, traps), HandLayout(traps), OrdersLayout(n), StatusLayout(n)
+        self._scenes = Mailbox.create(layouts[0])
+        self._boxes = [Mailbox.create(layouts[1]) for _ in specs]
+        self._orders_box = Mailbox.create(layouts[2])
+        self._status_box = Mailbox.create(layouts[3])
+        self._rings = [Ring.create(math.ceil(SECONDS * rate)) for _ in specs]
+        self._start_boxes = [Mailbox.create(StartLayout(spheres, traps)) for _ in specs]
+        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
+        self._starts: list[Start | None] = [None] * n
+        self._lost = [0] * n
+        self._takes = 0
+        self._published: deque[SceneNow] = deque(maxlen=KEPT)
+        self._keeping = False
+        self._rest: list[Cycles] = [Cycles()] * n
+        self._status: ServoStatus | None = None
+        self._hands: list[HandNow | None] = [None] * n
+        names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
+        names |= {"hands": [box.name for box in self._boxes], "rings": [ring.name for ring in self._rings]}
+        names |= {"starts": [box.name for box in self._start_boxes]}
+        chains = tuple(hand.chain for hand in hands)
+        self._order = Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._over = False
+
+    @property
+    def names(self) -> dict[str, Any]:
+        """Names of the mailboxes: `scenes`, `orders`, `status`, and lists of them: `hands`, `rings`, `starts`."""
+        return dict(self._order.names)
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the child, once started."""
+        return self._process.pid if self._process else None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the child runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> ServoStatus:
+        """Start the child; returns when all devices are open and the loop runs, disarmed.
+
+        Raises:
+            InputError: A device is not there, or the child ended or said nothing; the line says why.
+        """
+        if self._process is not None or self._over:
+            raise InputError("servo: start may be called once, before stop")
+        message = pickle.dumps(self._order)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        command = [sys.executable, "-c", "from otwarp.haptics.servo.child import child; child()"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        pipe = self._pipe()
+        try:
+            pipe.write(LENGTH.pack(len(message)) + message)
+            pipe.flush()
+        except OSError as error:
+            self.stop()
+            raise InputError(f"servo: its process ended at once ({error})") from None
+        end = time.monotonic() + START_WITHIN
+        while time.monotonic() < end:
+            gone = not self.alive  # asked first: what it said last is in the mailbox by then
+            self.heartbeat()
+            status = self.status()
+            if status is not None and status.state == "running":
+                return status
+            if gone:
+                break
+            time.sleep(POLL)
+        why = status.grants if (status := self.status()) is not None and status.state == "failed" else ""
+        code = self._process.poll()
+        self.stop()
+        raise InputError(why or f"servo: its process {'does not answer' if code is None else f'ended with {code}'}")
+
+    def publish(self, scene: SceneNow) -> None:
+        """Tell the servo a state of the simulation; counts as a heartbeat.
+
+        Raises:
+            InputError: More spheres or traps than it was made for; the servo was stopped.
+        """
+        if not self._over:
+            self._scenes.write(scene)
+            if not self._keeping:
+                self._published.clear()
+            self._published.append(scene)
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        """Say that the parent lives; without it for `servo.PARENT_SILENCE` the hands disarm."""
+        self._tell(self._orders.next())
+
+    def arm(self, hand: int | None = None) -> None:
+        """Allow a hand, or all, to push."""
+        for i in self._which(hand):
+            self._tell(self._orders.next(arm=i))
+
+    def disarm(self, hand: int | None = None) -> None:
+        """Let the force of a hand, or of all, fall to zero."""
+        for i in self._which(hand):
+            self._tell(self._orders.next(disarm=i))
+
+    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """Change gains of a hand in mid-run [µm/m, N/pN]; None leaves one as it is.
+
+        The force follows within the slew limit, traps do not jump, and chains that are made later have them too.
+
+        Raises:
+            InputError: No such hand, or a gain out of the range of `HandConfig`.
+        """
+        self._which(hand)
+        new = checked_gains(motion_gain, force_gain)
+        was = self._orders.gains
+        pair = tuple(old if gain is None else float(gain) for old, gain in zip(was[hand], new, strict=True))
+        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
+
+    def record(self, on: bool) -> None:
+        """Begin a recording of all hands, at any time, or end it; `drain` has what it holds."""
+        if self._over and not on:
+            return
+        if on:
+            for i, ring in enumerate(self._rings):
+                ring.drain()
+                self._starts[i], self._lost[i] = None, ring.lost
+            while len(self._published) > 1:  # the servo may not have read the last one yet
+                self._published.popleft()
+            self._keeping = True
+        self._takes += on
+        self._tell(replace(self._orders.next(), take=self._takes if on else 0))
+
+    def drain(self, hand: int) -> Cycles:
+        """The cycles of a hand since the last call, while a recording runs and after it; never blocks.
+
+        To be called at least every `ring.SECONDS`. After `stop` it has the last ones, once.
+        """
+        self._which(hand)
+        if self._over:
+            rest = self._rest[hand]
+            self._rest[hand] = Cycles(b"", rest.lost, rest.start)
+            return rest
+        new = self._start_boxes[hand].read()
+        if new is not None and new.take == self._takes:
+            self._starts[hand] = new
+        start, ring = self._starts[hand], self._rings[hand]
+        if start is None:
+            return Cycles()  # the records wait for it
+        scenes: tuple[SceneNow, ...] = ()
+        if self._keeping:
+            scenes = tuple(self._published)
+            self._published.clear()
+            self._keeping = self._orders.take > 0
+        records, skip = ring.drain(), 0
+        # what an earlier recording left comes first
+        while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:
+            skip += CYCLE.size
+        return Cycles(records[skip:], ring.lost - self._lost[hand], start, scenes)
+
+    def hand(self, hand: int) -> HandNow | None:
+        """What a hand last published; None before the first, and the last of all after `stop`."""
+        self._which(hand)
+        new = None if self._over else self._boxes[hand].read()
+        if new is not None:
+            self._hands[hand] = new
+        return self._hands[hand]
+
+    def status(self) -> ServoStatus | None:
+        """What the servo last reported; None before the first, and the last of all after `stop`."""
+        new = None if self._over else self._status_box.read()
+        if new is not None:
+            self._status = new
+        return self._status
+
+    def stop(self) -> None:
+        """Let the forces fall, end the child and close the mailboxes; may be called more than once."""
+        if self._over:
+            return
+        process = self._process
+        if process is not None:
+            if process.poll() is None:
+                self._tell(self._orders.next(stop=True))
+                try:
+                    process.wait(STOP_WITHIN)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+            if process.stdin is not None:
+                try:
+                    process.stdin.close()
+                except OSError:  # it ended before it had read its order
+                    process.stdin = None
+            self.status()
+            for i in range(len(self._boxes)):
+                self.hand(i)
+                self._rest[i] = self.drain(i)
+        self._over = True
+        boxes = (self._scenes, self._orders_box, self._status_box, *self._boxes, *self._rings, *self._start_boxes)
+        for box in boxes:
+            box.close()
+
+    def __enter__(self) -> ServoProcess:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _which(self, hand: int | None) -> Sequence[int]:
+        n = len(self._boxes)
+        if hand is None:
+            return range(n)
+        if not 0 <= hand < n:
+            raise InputError(f"hand = {hand!r}: must be from 0 to {n - 1}")
+        return (hand,)
+
+    def _tell(self, orders: Orders) -> None:
+        if self._over:
+            raise InputError("servo: stopped; make another to go on")
+        self._orders = orders
+        self._orders_box.write(orders)
+
+    def _pipe(self) -> BinaryIO:
+        pipe = self._process.stdin if self._process else None
+        if pipe is None:
+            raise InputError("servo: not started")
+        return pipe  # type: ignore[return-value]

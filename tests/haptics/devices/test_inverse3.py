@@ -1,0 +1,521 @@
+"""The Inverse3 against a server that speaks the JSON of the Haply Inverse Service; no hardware, no service of Haply."""
+
+from __future__ import annotations
+
+import builtins
+import copy
+import json
+import math
+import socket
+import threading
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from otwarp.errors import InputError
+from otwarp.haptics.core.clock import VirtualClock
+from otwarp.haptics.core.mailbox import HandLayout, Mailbox
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneNow
+from otwarp.haptics.devices import create_device, inverse3, parse_devices
+from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange
+from otwarp.haptics.devices.inverse3 import MOST_ANSWERS, SERVICE, Inverse3Device, Link, find_devices
+from otwarp.haptics.devices.inverse3_messages import (
+    ABSENT,
+    BadMessage,
+    State,
+    force_command,
+    greeting,
+    read_inventory,
+    read_state,
+)
+from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
+from tests.haptics.haply_service import PATIENCE, HaplyService
+from tests.haptics.servo.test_servo_process import publishing, until
+from tests.haptics.spring import SpringChain
+
+
+def ended(talker) -> None:
+    """Wait for the end of the thread that talks to the device."""
+    talker._thread.join(PATIENCE)
+    assert not talker._thread.is_alive()
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def service():
+    with HaplyService(devices=("049D", "04BA"), grips=("61548", "61549")) as service:
+        yield service
+    assert not inverse3._taken
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("inverse3 ")]
+
+
+@pytest.fixture
+def device(service, clock):
+    device = Inverse3Device(service.address, "049D", name="inverse3:049D", clock=clock)
+    device.open()
+    yield device
+    device.close()
+
+
+def drain(device: Inverse3Device, service: HaplyService) -> None:
+    """Take what is there already; the service must be mute."""
+    service.turns()
+    while device.read(0.0).fresh:
+        pass
+
+
+def test_positions_buttons_and_axes_are_ours(device, service):
+    assert isinstance(device, Device)
+    assert (device.info.kind, device.info.met_hardware) == ("inverse3", False)
+    service.move("049D", 0.01, 0.02, 0.03)  # right, away from the user, up
+    service.move("04BA", 0.5, 0.5, 0.5)
+    service.grips["61548"] |= {"a": True, "c": True}
+    service.grips["61549"] |= {"b": True}
+    service.turns(3)
+    sample = device.read(2.0)
+    assert sample.position == (0.01, 0.03, -0.02)  # right, up, towards the user
+    assert (sample.time, sample.buttons, sample.fresh) == (2.0, 0b101, True)
+
+
+def test_forces_are_theirs(device, service):
+    device.write((0.5, -1.0, 0.25))
+    service.turns(3)
+    assert service.forces["049D"][-1] == (0.5, -0.25, -1.0)
+    assert service.forces["04BA"] == []
+    assert service.forces["049D"][0] == ZERO  # the greeting
+    assert service.greetings == [{"configure": {"basis": {"permutation": "XYZ"}}}]
+
+
+@given(x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0), z=st.floats(-5.0, 5.0))
+def test_a_force_and_a_position_turn_the_same_way(x, y, z):
+    """The work of a force is the same in both frames."""
+    words = json.loads(force_command("A", (x, y, z), "vector"))
+    theirs = words["inverse3"][0]["commands"]["set_cursor_force"]["vector"]
+    frame = {"inverse3": [{"device_id": "A", "state": {"cursor_position": theirs}}]}
+    assert read_state(json.dumps(frame), "A", None) == State(True, (x, y, z), 0)
+
+
+@pytest.mark.parametrize("version", ["3.1", "3.5"])
+def test_a_force_is_called_what_the_version_calls_it(version, clock):
+    with HaplyService(version=version) as service:
+        device = Inverse3Device(service.address, clock=clock)
+        device.open()
+        device.write((0.0, 1.0, 0.0))
+        service.turns(3)
+        device.close()
+        assert (0.0, 0.0, 1.0) in service.forces["049D"]
+        assert len(service.greetings) == (version == "3.5")
+    assert read_inventory(service._frame(full=True)).key == service.key
+
+
+def test_each_hand_gets_a_device_of_its_own(service, clock):
+    first, second, third = (Inverse3Device(service.address, clock=clock) for _ in range(3))
+    first.open()
+    second.open()
+    first.write((1.0, 0.0, 0.0))
+    second.write((2.0, 0.0, 0.0))
+    service.turns(8)
+    assert service.forces["049D"][-1] == (1.0, 0.0, 0.0) and service.forces["04BA"][-1] == (2.0, 0.0, 0.0)
+    with pytest.raises(InputError, match="no free Inverse3"):
+        third.open()
+    named = Inverse3Device(service.address, "04BA", clock=clock)
+    with pytest.raises(InputError, match="each hand must have its own"):
+        named.open()
+    second.close()
+    named.open()
+    for one in (first, named):
+        one.close()
+
+
+@pytest.mark.parametrize("age", [0.0, HOLD, 0.04, 0.06, 0.0999, GONE, 1e9])
+def test_the_force_of_a_servo_that_died_falls_to_zero(device, service, clock, age):
+    device.write((0.0, 0.0, -3.0))
+    service.turns(3)
+    clock.now = age
+    service.turns(3)
+    expected = 3.0 * min(1.0, max(0.0, (GONE - age) / (GONE - HOLD)))
+    assert service.forces["049D"][-1][1] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert max(math.hypot(*force) for force in service.forces["049D"]) <= 3.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_force_that_is_no_number_is_none(device, service, bad):
+    device.write((1.0, bad, 0.0))
+    service.turns(3)
+    assert service.forces["049D"][-1] == ZERO
+
+
+def test_a_silent_service_is_not_fresh_then_lost(device, service):
+    service.grips["61548"]["a"] = True
+    service.turns(3)
+    service.mute = True
+    drain(device, service)
+    assert device.read(0.0).buttons == 1
+    sample = device.read(1.1 * SILENCE)
+    assert not sample.fresh and sample.buttons == 0
+    service.mute = False
+    service.turns(3)
+    assert device.read(0.2).fresh
+    service.mute = True
+    drain(device, service)
+    with pytest.raises(DeviceLost, match="silent"):
+        device.read(0.2 + 1.1 * LOST)
+
+
+def test_a_service_that_hangs_up_is_lost_and_found_again(device, service):
+    service.turns()
+    link = device._link
+    service.hang_up()
+    ended(link)
+    for call in (lambda: device.read(0.0), lambda: device.write(ZERO)):
+        with pytest.raises(DeviceLost, match="connection to the Inverse Service ended"):
+            call()
+    device.open()
+    service.turns(3)
+    assert device.read(0.0).fresh
+
+
+def test_a_device_that_is_not_listed_any_more_is_lost(device, service):
+    service.turns()
+    kept, link = service.devices.pop("049D"), device._link
+    ended(link)
+    with pytest.raises(DeviceLost, match="does not list it"):
+        device.read(0.0)
+    with pytest.raises(InputError, match=r"no Inverse3 '049D'.*it has 04BA"):
+        device.open()
+    service.devices["049D"] = kept
+    device.open()
+    service.turns(3)
+    assert device.read(0.0).fresh
+
+
+def test_the_one_that_comes_back_is_the_same(service, clock):
+    device = Inverse3Device(service.address, clock=clock)
+    device.open()
+    kept, link = service.devices.pop("049D"), device._link
+    ended(link)
+    with pytest.raises(InputError, match="no Inverse3 '049D'"):  # not the other one, which is free
+        device.open()
+    service.devices["049D"] = kept
+    device.open()
+    assert device._link._device == "049D"
+    device.close()
+
+
+def test_a_device_that_is_not_ready_is_not_fresh_and_cannot_be_opened(device, service):
+    service.devices["049D"]["status"]["ready"] = False
+    service.turns(3)
+    while device.read(0.0).fresh:
+        pass
+    service.turns(3)
+    assert not device.read(0.0).fresh
+    with pytest.raises(InputError, match="must be ready"):
+        device.open()
+
+
+def test_after_close_the_force_is_zero(device, service):
+    device.write((1.0, 1.0, 1.0))
+    service.turns(3)
+    assert service.forces["049D"][-1] != ZERO
+    device.close()
+    device.close()
+    service.wait_for(lambda: service.forces["049D"][-1] == ZERO)
+    for call in (lambda: device.read(0.0), lambda: device.write(ZERO)):
+        with pytest.raises(DeviceLost, match="not open"):
+            call()
+
+
+JUNK = [
+    b"",
+    b"\x00\xff\xfe",
+    b"{",
+    b"[]",
+    b"null",
+    b"1e999",
+    b'"inverse3"',
+    b"[" * 100_000,
+    b'{"inverse3": 3}',
+    b'{"inverse3": [3]}',
+    b'{"inverse3": [{}]}',
+    b'{"inverse3": [{"device_id": 7}]}',
+    b'{"inverse3": [{"device_id": "049D"}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": []}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 1, "y": 2}}}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": NaN, "y": 0, "z": 0}}}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": true, "y": 0, "z": 0}}}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 1' + b"0" * 400 + b', "y": 0, "z": 0}}}]}',
+    b'{"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": "0", "y": 0, "z": 0}}}]}',
+]
+
+
+@pytest.mark.parametrize("junk", JUNK, ids=range(len(JUNK)))
+def test_junk_is_refused(junk):
+    with pytest.raises(BadMessage):
+        read_state(junk, "049D", "61548")
+
+
+def test_junk_is_ignored_and_counted(device, service):
+    """The servo reads the last good state, and nothing is raised."""
+    service.turns(3)
+    good, turn = device.read(0.0).position, iter(range(10**9))
+    # the first as text: a text frame that is not UTF-8 may not be sent by a server that keeps to the rules
+    service.says = lambda: JUNK[next(turn) % len(JUNK)]
+    service.turns(3 * len(JUNK))
+    assert device.ignored >= 2 * len(JUNK)
+    while device.read(0.0).fresh:
+        pass
+    assert device.read(0.0).position == good
+    service.says = None
+    service.turns(3)
+    assert device.read(0.0).fresh
+
+
+def test_a_service_that_does_not_stop_talking_does_not_keep_forces_from_being_sent():
+    class Endless:
+        said = 0
+
+        def recv(self, **_: object) -> bytes:
+            self.said += 1
+            return b"{}"
+
+    link = Link(Endless(), Exchange("x"), "049D", None, "vector")
+    link._hear()
+    assert link._socket.said == MOST_ANSWERS
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["inverse3", "device_id", "state", "cursor_position", "x", "y", "z", "status", "ready"])
+            | st.text(max_size=4),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=20,
+)
+
+
+@given(st.binary(max_size=64) | json_values.map(lambda value: json.dumps(value).encode()))
+@settings(max_examples=300, deadline=None)
+def test_any_message_is_read_or_refused(message):
+    for read in (read_inventory, lambda text: read_state(text, "049D", "61548")):
+        try:
+            found = read(message)
+        except BadMessage:
+            continue
+        if isinstance(found, State) and found.position is not None:
+            assert all(abs(x) <= 10.0 for x in found.position)
+
+
+@given(st.data())
+@settings(max_examples=300, deadline=None)
+def test_a_state_with_one_thing_wrong_is_read_or_refused(data):
+    frame = json.loads(HaplyService(grips=("61548",))._frame(full=True))
+    inner = frame
+    while isinstance(inner, dict | list) and inner:
+        keys = list(inner) if isinstance(inner, dict) else range(len(inner))
+        key = data.draw(st.sampled_from(list(keys)))
+        if data.draw(st.booleans()) or not isinstance(inner[key], dict | list) or not inner[key]:
+            inner[key] = data.draw(json_values)
+            break
+        inner = inner[key]
+    try:
+        state = read_state(json.dumps(frame), "049D", "61548")
+    except BadMessage:
+        return
+    assert state.buttons in range(8) and (state.position is None or all(map(math.isfinite, state.position)))
+
+
+def test_messages_read_as_the_documents_show_them():
+    """The inventory in the pages of 3.4, cut to what matters: type names and numbers are theirs."""
+    inventory = {
+        "inverse3": [
+            {
+                "device_id": "04BA",
+                "config": {"type": "inverse3", "handedness": "right", "torque_scaling": {"enabled": True}},
+                "state": {
+                    "angular_position": {"a0": -69.31704, "a1": 137.62952, "a2": 19.832787},
+                    "cursor_position": {"x": 0.07842738, "y": -0.14836666, "z": 0.14297646},
+                    "mode": "idle",
+                },
+                "status": {"calibrated": False, "in_use": False, "power_supply": True, "ready": True, "started": True},
+            }
+        ],
+        "verse_grip": [{"device_id": "61548", "state": {"button": True, "hall": 0}}],
+    }
+    text = json.dumps(inventory)
+    found = read_inventory(text)
+    assert (found.devices, found.grips, found.key, found.unready) == (("04BA",), ("61548",), "values", frozenset())
+    assert read_state(text, "04BA", "61548") == State(True, (0.07842738, 0.14297646, 0.14836666), 1)
+    assert read_state(text, "04BA", None).buttons == 0
+    assert read_state(text, "04BA", "absent").buttons == 0
+    assert read_state(text, "049D", None) is ABSENT
+    newer = copy.deepcopy(inventory) | {"session_id": 7}
+    assert read_inventory(json.dumps(newer)).key == "vector"
+    assert "session" not in json.loads(greeting("04BA", "values"))
+
+
+def test_a_hand_of_the_servo_disarms_and_comes_back(service, clock):
+    """The service is gone in mid-run and back, with the servo's own code and a virtual clock."""
+    servo_clock, device = VirtualClock(), Inverse3Device(service.address, "049D", clock=clock)
+    with Mailbox.create(HandLayout(1)) as box:
+        hand = Hand(device, SpringChain, box)
+        hand.open()
+        scene = SceneNow(1, 0.0, (), ())
+
+        def run(cycles: int) -> None:
+            for _ in range(cycles):
+                hand.cycle(servo_clock.now(), scene)
+                servo_clock.advance(0.001)
+
+        service.turns(3)
+        run(2)
+        hand.arm()
+        run(5)
+        service.turns(3)
+        assert service.forces["049D"][-1] != ZERO
+        link = device._link
+        service.hang_up()
+        ended(link)
+        run(2)
+        assert not hand.status.present and hand.status.losses == 1
+        servo_clock.advance(REOPEN_AFTER)
+        run(4)
+        assert hand.status.present and "back" in hand.status.message
+        service.turns(3)
+        assert service.forces["049D"][-1] == ZERO  # disarmed
+        hand.release(servo_clock.now())
+
+
+def test_the_servo_process_serves_two_hands(service):
+    """The whole way, in the servo's own process."""
+    hands = [HandSetup(f"haply:{service.address}/{device}", SpringChain) for device in service.devices]
+    with ServoProcess(hands, spheres=1, traps=1) as servo:
+        publish = publishing(servo)
+        for forces in service.forces.values():
+            until(lambda forces=forces: forces and forces[-1] != ZERO, publish)
+        assert all(hand.present for hand in servo.status().hands)
+    for forces in service.forces.values():
+        service.wait_for(lambda forces=forces: forces[-1] == ZERO)
+
+
+@pytest.mark.parametrize(
+    ("text", "address", "device", "grip"),
+    [
+        ("haply", SERVICE, None, None),
+        ("inverse3:049D", SERVICE, "049D", None),
+        ("haply:049D,grip=61548", SERVICE, "049D", "61548"),
+        ("haply:ws://lab:10001", "ws://lab:10001", None, None),
+        ("haply:ws://lab:10001/049D", "ws://lab:10001", "049D", None),
+        ("inverse3:wss://lab:7/049D,grip=6", "wss://lab:7", "049D", "6"),
+    ],
+)
+def test_specs_say_where_and_which(text, address, device, grip):
+    (spec,) = parse_devices([text])
+    made = create_device(spec)
+    assert isinstance(made, Inverse3Device) and spec.kind == "inverse3"
+    assert (made._service, made._device, made._grip) == (address, device, grip)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("haply:http://lab:10001", "must be ws://host:port"),
+        ("haply:ws://:10001", "must be ws://host:port"),
+        ("haply:ws://lab:99999", "address"),
+        ("haply:ws://lab:0", "must be ws://host:port"),
+        ("haply:ws://lab:10001/a/b", "must be 1 to 64"),
+        ("haply:ws://lab:10001?x=1", "must be ws://host:port"),
+        ("inverse3:04 9D", "must be 1 to 64"),
+        ("inverse3:049D,grip=", "must be 1 to 64"),
+        ("inverse3:049D,hand=left", "must be one of grip"),
+    ],
+)
+def test_bad_specs_are_one_clear_line(text, says):
+    (spec,) = parse_devices([text])
+    with pytest.raises(InputError, match=says) as error:
+        create_device(spec)
+    assert "\n" not in str(error.value) and text in str(error.value)
+
+
+def test_haply_and_inverse3_are_the_same():
+    with pytest.raises(InputError, match="both hands name it"):
+        parse_devices(["haply:049D", "inverse3:049D"])
+    first, second = parse_devices(["haply", "inverse3"])
+    assert (first.ordinal, second.ordinal) == (0, 1)
+    with pytest.raises(InputError, match="haply, inverse3"):
+        parse_devices(["happily"])
+
+
+def test_no_service_is_one_clear_line(clock):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"ws://127.0.0.1:{free.getsockname()[1]}"
+    for call in (Inverse3Device(address, clock=clock).open, lambda: find_devices(address)):
+        with pytest.raises(InputError, match=r"no Haply Inverse Service at .* start it") as error:
+            call()
+        assert "\n" not in str(error.value)
+    (typed,) = parse_devices([f"haply:{address}"])
+    with pytest.raises(InputError, match=rf"^device 'haply:{address}': .*; start it there, or correct the address$"):
+        create_device(typed).open()
+
+
+@pytest.mark.parametrize(("typed", "kind"), [("haply", "haply"), ("inverse3:049D", "inverse3")])
+def test_the_advice_names_the_kind_as_it_was_typed(typed, kind):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"ws://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(InputError, match=rf"start it, or name {kind}:ws://host:port$"):
+        inverse3.connect(address, typed)
+
+
+@pytest.mark.parametrize("hello", ["", "{}}", '{"inverse3": 1}', "[" * 100_000])
+def test_another_server_is_one_clear_line(service, clock, hello):
+    service.hello = hello
+    with pytest.raises(InputError, match="is no Haply Inverse Service") as error:
+        Inverse3Device(service.address, clock=clock).open()
+    assert "\n" not in str(error.value)
+
+
+def test_a_handle_that_is_not_there_is_one_clear_line(service, clock):
+    with pytest.raises(InputError, match=r"no handle '7' .* it has 61548, 61549"):
+        Inverse3Device(service.address, "049D", "7", clock=clock).open()
+
+
+def test_without_the_package_it_says_what_to_install(monkeypatch, clock):
+    true_import = builtins.__import__
+
+    def no_websockets(name, *rest):
+        if name.startswith("websockets"):
+            raise ImportError(name)
+        return true_import(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", no_websockets)
+    for call in (Inverse3Device(clock=clock).open, find_devices):
+        with pytest.raises(InputError, match=r"websockets: pip install 'otwarp\[haptics\]'"):
+            call()
+
+
+def test_devices_are_found(service):
+    assert find_devices(service.address) == (
+        f"inverse3:{service.address}/049D  Haply Inverse3, handle 61548",
+        f"inverse3:{service.address}/04BA  Haply Inverse3, handle 61549",
+    )
+    service.devices.clear()
+    assert find_devices(service.address) == ()
