@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks.report import Section, Table, command, options, save_json
-from otwarp.bench.forces import REGION_PROBES, SECONDS, THERMAL_PROBES, bench_forces
+from otwarp.bench.forces.measure import REGION_PROBES, SECONDS, THERMAL_PROBES, bench_forces
+from otwarp.bench.forces.table import HEAD, caption, table_rows
 from otwarp.bench.machine import Machine
-from otwarp.bench.table import HEAD, caption, table_rows
 from otwarp.device import pick_device
 from otwarp.optics import Beam, Sphere
 

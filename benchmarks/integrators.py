@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.report import Section, Table, command, options, save_json
-from otwarp.bench.integrators import CALL, SECONDS, STEPS, bench_integrators
-from otwarp.bench.integrators_result import IntegratorsBench
-from otwarp.bench.integrators_table import (
+from otwarp.bench.integrators.measure import CALL, SECONDS, STEPS, bench_integrators
+from otwarp.bench.integrators.result import IntegratorsBench
+from otwarp.bench.integrators.table import (
     SUMMARY_HEAD,
     VARIANTS_HEAD,
     caption,
@@ -48,7 +48,7 @@ def measure(
     how: dict = {"axes": axes, "device": device, "worlds": worlds, "rounds": rounds}
     found = bench_integrators(beam, sphere, seconds=seconds, steps=steps, call=call, **how)
     if plot is not None:
-        from otwarp.bench.integrators_figure import draw_integrators
+        from otwarp.bench.integrators.figure import draw_integrators
 
         draw_integrators([found], plot)
     kind = "cpu" if place.is_cpu else "cuda"

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.bench.machine import Machine
-from otwarp.bench.speed import SECONDS, bench_speed
-from otwarp.bench.speed_table import HEAD, caption, table_rows
+from otwarp.bench.speed.measure import SECONDS, bench_speed
+from otwarp.bench.speed.table import HEAD, caption, table_rows
 from otwarp.device import pick_device
 
 

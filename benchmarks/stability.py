@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.bench.machine import Machine
-from otwarp.bench.stability import bench_stability
-from otwarp.bench.stability_table import head, legend, letters, stated
-from otwarp.bench.stability_thermal import Effort
+from otwarp.bench.stability.measure import bench_stability
+from otwarp.bench.stability.table import head, legend, letters, stated
+from otwarp.bench.stability.thermal import Effort
 from otwarp.device import pick_device
 
 

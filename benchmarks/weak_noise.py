@@ -11,8 +11,8 @@ import functools
 import math
 import sys
 
+from benchmarks.transitions import Chain, SineWell
 from benchmarks.validation import PAGE, put_on_page
-from otwarp.bench.transitions import Chain, SineWell
 from otwarp.errors import InputError
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.noise import NOISES

@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from otwarp.bench.fokker_planck import Ball, Estimate, Lags, advance, bernoulli, mean_exit_time, stationary_averages
+from otwarp.bench.integrators.fokker_planck import (
+    Ball,
+    Estimate,
+    Lags,
+    advance,
+    bernoulli,
+    mean_exit_time,
+    stationary_averages,
+)
 
 WANTED = 1e-3
 """Relative error that the benchmark allows its references."""

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from otwarp.bench.figure import draw_runs, pareto_front
-from otwarp.bench.forces import Probes, Runner, bench_forces, thermal_points
-from otwarp.bench.result import ForcesBench
+from otwarp.bench.forces.figure import draw_runs, pareto_front
+from otwarp.bench.forces.measure import Probes, Runner, bench_forces, thermal_points
+from otwarp.bench.forces.result import ForcesBench
+from otwarp.bench.forces.table import HEAD, NOTHING, caption, table_rows
 from otwarp.bench.rungs import HARMONIC, LADDER, RELAXATION, TrappedBead, chosen_rungs
-from otwarp.bench.table import HEAD, NOTHING, caption, table_rows
 from otwarp.bench.timing import Spread
 from otwarp.device import pick_device
 from otwarp.errors import InputError

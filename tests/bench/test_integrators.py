@@ -12,22 +12,12 @@ import pytest
 
 from benchmarks import integrators as section
 from benchmarks.report import PAGES, put_on_page
-from otwarp.bench.fokker_planck import Estimate
-from otwarp.bench.integrator_cases import DEFAULT, MODELS, PLAIN, SCHEMES, all_cases, rung
-from otwarp.bench.integrators import bench_integrators, limits, references, relative
-from otwarp.bench.integrators_figure import draw_integrators, error_at
-from otwarp.bench.integrators_result import IntegratorsBench, Line, Point
-from otwarp.bench.integrators_table import (
-    NOTHING,
-    SUMMARY_HEAD,
-    VARIANTS_HEAD,
-    error_cell,
-    error_head,
-    error_rows,
-    summary_rows,
-    variant_rows,
-)
-from otwarp.bench.observables import (
+from otwarp.bench.integrators.cases import DEFAULT, MODELS, PLAIN, SCHEMES, all_cases, rung
+from otwarp.bench.integrators.figure import draw_integrators, error_at
+from otwarp.bench.integrators.fokker_planck import Estimate
+from otwarp.bench.integrators.largest_step import Limit, largest_step
+from otwarp.bench.integrators.measure import bench_integrators, limits, references, relative
+from otwarp.bench.integrators.observables import (
     OBSERVABLES,
     PANELS,
     STATIONARY,
@@ -38,9 +28,19 @@ from otwarp.bench.observables import (
     measure_stationary,
     worst,
 )
-from otwarp.bench.time_to_accuracy import Limit, largest_step
+from otwarp.bench.integrators.result import IntegratorsBench, Line, Point
+from otwarp.bench.integrators.table import (
+    NOTHING,
+    SUMMARY_HEAD,
+    VARIANTS_HEAD,
+    error_cell,
+    error_head,
+    error_rows,
+    summary_rows,
+    variant_rows,
+)
+from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.bench.timing import Spread
-from otwarp.bench.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.errors import InputError
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.optics import Beam, Sphere, force

@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks import forces
 from benchmarks.__main__ import BENCHMARKS
 from benchmarks.report import PAGES, put_on_page
-from otwarp.bench.result import ForcesBench
+from otwarp.bench.forces.result import ForcesBench
 from otwarp.optics import Sphere
 
 

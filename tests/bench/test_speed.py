@@ -18,12 +18,11 @@ from benchmarks.peers import c_bead
 from benchmarks.peers.case_b import spheres
 from otwarp.bench import beside as beside_module
 from otwarp.bench.beside import beside
-from otwarp.bench.speed import Measured, bench_speed
-from otwarp.bench.speed_figure import draw_speed
-from otwarp.bench.speed_result import SpeedBench, SpeedRow
-from otwarp.bench.speed_table import HEAD, NOTHING, caption, table_rows
-from otwarp.bench.timing import Spread
-from otwarp.bench.workloads import (
+from otwarp.bench.speed.figure import draw_speed
+from otwarp.bench.speed.measure import Measured, bench_speed
+from otwarp.bench.speed.result import SpeedBench, SpeedRow
+from otwarp.bench.speed.table import HEAD, NOTHING, caption, table_rows
+from otwarp.bench.speed.workloads import (
     BEAD_PEERS,
     CASES,
     CROWD_PEERS,
@@ -37,6 +36,7 @@ from otwarp.bench.workloads import (
     table_robot,
     workloads,
 )
+from otwarp.bench.timing import Spread
 from otwarp.cli.main import main
 from otwarp.device import pick_device
 from otwarp.errors import InputError

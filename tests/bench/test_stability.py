@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from otwarp.bench import closed_forms, random_scenes
-from otwarp.bench.stability import bench_stability, chosen_grids
-from otwarp.bench.stability_grids import GRIDS
-from otwarp.bench.stability_mechanical import dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
-from otwarp.bench.stability_scenes import PLACE, bead, resting, robot, scene, spring
-from otwarp.bench.stability_table import plain
-from otwarp.bench.stability_thermal import (
+from otwarp.bench.scenes import PLACE, bead, resting, robot, scene, spring
+from otwarp.bench.stability import closed_forms, random_scenes
+from otwarp.bench.stability.grids import GRIDS
+from otwarp.bench.stability.measure import bench_stability, chosen_grids
+from otwarp.bench.stability.mechanical import dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
+from otwarp.bench.stability.table import plain
+from otwarp.bench.stability.thermal import (
     Effort,
     RobotModes,
     advance,
@@ -30,7 +30,7 @@ from otwarp.bench.stability_thermal import (
     robot_equipartition,
     simulate,
 )
-from otwarp.bench.verdict import Defect, Measured, Verdict, judge
+from otwarp.bench.stability.verdict import Defect, Measured, Verdict, judge
 from otwarp.cli.main import main
 from otwarp.errors import InputError, SimulationError
 from otwarp.record.run import record_run

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.bench.closed_forms import POISSON_RATIO, hardness, mean_height
+from otwarp.bench.stability.closed_forms import POISSON_RATIO, hardness, mean_height
 from otwarp.scene.description import Material, Medium, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY

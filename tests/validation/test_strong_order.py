@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.bench.transitions import advance
+from benchmarks.transitions import advance
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.random import Stream
 from otwarp.scene.description import Medium, Scene, Settings, Track, Trap, TrapLaw
@@ -112,7 +112,7 @@ def step(law: TrapLaw, name: str, h: float, x: np.ndarray, kick: np.ndarray) -> 
 def test_paths_of_the_twin(law, device, name, noise):
     """Every scheme's path in the softening trap is that of its float64 twin on the same noise, step by step.
 
-    Source: `otwarp.bench.transitions.advance`, written from the schemes' publications; `tests/reference/philox.py`.
+    Source: `benchmarks.transitions.advance`, written from the schemes' publications; `tests/reference/philox.py`.
     """
     worlds, steps = 300, 32
     kick = kicks(worlds, steps, TIME / steps, noise)

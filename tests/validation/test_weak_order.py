@@ -1,6 +1,6 @@
 """How fast averages converge in the time step, scheme by scheme and observable by observable, without sampling noise.
 
-The chain that a scheme makes of a one-dimensional well is solved as an operator (`otwarp.bench.transitions`), so that
+The chain that a scheme makes of a one-dimensional well is solved as an operator (`benchmarks.transitions`), so that
 errors of 1e-6 are seen and orders follow from halving the step. That the kernels take these very steps is tested path
 by path in `test_strong_order.py`. The well is a sine, U = (depth/2)(1 − cos x/w): its force falls off and vanishes, as
 that of an optical trap does. Lengths are in √(k_B T/k) and times in γ/k; h = k·dt/γ.
@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from otwarp.bench.transitions import Chain, SineWell, deviates
+from benchmarks.transitions import Chain, SineWell, deviates
 from otwarp.kernels.integrators import INTEGRATORS
 from tests.validation import scheme
 

@@ -29,9 +29,9 @@ def forces(power: float, **typed: Any) -> None:
     the force which the running simulation feels, against exact forces. Tables come from the cache, or are built: those
     of small tolerance take minutes.
     """
-    from otwarp.bench.forces import bench_forces
-    from otwarp.bench.result import ForcesBench
-    from otwarp.bench.table import HEAD, caption, table_rows
+    from otwarp.bench.forces.measure import bench_forces
+    from otwarp.bench.forces.result import ForcesBench
+    from otwarp.bench.forces.table import HEAD, caption, table_rows
 
     output: Output = taken(Output, typed)
     earlier = [ForcesBench.read(file) for file in output.others]
@@ -41,7 +41,7 @@ def forces(power: float, **typed: Any) -> None:
     if output.json_file is not None:
         found.save(output.json_file)
     if output.plot is not None:
-        from otwarp.bench.figure import draw_runs
+        from otwarp.bench.forces.figure import draw_runs
 
         draw_runs([found, *earlier], output.plot)
     print_table(f"Force models on {found.hardware}", HEAD, table_rows(found), caption(found))

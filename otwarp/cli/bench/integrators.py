@@ -32,8 +32,8 @@ def integrators(**typed: Any) -> None:
     the Fokker–Planck equation with the same force. A run of an hour has a tenth of the statistical error of the
     default one; runs on different devices go into one picture by --with.
     """
-    from otwarp.bench.integrators import bench_integrators
-    from otwarp.bench.integrators_result import IntegratorsBench
+    from otwarp.bench.integrators.measure import bench_integrators
+    from otwarp.bench.integrators.result import IntegratorsBench
 
     output: Output = taken(Output, typed)
     earlier = [IntegratorsBench.read(file) for file in output.others]
@@ -43,7 +43,7 @@ def integrators(**typed: Any) -> None:
     if output.json_file is not None:
         found.save(output.json_file)
     if output.plot is not None:
-        from otwarp.bench.integrators_figure import draw_integrators
+        from otwarp.bench.integrators.figure import draw_integrators
 
         draw_integrators([found, *earlier], output.plot)
     _print(found)
@@ -51,7 +51,7 @@ def integrators(**typed: Any) -> None:
 
 
 def _print(found: Any) -> None:
-    from otwarp.bench.integrators_table import (
+    from otwarp.bench.integrators.table import (
         SUMMARY_HEAD,
         VARIANTS_HEAD,
         caption,

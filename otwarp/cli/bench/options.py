@@ -144,7 +144,7 @@ def check_same(
     beam: Beam, sphere: Sphere, files: tuple[Path, ...], runs: list[Any], *, ignore: tuple[str, ...] = ()
 ) -> None:
     """Refuse runs of another bead, whose errors do not belong into the same picture; `ignore` fields of the beam."""
-    from otwarp.bench.result import beam_fields, sphere_fields
+    from otwarp.bench.forces.result import beam_fields, sphere_fields
 
     def kept(fields: dict[str, Any]) -> dict[str, Any]:
         return {k: v for k, v in fields.items() if k not in ignore}

@@ -37,15 +37,15 @@ def speed(
     spheres that touch), scaling (more and more worlds), threads (two against one). The other programs and the crowd
     come from the source's folder benchmarks/.
     """
-    from otwarp.bench.speed import bench_speed
-    from otwarp.bench.speed_table import HEAD, caption, table_rows
+    from otwarp.bench.speed.measure import bench_speed
+    from otwarp.bench.speed.table import HEAD, caption, table_rows
 
     output = Output(json_file=json_file, plot=plot, others=())
     found = bench_speed(cases=cases, device=device, rounds=rounds, seconds=seconds, scale=scale, note=note)
     if json_file is not None:
         found.save(json_file)
     if plot is not None:
-        from otwarp.bench.speed_figure import draw_speed
+        from otwarp.bench.speed.figure import draw_speed
 
         draw_speed(found, plot)
     print_table(f"Speed on {found.hardware}", HEAD, table_rows(found), caption(found))

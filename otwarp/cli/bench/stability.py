@@ -25,8 +25,8 @@ def stability(grids: tuple[str, ...], quick: bool, long: bool, device: str | Non
     One letter per cell says whether the run was accurate against a closed form, stable with a stated error, refused or
     stopped with a clear error. Exit code 1 if any cell is silently wrong.
     """
-    from otwarp.bench.stability import bench_stability
-    from otwarp.bench.stability_table import plain
+    from otwarp.bench.stability.measure import bench_stability
+    from otwarp.bench.stability.table import plain
 
     output = Output(json_file=json_file, plot=None, others=())
     found = bench_stability(grids=grids, device=device, quick=quick, long=long, note=note)

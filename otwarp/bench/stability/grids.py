@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from otwarp.bench.random_scenes import run_draw
-from otwarp.bench.stability_mechanical import crowd, dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
-from otwarp.bench.stability_scenes import PLACE
-from otwarp.bench.stability_thermal import (
+from otwarp.bench.scenes import PLACE
+from otwarp.bench.stability.mechanical import crowd, dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
+from otwarp.bench.stability.random_scenes import run_draw
+from otwarp.bench.stability.thermal import (
     Effort,
     bead_variance,
     chosen_step,
@@ -18,7 +18,7 @@ from otwarp.bench.stability_thermal import (
     resting_height,
     robot_equipartition,
 )
-from otwarp.bench.verdict import Measured
+from otwarp.bench.stability.verdict import Measured
 
 Measure = Callable[[], Measured | None]
 
@@ -81,7 +81,7 @@ def _steps(measure: Callable[..., Measured], rows: tuple[str, Sequence[Any]]) ->
 
 def _bead_at(effort: Effort, *, integrator: str, factor: float, stable: bool) -> Measured:
     """Variance of a bead in a spring at a time step over the chosen or the largest stable one."""
-    from otwarp.bench.stability_scenes import bead, scene, spring
+    from otwarp.bench.scenes import bead, scene, spring
 
     step = chosen_step(scene(bead(), traps=(spring(),)), effort, integrator=integrator)[int(stable)]
     return bead_variance(effort, integrator=integrator, time_step=factor * step)

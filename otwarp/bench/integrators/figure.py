@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.bench.integrator_cases import PLAIN
-from otwarp.bench.integrators_result import WANTED, IntegratorsBench, Line
-from otwarp.bench.observables import PANELS, bound_of
+from otwarp.bench.integrators.cases import PLAIN
+from otwarp.bench.integrators.observables import PANELS, bound_of
+from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line
 from otwarp.bench.picture import INK, dress_panel, fill_of, finish_figure, line_of, pyplot, run_handles, save_figure
 
 STYLES: dict[str, tuple[str, str]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from otwarp.bench.speed_result import SpeedBench, SpeedRow
+from otwarp.bench.speed.result import SpeedBench, SpeedRow
 
 HEAD = ("workload", "count", "rate", "unit", "of the case's first", "goal", "variance")
 NOTHING = "–"

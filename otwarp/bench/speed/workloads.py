@@ -17,7 +17,7 @@ import warp as wp
 
 from otwarp.bench.beside import beside
 from otwarp.bench.rungs import TrappedBead, chosen_rungs
-from otwarp.bench.stability_scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
+from otwarp.bench.scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
 from otwarp.optics import Beam, Sphere
 from otwarp.scene.description import Scene, Track, Trap
 from otwarp.simulation.simulation import Simulation

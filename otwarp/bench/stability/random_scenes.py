@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from otwarp.bench.stability_scenes import bead, obstacle, scene, spring
-from otwarp.bench.stability_thermal import Effort, advance, simulate
-from otwarp.bench.verdict import COARSE, Defect, Measured
+from otwarp.bench.scenes import bead, obstacle, scene, spring
+from otwarp.bench.stability.thermal import Effort, advance, simulate
+from otwarp.bench.stability.verdict import COARSE, Defect, Measured
 from otwarp.scene.description import Body, Material, Scene, Sphere, Vec3
 from otwarp.simulation.simulation import Simulation
 

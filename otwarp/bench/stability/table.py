@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from otwarp.bench.stability import GridResult, StabilityBench
-from otwarp.bench.verdict import LEGEND, Cell, Verdict
+from otwarp.bench.stability.measure import GridResult, StabilityBench
+from otwarp.bench.stability.verdict import LEGEND, Cell, Verdict
 
 NOTHING = "–"
 """Where a grid has no cell."""

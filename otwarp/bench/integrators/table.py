@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from otwarp.bench.integrator_cases import PLAIN
-from otwarp.bench.integrators_result import WANTED, IntegratorsBench, Line
-from otwarp.bench.observables import OBSERVABLES, PANELS, SEEN, Measured, bound_of
+from otwarp.bench.integrators.cases import PLAIN
+from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, SEEN, Measured, bound_of
+from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line
 
 NOTHING = "–"
 """In a cell that does not apply."""

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.bench.fokker_planck import Estimate
-from otwarp.bench.forces import Runner
-from otwarp.bench.integrator_cases import DEFAULT, PLAIN, Case, all_cases
-from otwarp.bench.integrators_result import WANTED, IntegratorsBench, Line, Point
-from otwarp.bench.machine import Machine
-from otwarp.bench.observables import (
+from otwarp.bench.forces.measure import Runner
+from otwarp.bench.forces.result import beam_fields, sphere_fields
+from otwarp.bench.integrators.cases import DEFAULT, PLAIN, Case, all_cases
+from otwarp.bench.integrators.fokker_planck import Estimate
+from otwarp.bench.integrators.largest_step import Limit, largest_step
+from otwarp.bench.integrators.observables import (
     PANELS,
     STATIONARY,
     WATCHED,
@@ -30,10 +30,10 @@ from otwarp.bench.observables import (
     measure_escape,
     measure_stationary,
 )
-from otwarp.bench.result import beam_fields, sphere_fields
-from otwarp.bench.time_to_accuracy import Limit, largest_step
+from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line, Point
+from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
+from otwarp.bench.machine import Machine
 from otwarp.bench.timing import Pairs, Spread, interleaved
-from otwarp.bench.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Sphere

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.bench.forces.result import Errors, ForcesBench, Row, beam_fields, sphere_fields
 from otwarp.bench.machine import Machine
-from otwarp.bench.result import Errors, ForcesBench, Row, beam_fields, sphere_fields
 from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
 from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from otwarp.bench.findings import BeadFindings, costs_of, positive
-from otwarp.bench.observables import OBSERVABLES, PANELS, Measured, worst
-from otwarp.bench.time_to_accuracy import Limit
+from otwarp.bench.integrators.largest_step import Limit
+from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, Measured, worst
 from otwarp.bench.timing import Spread
 
 WANTED = 0.01

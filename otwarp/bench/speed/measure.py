@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from otwarp.bench.machine import Machine
-from otwarp.bench.speed_result import SpeedBench, SpeedRow
+from otwarp.bench.speed.result import SpeedBench, SpeedRow
+from otwarp.bench.speed.workloads import CASES, Runner, Setting, Workload, workloads
 from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
-from otwarp.bench.workloads import CASES, Runner, Setting, Workload, workloads
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 

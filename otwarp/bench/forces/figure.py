@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from otwarp.bench.forces.result import Errors, ForcesBench, Row
 from otwarp.bench.picture import INK, dress_panel, fill_of, finish_figure, line_of, pyplot, run_handles, save_figure
-from otwarp.bench.result import Errors, ForcesBench, Row
 
 STYLES: dict[str, tuple[str, str, str]] = {
     "harmonic": ("harmonic, radial + axial", "s", "#8a8f98"),

@@ -9,9 +9,9 @@ from typing import Any
 
 from otwarp.bench.findings import Findings
 from otwarp.bench.machine import Machine
-from otwarp.bench.stability_grids import GRIDS, Grid
-from otwarp.bench.stability_thermal import Effort
-from otwarp.bench.verdict import Cell, Verdict, judge
+from otwarp.bench.stability.grids import GRIDS, Grid
+from otwarp.bench.stability.thermal import Effort
+from otwarp.bench.stability.verdict import Cell, Verdict, judge
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from otwarp.bench.result import ForcesBench, Row
+from otwarp.bench.forces.result import ForcesBench, Row
 
 HEAD = (
     "force model",

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from otwarp.bench import closed_forms
-from otwarp.bench.stability_scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, resting, robot, scene, spring
-from otwarp.bench.verdict import Defect, Measured, against
+from otwarp.bench.scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, resting, robot, scene, spring
+from otwarp.bench.stability import closed_forms
+from otwarp.bench.stability.verdict import Defect, Measured, against
 from otwarp.errors import SimulationError
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation

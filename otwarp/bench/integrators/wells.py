@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from otwarp.bench.fokker_planck import Estimate, Force, Lags, mean_exit_time, stationary_averages
-from otwarp.bench.forces import thermal_points
+from otwarp.bench.forces.measure import thermal_points
+from otwarp.bench.integrators.fokker_planck import Estimate, Force, Lags, mean_exit_time, stationary_averages
 from otwarp.bench.rungs import TrappedBead
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Sphere, force

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from otwarp.bench.picture import pyplot, save_figure
-from otwarp.bench.speed_result import SpeedBench
+from otwarp.bench.speed.result import SpeedBench
 from otwarp.errors import InputError
 
 OURS, PEERS, GOAL = "#2460a7", "#9aa3b2", "#a8325e"

@@ -1,0 +1,1 @@
+"""`otwarp bench stability`: what happens to scenes that are hard to step."""
