@@ -1,7 +1,7 @@
 """`python -m benchmarks.weak_noise [--write]`: what three-point and uniform noise cost in accuracy.
 
 The chain of each integrator in a one-dimensional well is solved as an operator, so the figures have no sampling noise
-and do not depend on the machine; `--write` puts them between the markers of docs/validation.md.
+and do not depend on the machine; `--write` puts them between the markers of docs/validation/weak_noise.md.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import math
 import sys
 
 from benchmarks.transitions import Chain, SineWell
-from benchmarks.validation import PAGE, put_on_page
+from benchmarks.validation import PAGES, put_on_page
 from otwarp.errors import InputError
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.noise import NOISES
 
+PAGE = PAGES / "weak_noise.md"
 BEGIN, END = "<!-- begin weak noise -->", "<!-- end weak noise -->"
 DIVISIONS = (5, 10, 20, 40)
 """1/h, h = k·dt/γ; whole numbers, so that a relaxation time is a number of steps."""
@@ -70,7 +71,7 @@ def markdown() -> str:
 def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description="What cheaper noise costs in accuracy.")
-    parser.add_argument("--write", action="store_true", help="rewrite the table of docs/validation.md")
+    parser.add_argument("--write", action="store_true", help="rewrite the table of docs/validation/weak_noise.md")
     arguments = parser.parse_args()
     text = markdown()
     print(text)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from benchmarks import weak_noise
-from benchmarks.validation import PAGE, put_on_page
+from benchmarks.validation import put_on_page
 from otwarp.errors import InputError
 from otwarp.kernels.integrators import INTEGRATORS
 from otwarp.kernels.noise import NOISES
 
 
 def page_rows() -> list[list[str]]:
-    text = PAGE.read_text().split(weak_noise.BEGIN)[1].split(weak_noise.END)[0]
+    text = weak_noise.PAGE.read_text().split(weak_noise.BEGIN)[1].split(weak_noise.END)[0]
     lines = [line for line in text.splitlines() if line.startswith("| ")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 

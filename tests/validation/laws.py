@@ -19,7 +19,7 @@ CHANCE = 2.0 * stats.norm.sf(SIGMAS)
 
 @dataclass(frozen=True)
 class Law:
-    """Compares a measurement with a law, asserts, and notes the figures for docs/validation.md and `pytest -rP`."""
+    """Compares a measurement with a law, asserts, and notes the figures for docs/validation and `pytest -rP`."""
 
     record: Callable[[str, object], None]
 
