@@ -39,7 +39,11 @@ ALLOWED: dict[str, set[str]] = {
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
 HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
-ONLY_IN = {"pxr": {"scene"}, "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli"}}
+ONLY_IN = {
+    "pxr": {"scene"},
+    "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli"},
+    "rospy": set(),
+}
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
@@ -54,7 +58,6 @@ KNOWN_CIRCLES = [
     "otwarp/haptics/devices: 3 files",
     "otwarp/optics: 2 files",
     "otwarp/optics: 3 files",
-    "otwarp/ros/ros1: 4 files",
     "otwarp/scene: 9 files",
     "otwarp/simulation: 2 files",
 ]

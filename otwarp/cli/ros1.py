@@ -16,13 +16,6 @@ from otwarp.cli.options import scene_argument
 @scene_argument
 @click.option("--master", metavar="URI", help="ROS master; default: ROS_MASTER_URI, else http://localhost:11311.")
 @click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node.")
-@click.option(
-    "--backend",
-    type=click.Choice(["auto", "own", "rospy"]),
-    default="auto",
-    show_default=True,
-    help="Who speaks ROS: rospy where it can be imported, else otwarp's own client.",
-)
 @click.option("--topic-rate", type=float, default=60.0, show_default=True, help="Of the simulator's topics [Hz].")
 @click.option("--scene-unit", type=float, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
 @click.option(
@@ -38,7 +31,6 @@ def ros1(
     scene: Path,
     master: str | None,
     node_name: str,
-    backend: str,
     topic_rate: float,
     scene_unit: float,
     control_gain: float,
@@ -53,7 +45,7 @@ def ros1(
     from otwarp.ros.contract import ContractConfig
     from otwarp.ros.roles import Roles
     from otwarp.ros.ros1.bridge import Ros1Bridge
-    from otwarp.ros.ros1.interface import open_node
+    from otwarp.ros.ros1.node import Ros1Node
     from otwarp.ros.sinks import Ros1Sink
 
     config = ContractConfig(
@@ -63,7 +55,7 @@ def ros1(
         scene_unit=scene_unit,
         motion_gain=control_gain,
     )
-    node = open_node(node_name, master_uri=master, backend=backend)  # type: ignore[arg-type]
+    node = Ros1Node(node_name, master)
     try:
         session = open_session(scene, options)
         model = session.loop.sim.model

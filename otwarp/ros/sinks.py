@@ -14,7 +14,7 @@ from otwarp.teleop.core.frame import LiveFrame
 
 if TYPE_CHECKING:
     from otwarp.ros.ros1.bridge import Ros1Bridge
-    from otwarp.ros.ros1.interface import RosNode
+    from otwarp.ros.ros1.node import Ros1Node
     from otwarp.ros.ros2.bridge import Ros2Bridge
     from otwarp.ros.ros2.node import Ros2Node
 
@@ -38,7 +38,7 @@ class Ros1Sink:
 
     def __init__(
         self,
-        node: RosNode,
+        node: Ros1Node,
         bridge: Ros1Bridge,
         twin: Roles,
         *,
@@ -52,7 +52,7 @@ class Ros1Sink:
         self._noted = 0
 
     def publish(self, live: LiveFrame) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._still = live.pace.paused
         self._noted, lines = self._node.log.since(self._noted)
         for line in lines:  # a peer of another type or md5, messages that are none, a master that went
@@ -66,7 +66,7 @@ class Ros1Sink:
         self._bridge.publish(self._clock(), now.centres, now.robots, now.obstacles)
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`: how far the hands' twists move each group; in a pause they move nothing."""
+        """See `Sink`: how far the hands' twists move each group; in a pause they move nothing."""
         if self._alone and not self._node.alive:
             return [Stop()]
         moved = self._bridge.commands(self._clock())
@@ -75,11 +75,11 @@ class Ros1Sink:
         return [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, moved, strict=True) if any(by)]
 
     def complain(self, line: str) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._say(line)
 
     def close(self) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._node.close()
 
     def _warn_once(self, line: str) -> None:
@@ -116,7 +116,7 @@ class Ros2Sink:
         self._still = False
 
     def publish(self, live: LiveFrame) -> None:
-        """See `Outlet`; a state that is none is told and not sent."""
+        """See `Sink`; a state that is none is told and not sent."""
         self._still = live.pace.paused
         now = self._twin.now(live)
         self._traps = now.traps
@@ -142,7 +142,7 @@ class Ros2Sink:
         )
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`: a reset, motions of the pair as one, motions of each group; in a pause nothing moves."""
+        """See `Sink`: a reset, motions of the pair as one, motions of each group; in a pause nothing moves."""
         asked = self._bridge.commands(self._clock())
         if asked.reset:
             return [Reset()]
@@ -161,11 +161,11 @@ class Ros2Sink:
         return out
 
     def complain(self, line: str) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._say(line)
 
     def close(self) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._node.close()
 
 

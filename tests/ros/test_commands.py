@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 import otwarp as ot
-from otwarp.ros.ros1.interface import open_node
 from otwarp.ros.ros1.messages import types
+from otwarp.ros.ros1.node import Ros1Node
 from otwarp.ros.ros1.rpc import call
 from tests.ros.ros1 import conftest as debian
 from tests.ros.ros1.conftest import RealMaster
@@ -185,34 +185,29 @@ def check_a_hand_moves_the_first_group(
     start, stays = (as_published(authored(name)) for name in hands)
     t = types()
     motion = t.Twist(t.Vector3(HAND, 0.0, 0.0), t.Vector3(0.0, 0.0, 0.0))
-    with otwarp("ros1", *options, environment=master.environment) as command:
-        node = open_node("peer", master_uri=master.uri, host="127.0.0.1", backend="own")
-        try:
-            for name, places in heard.items():
-                node.subscribe(name, "tf2_msgs/TFMessage", places)
-            hand = node.publisher(twist, "geometry_msgs/Twist")
-            command.until(lambda: all(p.messages for p in heard.values()) and hand.connections, "topics and the hand")
-            assert first.now() == pytest.approx(start, abs=EXACT)
-            assert together(robot, first, (0, 2)) and together(other, second, (0, 2))
-            began = time.monotonic()
-            command.until(lambda: hand.publish(motion) or first.now()[0] - start[0] > WAY, "a moved trap")
-            # no farther than the velocity takes it in the time since the first twist, however slow this machine is
-            assert first.now()[0] - start[0] <= GAIN * HAND * (time.monotonic() - began)
-            # nobody publishes a twist now, so all come to rest
-            command.until(
-                lambda: together(robot, first, (0, 2)) and robot.now()[0] - start[0] > WAY - NEAR, "the robot"
-            )
-            command.until(lambda: np.allclose(middle.now(), (robot.now() + other.now()) / 2, 0.0, NEAR), "the midpoint")
-            assert np.ptp(first.all()[:, 1:], axis=0) == pytest.approx(0.0, abs=EXACT)
-            assert np.abs(second.all() - stays).max() < EXACT
-            assert together(other, second, (0, 2))
-            assert all(len(places.all()) for places in heard.values())
-            assert not node.log.counts
-            assert {*names, twist} <= registered(master, "/otwarp")
-            assert "session" in command.interrupt()
-            assert registered(master, "/otwarp") == set()
-        finally:
-            node.close()
+    session = otwarp("ros1", *options, environment=master.environment)
+    with session as command, Ros1Node("peer", master.uri, "127.0.0.1") as node:
+        for name, places in heard.items():
+            node.subscribe(name, "tf2_msgs/TFMessage", places)
+        hand = node.publisher(twist, "geometry_msgs/Twist")
+        command.until(lambda: all(p.messages for p in heard.values()) and hand.connections, "topics and the hand")
+        assert first.now() == pytest.approx(start, abs=EXACT)
+        assert together(robot, first, (0, 2)) and together(other, second, (0, 2))
+        began = time.monotonic()
+        command.until(lambda: hand.publish(motion) or first.now()[0] - start[0] > WAY, "a moved trap")
+        # no farther than the velocity takes it in the time since the first twist, however slow this machine is
+        assert first.now()[0] - start[0] <= GAIN * HAND * (time.monotonic() - began)
+        # nobody publishes a twist now, so all come to rest
+        command.until(lambda: together(robot, first, (0, 2)) and robot.now()[0] - start[0] > WAY - NEAR, "the robot")
+        command.until(lambda: np.allclose(middle.now(), (robot.now() + other.now()) / 2, 0.0, NEAR), "the midpoint")
+        assert np.ptp(first.all()[:, 1:], axis=0) == pytest.approx(0.0, abs=EXACT)
+        assert np.abs(second.all() - stays).max() < EXACT
+        assert together(other, second, (0, 2))
+        assert all(len(places.all()) for places in heard.values())
+        assert not node.log.counts
+        assert {*names, twist} <= registered(master, "/otwarp")
+        assert "session" in command.interrupt()
+        assert registered(master, "/otwarp") == set()
 
 
 def test_ros1_a_twist_moves_trap_and_robot(debian_master):

@@ -1,9 +1,8 @@
-"""ROS as an outlet of a live session: a real loop and real bridges, a node that keeps what it is given."""
+"""ROS as a sink of a live session: a real loop and real bridges, a node that keeps what it is given."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.ros.contract import ContractConfig
 from otwarp.ros.roles import Roles
-from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros2.bridge import Ros2Commands
 from otwarp.ros.sinks import LINES, Ros1Sink, Ros2Sink
 from otwarp.ros.touching import gap
@@ -23,43 +21,12 @@ from otwarp.scene.description import Obstacle, Scene
 from otwarp.scene.track import Track
 from otwarp.teleop.core.commands import Pause, Stop
 from otwarp.teleop.session.live import LiveLoop
+from tests.ros.ros1.setups import LocalNode
 from tests.teleop.scenes import PLACES, three_beads
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 RATE = 60.0
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-
-
-class Topic:
-    """A publisher or subscription that keeps what passes."""
-
-    def __init__(self, callback: Callable[[Any], None] | None = None):
-        self.callback, self.messages = callback, []
-
-    def publish(self, message: Any) -> None:
-        self.messages.append(message)
-
-    def close(self) -> None:
-        self.callback = None
-
-
-class Node:
-    """`RosNode` without a graph."""
-
-    def __init__(self) -> None:
-        self.out: dict[str, Topic] = {}
-        self.into: dict[str, Topic] = {}
-        self.alive, self.closed = True, False
-        self.log = EventLog()
-
-    def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 0) -> Topic:
-        return self.out.setdefault(topic, Topic())
-
-    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None] | None = None) -> Topic:
-        return self.into.setdefault(topic, Topic(callback))
-
-    def close(self) -> None:
-        self.closed = True
 
 
 def twin_of(loop: LiveLoop, pairing: str = "release") -> Roles:
@@ -81,35 +48,35 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     from otwarp.ros.ros1.bridge import Ros1Bridge
     from otwarp.ros.ros1.messages import types
 
-    clock, node, lines = VirtualClock(), Node(), []
+    clock, node, lines = VirtualClock(), LocalNode(), []
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     config = ContractConfig(scene_unit=2.0, motion_gain=0.05)
     bridge = Ros1Bridge(node, config, clock=clock.now, stamp=clock.now)
-    outlet_twin = twin_of(loop)
-    loop.add(Ros1Sink(node, bridge, outlet_twin, say=lines.append, clock=clock.now))
+    roles = twin_of(loop)
+    loop.add(Ros1Sink(node, bridge, roles, say=lines.append, clock=clock.now))
     loop.start()
     run(loop, clock, 0.1)
     t = types()
     twist = t.Twist(t.Vector3(40.0, 0.0, 0.0), t.Vector3(0.0, 0.0, 0.0))
     for _ in range(60):
-        node.into["/GeomagicRight/smoothed_twist"].callback(twist)
+        node.say("/GeomagicRight/smoothed_twist", twist)
         run(loop, clock, 1.0 / RATE)
     live = run(loop, clock, 0.3)
     # 40 mm/s · 0.05 · 2 µm for a second, and 0.1 s more until the twist counts as old
     moved = live.frame.trap_position[0] - np.array(list(PLACES.values()))
     assert moved[1] == pytest.approx((4.0 * 1.1, 0.0, 0.0), abs=4.0 * 1.5 / RATE)
     assert np.allclose(moved[[0, 2]], 0.0, atol=1e-5)
-    second = node.out["/secondOTposition"].messages[-1].transforms[0].transform.translation
-    robot = node.out["/robot02"].messages[-1].transforms[0].transform.translation
+    second = node.sent["/secondOTposition"][-1].transforms[0].transform.translation
+    robot = node.sent["/robot02"][-1].transforms[0].transform.translation
     # published in the device's axes (x right, y up, z towards the user), in units of 2 µm
     x, y, z = live.frame.trap_position[0, 1] / 2.0
     assert (second.x, second.y, second.z) == pytest.approx((x, z, -y), abs=1e-6)
     assert robot.x == pytest.approx(second.x, abs=0.01)
-    assert len(node.out["/firstOTposition"].messages) == pytest.approx(1.4 * 60, abs=3)
-    assert not node.out["/DynaOb01"].messages and not lines
+    assert len(node.sent["/firstOTposition"]) == pytest.approx(1.4 * 60, abs=3)
+    assert "/DynaOb01" not in node.sent and not lines
     loop.do(Pause(True))
     run(loop, clock, 2.0 / RATE)
-    node.into["/GeomagicRight/smoothed_twist"].callback(twist)
+    node.say("/GeomagicRight/smoothed_twist", twist)
     run(loop, clock, 0.3)
     loop.do(Pause(False))
     still = run(loop, clock, 0.1)
@@ -127,12 +94,11 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     assert len(lines) == LINES + 2 and lines[-2].startswith("ros1: master: gone; topics")
     assert lines[-1] == "ros1: master: back; registered anew, topics published: 9, subscribed: 2"
     lines.clear()
-    node.alive = False
+    node.close()
     run(loop, clock, 0.1)
     assert lines == ["ros1: the node was shut down through ROS; the session goes on without it"]
     loop.close()
-    assert node.closed
-    alone = Ros1Sink(node, bridge, outlet_twin, say=lines.append, clock=clock.now, alone=True)
+    alone = Ros1Sink(node, bridge, roles, say=lines.append, clock=clock.now, alone=True)
     assert alone.commands() == [Stop()]
 
 
@@ -156,11 +122,11 @@ class Bridge2:
 
 
 def test_a_controller_moves_turns_and_resets_the_pair():
-    clock, node, bridge = VirtualClock(), Node(), Bridge2()
+    clock, node, bridge = VirtualClock(), LocalNode(), Bridge2()
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     lines: list[str] = []
-    outlet = Ros2Sink(node, bridge, twin_of(loop), say=lines.append, clock=clock.now)
-    loop.add(outlet)
+    sink = Ros2Sink(node, bridge, twin_of(loop), say=lines.append, clock=clock.now)
+    loop.add(sink)
     loop.start()
     run(loop, clock, 0.1)
     bridge.asked = Ros2Commands(shift=(1.0, -2.0), angle=math.pi / 2.0, hands=((0.0, 0.0, 0.5), (0.0, 0.0, 0.0)))
@@ -185,14 +151,14 @@ def test_a_controller_moves_turns_and_resets_the_pair():
     run(loop, clock, 0.1)
     assert lines.pop() == "ros2: robot01 is (nan, 0.0, 0.0); allowed: finite" and not lines
     for _ in range(LINES + 5):
-        outlet.complain("no")
+        sink.complain("no")
     assert len(lines) == LINES - 1 and lines[-1] == "no (no more of these are shown)"
     loop.close()
 
 
 def test_the_twin_of_the_cell_delivery():
     scene = Scene.load(SCENES / "cell_delivery.usda")
-    clock, node, bridge = VirtualClock(), Node(), Bridge2()
+    clock, node, bridge = VirtualClock(), LocalNode(), Bridge2()
     loop = LiveLoop(scene, clock=clock, rate=RATE, device="cpu")
     twin = twin_of(loop)
     names = [scene.bodies[b].name for b in twin.robots]

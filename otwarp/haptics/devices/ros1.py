@@ -41,8 +41,8 @@ TOUCH_FORCE, TOUCH_CONTINUOUS = 3.3, 0.88
 
 
 def open_client(name: str) -> Any:
-    """A ROS 1 node, see `otwarp.ros.ros1.interface.open_node`."""
-    return import_module(f"{HOME}.interface").open_node(name)
+    """A ROS 1 node, see `otwarp.ros.ros1.node.Ros1Node`."""
+    return import_module(f"{HOME}.node").Ros1Node(name)
 
 
 class Ros1Device:

@@ -24,8 +24,8 @@ from otwarp.ros.contract import (
     Quat,
 )
 from otwarp.ros.motion import VelocityHold
-from otwarp.ros.ros1.interface import RosNode
 from otwarp.ros.ros1.messages import types
+from otwarp.ros.ros1.node import Ros1Node
 
 FASTEST_HAND = 1e4
 """Speed of a hand above which a twist is refused [mm/s]: no device reports 10 m/s."""
@@ -48,7 +48,7 @@ class Ros1Bridge:
             bridge.publish(clock(), (trap0, trap1), ((p0, q0), (p1, q1)), obstacles)
 
     Args:
-        node: Of `interface.open_node`; the bridge takes no notice of its closing.
+        node: Where the topics live; the caller closes it.
         config: Pairing, units, gain, rate.
         clock: Monotonic [s]; when a twist came. `commands` must be given times of the same clock.
         stamp: Seconds since 1970 for the headers.
@@ -62,7 +62,7 @@ class Ros1Bridge:
 
     def __init__(
         self,
-        node: RosNode,
+        node: Ros1Node,
         config: ContractConfig | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -79,7 +79,7 @@ class Ros1Bridge:
         self._held: dict[int, VelocityHold] = {}
         self._in = [self._listen(node, hand) for hand in self.hands]
 
-    def _listen(self, node: RosNode, hand: HandTopics) -> Any:
+    def _listen(self, node: Ros1Node, hand: HandTopics) -> Any:
         held = self._held[hand.group] = VelocityHold(self.config.twist_timeout, FASTEST_HAND)
 
         def _twist(message: Any) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from otwarp.errors import InputError
 
-MASTER = "ROS_MASTER_URI"
+MASTER, NAMESPACE = "ROS_MASTER_URI", "ROS_NAMESPACE"
 DEFAULT_MASTER = "http://localhost:11311/"
 NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 LONGEST_NAME = 256
@@ -20,7 +20,7 @@ def global_name(what: str, name: str) -> str:
     """A graph name with its leading slash; a relative one is taken to be in the namespace `/`.
 
     Args:
-        what: `node`, `topic` or `namespace`, for the message.
+        what: `node` or `topic`, for the message.
         name: As typed.
 
     Raises:
@@ -29,6 +29,17 @@ def global_name(what: str, name: str) -> str:
     if len(name) > LONGEST_NAME or not NAME.fullmatch(name):
         raise InputError(f"{what} is {name[:80]!r}; allowed: words of letters, digits and _ with / between them")
     return name if name.startswith("/") else f"/{name}"
+
+
+def node_name(name: str) -> str:
+    """The graph name of a node; a relative one is in `ROS_NAMESPACE`, as in every client of ROS 1.
+
+    Raises:
+        InputError: It is no graph name, or the variable has none.
+    """
+    full = global_name("node", name)
+    space = os.environ.get(NAMESPACE, "").strip("/")
+    return full if name.startswith("/") or not space else global_name(NAMESPACE, space) + full
 
 
 def address(uri: str) -> tuple[str, int] | None:

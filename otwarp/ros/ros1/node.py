@@ -1,6 +1,6 @@
 """A node of ROS 1 that needs no ROS: it registers with a master, publishes, subscribes, and comes back after restarts.
 
-    with Node("otwarp") as node:
+    with Ros1Node("otwarp") as node:
         out = node.publisher("/robot01", "tf2_msgs/TFMessage")
         node.subscribe("/GeomagicLeft/smoothed_twist", "geometry_msgs/Twist", print)
         out.publish(message)
@@ -35,11 +35,12 @@ LINGER = 0.2
 """Seconds that `close` gives to messages which are still queued."""
 
 
-class Node:
-    """A node.
+class Ros1Node:
+    """A node of ROS 1.
 
     Args:
-        name: Of the node, unique in the graph: the master shuts down an older one of that name.
+        name: Of the node, unique in the graph: the master shuts down an older one of that name; a relative one is in
+            `ROS_NAMESPACE`.
         master_uri: Default `ROS_MASTER_URI`, else this machine's.
         host: Name or address under which others reach this node and on which alone it listens; see `names.own_host`.
         poll: Seconds between two looks at the master.
@@ -63,7 +64,7 @@ class Node:
         poll: float = POLL,
         most: int = MOST_MESSAGE,
     ) -> None:
-        self.name = global_name("node", name)
+        self.name = names.node_name(name)
         self.master = names.master_uri(master_uri)
         self.host, address = own_host(host, self.master)
         self.log = EventLog()
@@ -72,7 +73,7 @@ class Node:
         self._poll, self._most = poll, most
         self._lock = threading.RLock()
         self._publishers: dict[str, Publisher] = {}
-        self._feeds: dict[str, SubscribedTopic] = {}
+        self._subscribed: dict[str, SubscribedTopic] = {}
         self._stopped = threading.Event()
         check_master(self.master, self.name)
         try:
@@ -133,17 +134,17 @@ class Node:
         topic, kind = global_name("topic", topic), message_type(type_name)
         with self._lock:
             self._check_alive()
-            feed, known = self._feeds.get(topic), topic in self._feeds
-            if feed is None:
-                feed = self._feeds[topic] = SubscribedTopic(
-                    topic, kind, caller=self.name, most=self._most, log=self.log, release=self._release_feed
-                )
-            elif feed.type is not kind:
-                raise InputError(f"type of {topic} is {type_name!r}; allowed: {feed.type.name}, as subscribed before")
-            subscription = feed.join(callback)
-        if not known:
+            before = self._subscribed.get(topic)
+            if before is not None and before.type is not kind:
+                raise InputError(f"type of {topic} is {type_name!r}; allowed: {before.type.name}, as subscribed before")
+            subscribed = before or SubscribedTopic(
+                topic, kind, caller=self.name, most=self._most, log=self.log, release=self._release_subscriber
+            )
+            self._subscribed[topic] = subscribed
+            subscription = subscribed.join(callback)
+        if before is None:
             try:
-                self._register_feed(feed)
+                self._register_subscriber(subscribed)
             except (NoAnswer, Refused) as error:
                 subscription.close()
                 raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
@@ -156,18 +157,18 @@ class Node:
                 return
             self._stopped.set()
             publishers = list(self._publishers.values())
-            feeds = list(self._feeds.values())
+            subscribed = list(self._subscribed.values())
         if threading.current_thread() is not self._watcher:
             self._watcher.join(MASTER_TIMEOUT)  # lest it register what is taken back here
         deadline = time.monotonic() + LINGER
         for publisher in publishers:
             publisher.flush(deadline - time.monotonic())
-        for one in (*feeds, *publishers):
+        for one in (*subscribed, *publishers):
             one.close()
         self._topics.close()
         self._slave.close()
 
-    def __enter__(self) -> Node:
+    def __enter__(self) -> Ros1Node:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -177,7 +178,7 @@ class Node:
         if self._stopped.is_set():
             raise InputError(f"node {self.name} is closed")
 
-    # what the master is told
+    # registrations with the master
 
     def _ask(self, method: str, *arguments: Any) -> Any:
         return call(self.master, method, self.name, *arguments, timeout=MASTER_TIMEOUT)
@@ -185,25 +186,25 @@ class Node:
     def _register_publisher(self, publisher: Publisher) -> None:
         self._ask("registerPublisher", publisher.topic, publisher.type.name, self.uri)
 
-    def _register_feed(self, feed: SubscribedTopic) -> None:
-        publishers = self._ask("registerSubscriber", feed.topic, feed.type.name, self.uri)
+    def _register_subscriber(self, topic: SubscribedTopic) -> None:
+        publishers = self._ask("registerSubscriber", topic.name, topic.type.name, self.uri)
         if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
             raise NoAnswer("registerSubscriber: no list of URIs")
-        feed.publishers(publishers)
+        topic.publishers(publishers)
 
     def _release_publisher(self, publisher: Publisher) -> None:
         with self._lock:
             if self._publishers.get(publisher.topic) is publisher:
                 del self._publishers[publisher.topic]
-        self._tell("unregisterPublisher", publisher.topic)
+        self._unregister("unregisterPublisher", publisher.topic)
 
-    def _release_feed(self, feed: SubscribedTopic) -> None:
+    def _release_subscriber(self, topic: SubscribedTopic) -> None:
         with self._lock:
-            if self._feeds.get(feed.topic) is feed:
-                del self._feeds[feed.topic]
-        self._tell("unregisterSubscriber", feed.topic)
+            if self._subscribed.get(topic.name) is topic:
+                del self._subscribed[topic.name]
+        self._unregister("unregisterSubscriber", topic.name)
 
-    def _tell(self, method: str, topic: str) -> None:
+    def _unregister(self, method: str, topic: str) -> None:
         """Take a registration back, if the master is there: one that is gone has forgotten it."""
         if self.master_there:
             try:
@@ -241,20 +242,20 @@ class Node:
         """Whether the master took all registrations."""
         with self._lock:
             publishers = list(self._publishers.values())
-            feeds = list(self._feeds.values())
+            subscribed = list(self._subscribed.values())
         try:
             for publisher in publishers:
                 self._register_publisher(publisher)
-            for feed in feeds:
-                self._register_feed(feed)
+            for topic in subscribed:
+                self._register_subscriber(topic)
         except (NoAnswer, Refused) as error:
             self._complain(f"did not take a registration: {error}")
             return False
         self._complaint = ""
-        done = f"registered anew, topics published: {len(publishers)}, subscribed: {len(feeds)}"
+        done = f"registered anew, topics published: {len(publishers)}, subscribed: {len(subscribed)}"
         if not self.master_there:
             self.log.note("master", f"back; {done}")
-        elif publishers or feeds:
+        elif publishers or subscribed:
             self.log.note("master", done)
         return True
 
@@ -272,9 +273,9 @@ class Node:
                 raise TypeError("no list of URIs")
             _strings(caller, topic, *publishers)
             with self._lock:
-                feed = self._feeds.get(topic)
-            if feed is not None:
-                feed.publishers(publishers)
+                subscribed = self._subscribed.get(topic)
+            if subscribed is not None:
+                subscribed.publishers(publishers)
             return [1, "", 0]
 
         def _request_topic(caller: str, topic: str, protocols: list[Any]) -> list[Any]:
@@ -296,7 +297,7 @@ class Node:
             "publisherUpdate": _publisher_update,
             "requestTopic": _request_topic,
             "getPublications": lambda caller: [1, "", _topics(self._publishers)],
-            "getSubscriptions": lambda caller: [1, "", _topics(self._feeds)],
+            "getSubscriptions": lambda caller: [1, "", _topics(self._subscribed)],
             "getMasterUri": lambda caller: [1, "", self.master],
             "getPid": lambda caller: [1, "", os.getpid()],
             "getBusStats": lambda caller: [1, "", [[], [], []]],

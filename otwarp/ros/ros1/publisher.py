@@ -14,7 +14,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import MessageType
-from otwarp.ros.ros1.wire import MOST_HEADER, Frames, Malformed, decode_header, encode_header, packed
+from otwarp.ros.ros1.wire import Malformed, decode_header, encode_header, packed, receive_header
 
 HANDSHAKE = 5.0
 """Seconds that a subscriber may take for its header."""
@@ -270,23 +270,3 @@ class TopicServer:
             pass  # wakes the thread, on every system
         self._thread.join(HANDSHAKE)
         self._socket.close()
-
-
-def receive_header(sock: socket.socket, timeout: float) -> tuple[bytes, bytes]:
-    """(connection header without its length, bytes that came after it).
-
-    Raises:
-        Malformed: Too long, or the peer hung up within it.
-        OSError: It took longer than `timeout` [s], or the connection broke.
-    """
-    frames, deadline = Frames(MOST_HEADER, "header"), time.monotonic() + timeout
-    while True:
-        rest = deadline - time.monotonic()
-        if rest <= 0.0:
-            raise TimeoutError("no header in time")
-        sock.settimeout(rest)
-        chunk = sock.recv(CHUNK)
-        if not chunk:
-            raise Malformed("connection ended before its header")
-        for header in frames.feed(chunk, most=1):
-            return header, frames.rest

@@ -8,13 +8,11 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from otwarp.ros.ros1.interface import Newest
 from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import MessageType
 from otwarp.ros.ros1.names import address
-from otwarp.ros.ros1.publisher import receive_header
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
-from otwarp.ros.ros1.wire import Frames, Malformed, decode_header, encode_header
+from otwarp.ros.ros1.wire import Frames, Malformed, decode_header, encode_header, receive_header
 
 CONNECT = 5.0
 """Seconds that a publisher may take to accept and to answer with its header."""
@@ -33,44 +31,64 @@ class WrongPublisher(Exception):
     """A publisher whose answer does not fit the subscription; one line."""
 
 
-class Subscription(Newest):
+class Subscription:
     """One listener to a topic of this node.
 
-    With a callback, each message is handed to it in the thread of its publisher. Without one, only the newest message
-    is kept; `take` and `latest` fetch it.
+    With a callback, each message is handed to it in the thread of its publisher. The newest message is kept in any
+    case; `take` and `latest` fetch it.
 
     Args:
-        feed: The topic that it listens to.
-        callback: Or None.
+        topic: The topic that it listens to.
+        callback: Takes each message, or None.
+
+    Attributes:
+        received: Messages that came.
     """
 
-    def __init__(self, feed: SubscribedTopic, callback: Callback | None) -> None:
-        super().__init__()
-        self.feed, self.callback = feed, callback
+    def __init__(self, topic: SubscribedTopic, callback: Callback | None) -> None:
+        self.topic, self.callback = topic, callback
+        self.received = 0
+        self._lock = threading.Lock()
+        self._newest: tuple[int, Any] | None = None
+        self._taken = 0
         self.closed = False
 
     @property
     def connections(self) -> int:
         """How many publishers are connected."""
-        return 0 if self.closed else self.feed.connections
+        return 0 if self.closed else self.topic.connections
+
+    def latest(self) -> tuple[int, Any] | None:
+        """(how many messages had come with it, the newest message), or None before the first."""
+        return self._newest
+
+    def take(self) -> Any | None:
+        """The newest message if it was not taken yet, else None."""
+        newest = self._newest
+        if newest is None or newest[0] == self._taken:
+            return None
+        self._taken = newest[0]
+        return newest[1]
 
     def deliver(self, message: Any, came: int) -> None:
         """A message, the last of so many that came."""
         if self.closed:
             return
-        self.put(message, came)
+        with self._lock:
+            self.received += came
+            self._newest = (self.received, message)
         if self.callback is None:
             return
         try:
             self.callback(message)
         except Exception as error:  # the user's function must not end the connection
-            self.feed.log.note("callback", f"{self.feed.topic}: {type(error).__name__}: {error}")
+            self.topic.log.note("callback", f"{self.topic.name}: {type(error).__name__}: {error}")
 
     def close(self) -> None:
         """Stop listening; may be called more than once. No message is handed on after it, save one in a callback."""
         closed, self.closed = self.closed, True
         if not closed:
-            self.feed.leave(self)
+            self.topic.leave(self)
 
 
 class SubscribedTopic:
@@ -79,7 +97,7 @@ class SubscribedTopic:
     Publishers of `rospy` drop the older of two connections from one node, so that a second one would end the first.
 
     Args:
-        topic: Global name.
+        name: Global name.
         message_type: Of its messages.
         caller: Name of the node.
         most: Largest message accepted [bytes].
@@ -89,7 +107,7 @@ class SubscribedTopic:
 
     def __init__(
         self,
-        topic: str,
+        name: str,
         message_type: MessageType,
         *,
         caller: str,
@@ -97,7 +115,7 @@ class SubscribedTopic:
         log: EventLog,
         release: Callable[[SubscribedTopic], None],
     ) -> None:
-        self.topic, self.type = topic, message_type
+        self.name, self.type = name, message_type
         self.caller, self.most, self.log, self._release = caller, most, log, release
         self.received = 0
         self._links: dict[str, PublisherLink] = {}
@@ -148,7 +166,7 @@ class SubscribedTopic:
         """
         wanted = [uri for uri in dict.fromkeys(uris) if address(uri) is not None]
         if len(wanted) > MOST_PUBLISHERS:
-            self.log.note("refused", f"{self.topic} has {len(wanted)} publishers, {MOST_PUBLISHERS} are heard")
+            self.log.note("refused", f"{self.name} has {len(wanted)} publishers, {MOST_PUBLISHERS} are heard")
             wanted = wanted[:MOST_PUBLISHERS]
         with self.changing:
             if self._closed:
@@ -191,15 +209,15 @@ class PublisherLink:
 
     Args:
         uri: Of the publisher's node.
-        feed: What it listens for.
+        topic: What it listens for.
 
     Attributes:
         wanted: Whether the master lists the publisher; False lets the connection be the last.
         connected: Whether messages may come.
     """
 
-    def __init__(self, uri: str, feed: SubscribedTopic) -> None:
-        self.uri, self._for = uri, feed
+    def __init__(self, uri: str, topic: SubscribedTopic) -> None:
+        self.uri, self._topic = uri, topic
         self.wanted = True
         self._latching = False
         self._stopped = threading.Event()
@@ -208,33 +226,33 @@ class PublisherLink:
         threading.Thread(target=self._run, name="ros1-subscribe", daemon=True).start()
 
     def _run(self) -> None:
-        log, topic, pause = self._for.log, self._for.topic, FIRST_PAUSE
+        log, name, pause = self._topic.log, self._topic.name, FIRST_PAUSE
         while not self._stopped.is_set():
-            before = self._for.received
+            before = self._topic.received
             try:
                 self._listen()
             except Malformed as error:
-                log.note("malformed", f"{topic} from {self.uri}: {error}")
+                log.note("malformed", f"{name} from {self.uri}: {error}")
             except WrongPublisher as error:
-                log.note("md5" if "md5sum" in str(error) else "refused", f"{topic} from {self.uri}: {error}")
+                log.note("md5" if "md5sum" in str(error) else "refused", f"{name} from {self.uri}: {error}")
                 pause = LONGEST_PAUSE
             except (NoAnswer, Refused, OSError) as error:
                 if not self._stopped.is_set():
-                    log.note("connection", f"{topic} from {self.uri}: {error or type(error).__name__}")
+                    log.note("connection", f"{name} from {self.uri}: {error or type(error).__name__}")
             finally:
                 self.connected = False
-            with self._for.changing:
+            with self._topic.changing:
                 if not self.wanted:
-                    self._for.forget(self)
+                    self._topic.forget(self)
                     return
-            if self._for.received != before:
+            if self._topic.received != before:
                 pause = FIRST_PAUSE
             self._stopped.wait(pause)
             pause = min(2.0 * pause, LONGEST_PAUSE)
 
     def _listen(self) -> None:
         """Connect and hand messages on until the connection ends."""
-        feed = self._for
+        topic = self._topic
         sock = socket.create_connection(self._ask(), timeout=CONNECT)
         with sock:
             self._socket = sock
@@ -245,20 +263,20 @@ class PublisherLink:
             for option, value in KEEPALIVE:
                 if hasattr(socket, option):
                     sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
-            frames, chunk = Frames(feed.most), self._greet(sock)
+            frames, chunk = Frames(topic.most), self._greet(sock)
             self.connected = True
             sock.settimeout(None)
             while not self._stopped.is_set():
                 bodies = frames.feed(chunk)
                 if bodies:
-                    feed.deliver(bodies, self.uri if self._latching else None)
+                    topic.deliver(bodies, self.uri if self._latching else None)
                 chunk = sock.recv(CHUNK)
                 if not chunk:
                     raise ConnectionResetError("publisher has gone")
 
     def _ask(self) -> tuple[str, int]:
         """Where the publisher's node sends the topic."""
-        found = call(self.uri, "requestTopic", self._for.caller, self._for.topic, [["TCPROS"]])
+        found = call(self.uri, "requestTopic", self._topic.caller, self._topic.name, [["TCPROS"]])
         match found:
             case ["TCPROS", str(host), int(port), *_] if host.isascii() and 0 < port < 65536:
                 return host, port
@@ -266,12 +284,12 @@ class PublisherLink:
 
     def _greet(self, sock: socket.socket) -> bytes:
         """Exchange headers; what came right behind the publisher's."""
-        wanted = self._for.type
+        wanted = self._topic.type
         sock.sendall(
             encode_header(
                 {
-                    "callerid": self._for.caller,
-                    "topic": self._for.topic,
+                    "callerid": self._topic.caller,
+                    "topic": self._topic.name,
                     "type": wanted.name,
                     "md5sum": wanted.md5,
                     "message_definition": wanted.definition,

@@ -1,4 +1,4 @@
-"""Bytes of TCPROS: connection headers and length-prefixed messages, with a cap on both. No sockets here.
+"""Bytes of TCPROS: connection headers and length-prefixed messages, with a cap on both.
 
 A connection header is a little-endian uint32 of its length, then fields, each a uint32 of its length and `name=value`.
 After it, a message is a uint32 of its length and its body. Source: the ROS wiki, `ROS/Connection Header` and
@@ -7,6 +7,8 @@ After it, a message is a uint32 of its length and its body. Source: the ROS wiki
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Mapping
 
 LENGTH = 4
@@ -17,6 +19,8 @@ MOST_FIELDS = 64
 """Most fields of a connection header; TCPROS names nine."""
 MOST_MESSAGE = 1 << 20
 """Largest message body that is accepted unless a node says otherwise [bytes]; a pose takes 90."""
+CHUNK = 1 << 12
+"""Bytes asked of a socket at a time while a header is awaited."""
 
 
 class Malformed(Exception):
@@ -109,3 +113,23 @@ class Frames:
             at = end
         del buffer[:at]
         return bodies
+
+
+def receive_header(sock: socket.socket, timeout: float) -> tuple[bytes, bytes]:
+    """(connection header without its length, bytes that came after it).
+
+    Raises:
+        Malformed: Too long, or the peer hung up within it.
+        OSError: It took longer than `timeout` [s], or the connection broke.
+    """
+    frames, deadline = Frames(MOST_HEADER, "header"), time.monotonic() + timeout
+    while True:
+        rest = deadline - time.monotonic()
+        if rest <= 0.0:
+            raise TimeoutError("no header in time")
+        sock.settimeout(rest)
+        chunk = sock.recv(CHUNK)
+        if not chunk:
+            raise Malformed("connection ended before its header")
+        for header in frames.feed(chunk, most=1):
+            return header, frames.rest

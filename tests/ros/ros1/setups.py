@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
-from otwarp.ros.ros1.interface import Newest
 from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type
-from otwarp.ros.ros1.wire import encode_header
+from otwarp.ros.ros1.subscriber import SubscribedTopic, Subscription
+from otwarp.ros.ros1.wire import MOST_MESSAGE, encode_header
 
 PATIENCE = 30.0
 """Seconds until a test gives up; what it waits for takes milliseconds, also on a busy machine seconds at most."""
@@ -76,7 +76,7 @@ class MasterDouble:
             self.calls.append(("registerPublisher", caller, topic, kind))
             self.publishers.setdefault(topic, {})[caller] = (uri, kind)
             subscribers = [one[0] for one in self.subscribers.get(topic, {}).values()]
-        self._tell(topic)
+        self._update_subscribers(topic)
         return [1, "", subscribers]
 
     def _registerSubscriber(self, caller: str, topic: str, kind: str, uri: str) -> list[Any]:
@@ -89,7 +89,7 @@ class MasterDouble:
         with self._lock:
             self.calls.append(("unregisterPublisher", caller, topic))
             self.publishers.get(topic, {}).pop(caller, None)
-        self._tell(topic)
+        self._update_subscribers(topic)
         return [1, "", 1]
 
     def _unregisterSubscriber(self, caller: str, topic: str, uri: str) -> list[Any]:
@@ -109,7 +109,7 @@ class MasterDouble:
         with self._lock:
             return [1, "", [[topic, kind] for topic, nodes in self.publishers.items() for _, kind in nodes.values()]]
 
-    def _tell(self, topic: str) -> None:
+    def _update_subscribers(self, topic: str) -> None:
         """Tell subscribers of a topic who publishes it, as a master does: in threads of its own."""
         with self._lock:
             publishers = [one[0] for one in self.publishers.get(topic, {}).values()]
@@ -169,12 +169,11 @@ def good_header(type_name: str, **changed: str) -> bytes:
     return encode_header({"type": kind.name, "md5sum": kind.md5, "callerid": "/bad", "latching": "0"} | changed)
 
 
-class LocalTopic:
+class LocalPublisher:
     """Publisher of a `LocalNode`."""
 
     def __init__(self, node: LocalNode, topic: str, type_name: str) -> None:
         self._node, self.topic, self.type = node, topic, message_type(type_name)
-        self.connections = 0
 
     def publish(self, message: Any) -> None:
         body = self.type.encode(message)
@@ -184,43 +183,31 @@ class LocalTopic:
         self._node.closed.append(self.topic)
 
 
-class LocalSubscription(Newest):
-    """Subscription of a `LocalNode`."""
-
-    def __init__(self, node: LocalNode, topic: str, type_name: str, callback: Callable[[Any], None] | None) -> None:
-        super().__init__()
-        self._node, self.topic, self.type, self.callback = node, topic, message_type(type_name), callback
-        self.connections = 0
-
-    def close(self) -> None:
-        self._node.closed.append(self.topic)
-
-
 class LocalNode:
-    """A node without threads or network: what is published is kept, what is to be heard is said by `say`."""
+    """A node without threads or network: what is published is kept, what comes is said by `say`."""
 
     name, alive = "/local", True
 
     def __init__(self) -> None:
         self.log = EventLog()
         self.sent: dict[str, list[Any]] = {}
-        self.heard: dict[str, LocalSubscription] = {}
+        self.subscribed: dict[str, SubscribedTopic] = {}
         self.closed: list[str] = []
 
-    def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 16) -> LocalTopic:
-        return LocalTopic(self, topic, type_name)
+    def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 16) -> LocalPublisher:
+        return LocalPublisher(self, topic, type_name)
 
-    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None] | None = None) -> LocalSubscription:
-        self.heard[topic] = LocalSubscription(self, topic, type_name, callback)
-        return self.heard[topic]
+    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None] | None = None) -> Subscription:
+        kind, release = message_type(type_name), lambda subscribed: self.closed.append(subscribed.name)
+        self.subscribed[topic] = SubscribedTopic(
+            topic, kind, caller=self.name, most=MOST_MESSAGE, log=self.log, release=release
+        )
+        return self.subscribed[topic].join(callback)
 
     def say(self, topic: str, message: Any) -> None:
         """A message as if it had come over the wire."""
-        heard = self.heard[topic]
-        message = heard.type.decode(heard.type.encode(message))
-        heard.put(message)
-        if heard.callback is not None:
-            heard.callback(message)
+        subscribed = self.subscribed[topic]
+        subscribed.deliver([subscribed.type.encode(message)], None)
 
     def close(self) -> None:
         self.alive = False

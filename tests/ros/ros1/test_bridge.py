@@ -161,7 +161,7 @@ def test_closing_takes_all_topics_back():
 
 
 def test_a_namespace_that_is_no_name_is_refused(master):
-    from otwarp.ros.ros1.node import Node
+    from otwarp.ros.ros1.node import Ros1Node
 
-    with Node("a", master.uri) as node, pytest.raises(InputError, match="topic is '/a b/smoothed_twist'"):
+    with Ros1Node("a", master.uri) as node, pytest.raises(InputError, match="topic is '/a b/smoothed_twist'"):
         Ros1Bridge(node, ContractConfig(namespaces=("a b", "c")))

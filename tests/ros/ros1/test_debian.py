@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.devices.ros1 import find_devices
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRAP_TOPICS, ContractConfig
 from otwarp.ros.ros1.bridge import Ros1Bridge
-from otwarp.ros.ros1.interface import open_node
 from otwarp.ros.ros1.messages import message_type
-from otwarp.ros.ros1.node import Node
+from otwarp.ros.ros1.node import Ros1Node
 
 from .conftest import RealMaster
 from .golden import MD5, bytes_of, message_of
@@ -26,7 +24,6 @@ from .setups import PATIENCE, wait_for
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-DEBIAN = "/usr/lib/python3/dist-packages"
 TWIST = "geometry_msgs/Twist"
 PRINTED = 5e-4
 """Half of the last digit of 1.312 N."""
@@ -73,7 +70,7 @@ def test_md5_and_bytes_are_those_of_debians_classes(rospy_python, real_master):
 
 def test_a_rospy_node_reads_and_writes_every_type(rospy_python, real_master):
     """Each golden message goes to a rospy node and comes back."""
-    with Peer(rospy_python, real_master, "echo"), Node("ours", real_master.uri) as node:
+    with Peer(rospy_python, real_master, "echo"), Ros1Node("ours", real_master.uri) as node:
         for n, name in enumerate(("tf2_msgs/TFMessage", TWIST, *(m for m in MD5 if m.split("/")[1][0] in "PJD"))):
             kind, heard = message_type(name), node.subscribe(f"/from/t{n}", name)
             out = node.publisher(f"/to/t{n}", name)
@@ -91,9 +88,9 @@ def test_the_releases_force_on_a_rospy_node(rospy_python, real_master):
     config = ContractConfig(scene_unit=25.0)
     hand = config.hands()[0]
     arguments = (hand.namespace, TRAP_TOPICS[0], ROBOT_TOPICS[0])
-    with Peer(rospy_python, real_master, "force", *arguments), Node("sim", real_master.uri) as sim:
+    with Peer(rospy_python, real_master, "force", *arguments), Ros1Node("sim", real_master.uri) as sim:
         bridge, felt = Ros1Bridge(sim, config), []
-        with Node("touch", real_master.uri) as touch:
+        with Ros1Node("touch", real_master.uri) as touch:
             touch.subscribe(hand.topic("force_feedback"), HAND_TYPES["force_feedback"], felt.append)
             trap, robot = bridge._out[TRAP_TOPICS[0]], bridge._out[ROBOT_TOPICS[0]]
             wait_for(lambda: trap.connections == robot.connections == 1)
@@ -107,14 +104,14 @@ def test_the_releases_force_on_a_rospy_node(rospy_python, real_master):
 
 def test_the_master_knows_what_we_publish_until_we_close(real_master, monkeypatch):
     monkeypatch.setenv("ROS_MASTER_URI", real_master.uri)
-    with open_node("driver", backend="own") as node:
+    with Ros1Node("driver") as node:
         node.publisher("/GeomagicLeft/pose", "geometry_msgs/PoseStamped")
         assert find_devices() == ("ros1:/GeomagicLeft  (publishes geometry_msgs/PoseStamped)",)
     assert find_devices() == ()
 
 
 def test_the_master_shuts_down_the_older_of_two_namesakes(real_master):
-    with Node("same", real_master.uri) as older, Node("same", real_master.uri) as newer:
+    with Ros1Node("same", real_master.uri) as older, Ros1Node("same", real_master.uri) as newer:
         older.publisher("/t", TWIST)
         newer.publisher("/t", TWIST)
         wait_for(lambda: not older.alive)
@@ -124,40 +121,19 @@ def test_the_master_shuts_down_the_older_of_two_namesakes(real_master):
 def test_a_restarted_master_hears_of_all_again(real_master, tmp_path):
     master = RealMaster(tmp_path)
     try:
-        with Node("a", master.uri, poll=0.1) as a, Node("b", master.uri, poll=0.1) as b:
+        with Ros1Node("a", master.uri, poll=0.1) as a, Ros1Node("b", master.uri, poll=0.1) as b:
             out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
             wait_for(lambda: out.connections == 1 and heard.connections == 1)
             master.stop()
             wait_for(lambda: not a.master_there and not b.master_there)
             with pytest.raises(InputError, match="ROS_MASTER_URI is"):
-                Node("c", master.uri)
+                Ros1Node("c", master.uri)
             master.start()
             wait_for(lambda: a.master_there and b.master_there)
-            with Node("c", master.uri) as c:
+            with Ros1Node("c", master.uri) as c:
                 late = c.subscribe("/t", TWIST)
                 wait_for(lambda: out.connections == 2)
                 out.publish(message_of(TWIST))
                 wait_for(lambda: late.received == 1 and heard.received == 1)
     finally:
         master.stop()
-
-
-def test_rospy_behind_the_same_interface(rospy_python, real_master):
-    """In a process of this Python that sees Debian's rospy: all types, both ways, between both backends."""
-    done = subprocess.run(
-        [sys.executable, str(HERE / "rospy_backend.py"), DEBIAN, real_master.uri],
-        env=real_master.environment | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=4 * PATIENCE,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert done.stdout.endswith(f"exchanged {len(MD5)} types both ways\n")
-
-
-def test_rospy_that_is_not_here_is_one_line():
-    with pytest.raises(InputError, match="backend is 'rospy'; allowed: own"):
-        open_node("x", backend="rospy")
-    with pytest.raises(InputError, match="backend is 'roscpp'; allowed: auto, own, rospy"):
-        open_node("x", backend="roscpp")  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, find_devices
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.ros.ros1.messages import types
-from otwarp.ros.ros1.node import Node
+from otwarp.ros.ros1.node import Ros1Node
 from tests.haptics.setups import chain_for, hand_config, scene_at
 
 from .setups import LocalNode, wait_for
@@ -159,7 +159,7 @@ def test_over_the_wire_with_a_driver_double(master, monkeypatch):
     device = create_device(parse_devices([f"ros1:{NS}"])[0])
     for turn in (1.0, 2.0):
         forces = []
-        with Node("driver", poll=0.05) as driver:
+        with Ros1Node("driver", poll=0.05) as driver:
             out = driver.publisher(f"{NS}/pose", "geometry_msgs/PoseStamped", latch=True)
             driver.publisher(f"{NS}/elsewhere", "geometry_msgs/PoseStamped")
             buttons = driver.publisher(f"{NS}/button", "geomagic_control/DeviceButtonEvent", latch=True)
@@ -189,7 +189,7 @@ def test_a_servo_renders_to_a_ros_device_and_ends_with_zero_force(master, monkey
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
     forces = []
     hand = hand_config(motion_gain=100.0, force_gain=0.05)
-    with Node("driver") as driver:
+    with Ros1Node("driver") as driver:
         out = driver.publisher(f"{NS}/pose", "geometry_msgs/PoseStamped", latch=True)
         driver.subscribe(f"{NS}/force_feedback", "geomagic_control/DeviceFeedback", forces.append)
         out.publish(pose(0.0, 0.0, 0.0))

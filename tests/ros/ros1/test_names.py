@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.ros.ros1.names import address, global_name, master_uri, own_host
+from otwarp.ros.ros1.names import address, global_name, master_uri, node_name, own_host
 
 
 @pytest.mark.parametrize(
@@ -92,3 +92,12 @@ def test_a_host_without_an_address(monkeypatch):
         own_host(None, "http://nowhere:1/")
     with pytest.raises(InputError, match="host is 'nowhere'"):
         own_host("nowhere", "http://nowhere:1/")
+
+
+def test_a_relative_node_name_is_in_the_namespace_of_the_environment(monkeypatch):
+    assert node_name("otwarp") == "/otwarp"
+    monkeypatch.setenv("ROS_NAMESPACE", "/lab/left/")
+    assert (node_name("otwarp"), node_name("/otwarp")) == ("/lab/left/otwarp", "/otwarp")
+    monkeypatch.setenv("ROS_NAMESPACE", "a b")
+    with pytest.raises(InputError, match="ROS_NAMESPACE is 'a b'; allowed: words"):
+        node_name("otwarp")

@@ -15,7 +15,7 @@ from otwarp.errors import InputError
 from otwarp.ros.ros1 import subscriber
 from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type, types
-from otwarp.ros.ros1.node import Node, check_master
+from otwarp.ros.ros1.node import Ros1Node, check_master
 from otwarp.ros.ros1.publisher import receive_header
 from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
 from otwarp.ros.ros1.slave import answer
@@ -39,8 +39,8 @@ def node(master):
     """Makes nodes on the double, closed at the end."""
     made = []
 
-    def make(name: str) -> Node:
-        made.append(Node(name, master.uri, poll=POLL))
+    def make(name: str) -> Ros1Node:
+        made.append(Ros1Node(name, master.uri, poll=POLL))
         return made[-1]
 
     yield make
@@ -153,7 +153,7 @@ def test_a_second_listener_gets_what_was_latched(node):
 def test_a_restarted_publisher_is_heard_again(node, master):
     heard = node("b").subscribe("/t", TWIST)
     for x in (1.0, 2.0):
-        with Node("a", master.uri, poll=POLL) as a:
+        with Ros1Node("a", master.uri, poll=POLL) as a:
             a.publisher("/t", TWIST, latch=True).publish(twist(x))
             wait_for(lambda x=x: heard.received == int(x))
         assert heard.latest()[1].linear.x == x
@@ -224,7 +224,7 @@ def test_a_connection_outlives_its_listing(node, master):
     wait_for(lambda: heard.received == 1)
     assert out.connections == 1
     a.close()
-    wait_for(lambda: heard.connections == 0 and not heard.feed._links)
+    wait_for(lambda: heard.connections == 0 and not heard.topic._links)
 
 
 def test_a_master_that_restarted_between_two_looks_is_noticed(node, master):
@@ -241,12 +241,12 @@ def test_no_master_is_one_line():
     with pytest.raises(
         InputError, match=f"ROS_MASTER_URI is 'http://127.0.0.1:{port}/': no ROS master answers"
     ) as error:
-        Node("a", f"http://127.0.0.1:{port}/")
+        Ros1Node("a", f"http://127.0.0.1:{port}/")
     assert "\n" not in str(error.value)
 
 
 def test_a_master_that_goes_before_a_topic_is_one_line(master):
-    with Node("a", master.uri, poll=60.0) as a:
+    with Ros1Node("a", master.uri, poll=60.0) as a:
         master.stop()
         try:
             with pytest.raises(InputError, match="ROS_MASTER_URI is 'http"):
@@ -267,15 +267,15 @@ def test_bad_input(node, master):
     with pytest.raises(InputError, match="queue of /q is 0"):
         a.publisher("/q", TWIST, queue=0)
     with pytest.raises(InputError, match="node is 'a b'"):
-        Node("a b", master.uri)
+        Ros1Node("a b", master.uri)
     with pytest.raises(InputError, match=r"host is '192\.0\.2\.1': cannot listen there"):
-        Node("c", master.uri, host="192.0.2.1")
+        Ros1Node("c", master.uri, host="192.0.2.1")
     with pytest.raises(InputError, match="allowed: a geometry_msgs/Twist"):
         a.publisher("/r", TWIST).publish(message_of("sensor_msgs/Joy"))
 
 
 def test_a_node_listens_on_its_host_only(master):
-    with Node("a", master.uri, host="127.0.0.2") as a:
+    with Ros1Node("a", master.uri, host="127.0.0.2") as a:
         a.publisher("/t", TWIST)
         where = call(a.uri, "requestTopic", "/x", "/t", [["TCPROS"]])
         assert a.uri.startswith("http://127.0.0.2:") and where[1] == "127.0.0.2"
@@ -331,7 +331,7 @@ def test_no_arguments_break_the_slave_calls(node):
 
     any_call()
     call(a.uri, "publisherUpdate", "/master", "/s", [a.uri])
-    assert set(heard.feed._links) == {a.uri} and a.alive
+    assert set(heard.topic._links) == {a.uri} and a.alive
 
 
 def test_the_master_may_shut_a_node_down(node, master):
@@ -346,7 +346,7 @@ def test_the_master_may_shut_a_node_down(node, master):
 # ---- subscribers that misbehave
 
 
-def shake(a: Node, request: bytes) -> tuple[dict[str, str], bytes]:
+def shake(a: Ros1Node, request: bytes) -> tuple[dict[str, str], bytes]:
     """(header, first bytes after it) of what the node's topic answers; ({}, b"") if it hangs up."""
     _, host, port = call(a.uri, "requestTopic", "/x", "/t", [["TCPROS"]])
     with socket.create_connection((host, port), timeout=PATIENCE) as sock:

@@ -5,6 +5,9 @@ The release's `force_pub.py` needs rospy; here `PaperForce`, which does what it 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
@@ -13,7 +16,7 @@ from otwarp.haptics.core.config import IDENTITY
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRANSFORM, TRAP_TOPICS, ContractConfig, HandTopics
 from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types
-from otwarp.ros.ros1.node import Node
+from otwarp.ros.ros1.node import Ros1Node
 
 from .setups import wait_for
 
@@ -23,10 +26,17 @@ UNIT = 25.0
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
+@contextmanager
+def nodes(uri: str) -> Iterator[tuple[Ros1Node, Ros1Node, Ros1Node]]:
+    """The simulator's, the force node's and the device's."""
+    with Ros1Node("sim", uri) as sim, Ros1Node("force_pub", uri) as paper, Ros1Node("device", uri) as touch:
+        yield sim, paper, touch
+
+
 class ForceNode:
     """Behaves like the release's node of one hand: a force with each trap and robot message once both were heard of."""
 
-    def __init__(self, node: Node, hand: HandTopics) -> None:
+    def __init__(self, node: Ros1Node, hand: HandTopics) -> None:
         self.chain, self.twists = PaperForce(), PaperTwist()
         self.force = node.publisher(hand.topic("force_feedback"), HAND_TYPES["force_feedback"], queue=1000)
         self.smoothed = node.publisher(hand.smoothed_twist, HAND_TYPES["smoothed_twist"], queue=1000)
@@ -65,7 +75,7 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
     """12000·0.05·(1 − 0.95^99)·0.0022 = 1.312 N: one trap message, then 99 of the robot a twentieth above it."""
     config = ContractConfig(scene_unit=UNIT)
     topics = config.hands()[hand]
-    with Node("sim", master.uri) as sim, Node("force_pub", master.uri) as paper, Node("device", master.uri) as touch:
+    with nodes(master.uri) as (sim, paper, touch):
         bridge = Ros1Bridge(sim, config)
         node = ForceNode(paper, topics)
         felt = []
@@ -96,7 +106,7 @@ def test_the_hand_moves_the_trap_through_the_node(master):
     config = ContractConfig(axis_map=IDENTITY, scene_unit=UNIT, motion_gain=0.02)
     topics = config.hands()[0]
     now = [0.0]
-    with Node("sim", master.uri) as sim, Node("force_pub", master.uri) as paper, Node("device", master.uri) as touch:
+    with nodes(master.uri) as (sim, paper, touch):
         bridge = Ros1Bridge(sim, config, clock=lambda: now[0])
         node = ForceNode(paper, topics)
         out = touch.publisher(topics.topic("twist"), HAND_TYPES["twist"], queue=100)
