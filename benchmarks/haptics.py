@@ -15,14 +15,14 @@ from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.check.check import BUSY
-from otwarp.haptics.check.costs import STEPS, Cost, chain_costs, mailbox_costs, step_cost
-from otwarp.haptics.check.jitter import Jitter, Spread, measure_jitter
+from otwarp.haptics.check.costs import STEPS, CallCost, chain_costs, mailbox_costs, step_cost
+from otwarp.haptics.check.jitter import Jitter, Percentiles, measure_jitter
 from otwarp.haptics.check.latency import STATE_RATE, check_hand, measure_latency
 from otwarp.haptics.check.width import DEVICE, HIGH, RATE, widths
 from otwarp.haptics.check.zwidth import PASSIVE, BareDevice, chain_width
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, TrapLaw
 from otwarp.haptics.force.law import SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
 from otwarp.optics import Beam, ForceTable, Sphere
@@ -78,7 +78,9 @@ def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0) ->
         true = reach * math.sin(speed / reach * period * max(0, n - ramp))
         place = [0.0, 0.0, 0.0]
         place[row] = round(true / quantum) * quantum if quantum else true
-        scene = SceneNow(n + 1, n * period, (SphereNow((0.0, 0.0, 0.0), 0),), (TrapNow(0, (0.0, 0.0, 0.0), POWER),))
+        scene = SceneFrame(
+            n + 1, n * period, (SphereFrame((0.0, 0.0, 0.0), 0),), (TrapFrame(0, (0.0, 0.0, 0.0), POWER),)
+        )
         now = chain.step(DeviceSample(n * period, (place[0], place[1], place[2])), scene)
         if n >= ramp:
             rendered.append(now.force[row])
@@ -132,7 +134,7 @@ def fidelity_table(data: dict[str, Any], speeds: Sequence[float]) -> Table:
     )
 
 
-def _micro(spread: Spread) -> tuple[str, ...]:
+def _micro(spread: Percentiles) -> tuple[str, ...]:
     return tuple(f"{1e6 * v:.3g}" for v in (spread.p50, spread.p99, spread.p999, spread.max))
 
 
@@ -167,18 +169,18 @@ def latency_table(data: dict[str, Any], seconds: float) -> Table:
     return Table(title="Latency in the servo process [µs]", head=("from, to", *PERCENTILES), rows=rows)
 
 
-def table_costs(steps: int) -> tuple[Cost, ...]:
+def table_costs(steps: int) -> tuple[CallCost, ...]:
     """Steps of chains that feel force tables of optics."""
     config = check_hand()
     found = []
     for interpolation in ("bilinear", "bicubic"):
         table = ForceTable.build(Beam(), Sphere(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
         model = local_model(config, {i: (TableLaw.of(table),) for i in config.traps})
-        found.append(Cost(f"step: stable, {interpolation} table", step_cost(Chain(config, model), steps)))
+        found.append(CallCost(f"step: stable, {interpolation} table", step_cost(Chain(config, model), steps)))
     return tuple(found)
 
 
-def cost_table(data: dict[str, Any], steps: int, tables: Callable[[int], tuple[Cost, ...]]) -> Table:
+def cost_table(data: dict[str, Any], steps: int, tables: Callable[[int], tuple[CallCost, ...]]) -> Table:
     """Steps and mailboxes."""
     costs = (*chain_costs(steps), *tables(steps), *mailbox_costs(steps))
     data |= {cost.what: asdict(cost.time) for cost in costs}
@@ -198,7 +200,7 @@ def measure(
     speeds: Sequence[float] = SPEEDS,
     steps: int = STEPS,
     high: float = STIFFEST,
-    tables: Callable[[int], tuple[Cost, ...]] = table_costs,
+    tables: Callable[[int], tuple[CallCost, ...]] = table_costs,
 ) -> Section:
     """All tables; `rounds` makes the measurements with a clock that much longer. The servo runs on the CPU."""
     machine = Machine.look(pick_device(device))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 
-from otwarp.haptics.core.types import SceneNow, SphereNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from tests.haptics.spring import SpringChain
 
@@ -17,7 +17,7 @@ def main() -> None:
     beat = 0
     while True:
         beat += 1
-        servo.publish(SceneNow(beat, 0.001 * beat, (SphereNow((0.0, 0.0, 0.0), 0),), ()))
+        servo.publish(SceneFrame(beat, 0.001 * beat, (SphereFrame((0.0, 0.0, 0.0), 0),), ()))
         hand = servo.hand(0)
         if hand is not None and hand.state == "disarmed":
             servo.arm()

@@ -9,7 +9,16 @@ from dataclasses import replace
 
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.core.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.core.types import (
+    DeviceInfo,
+    DeviceSample,
+    SceneFrame,
+    ServoFrame,
+    SphereFrame,
+    TrapFrame,
+    TrapLaw,
+    Vec3,
+)
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
@@ -39,9 +48,9 @@ def chain_for(config: HandConfig, info: DeviceInfo) -> Chain:
     return make_chain(config)
 
 
-def scene_at(beat: int, time: float, sphere: Vec3 | None = (0.0, 0.0, 0.0), trap: Vec3 = (0.0, 0.0, 0.0)) -> SceneNow:
-    spheres = () if sphere is None else (SphereNow(sphere, 0),)
-    return SceneNow(beat, time, spheres, (TrapNow(0, trap, POWER),))
+def scene_at(beat: int, time: float, sphere: Vec3 | None = (0.0, 0.0, 0.0), trap: Vec3 = (0.0, 0.0, 0.0)) -> SceneFrame:
+    spheres = () if sphere is None else (SphereFrame(sphere, 0),)
+    return SceneFrame(beat, time, spheres, (TrapFrame(0, trap, POWER),))
 
 
 def drive(
@@ -50,9 +59,9 @@ def drive(
     steps: int,
     *,
     start: int = 0,
-    scene: Callable[[int, float], SceneNow] = scene_at,
+    scene: Callable[[int, float], SceneFrame] = scene_at,
     buttons: Callable[[int], int] = lambda n: 0,
-) -> list[HandNow]:
+) -> list[ServoFrame]:
     """Steps `start` to `start` + `steps` of the clock; `scene` is asked every period."""
     out = []
     for n in range(start, start + steps):
@@ -65,7 +74,7 @@ def size(force: Vec3) -> float:
     return math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
 
 
-def largest_step(run: list[HandNow], before: Vec3 = (0.0, 0.0, 0.0)) -> float:
+def largest_step(run: list[ServoFrame], before: Vec3 = (0.0, 0.0, 0.0)) -> float:
     """Largest change of the force from one period to the next [N]."""
     worst = 0.0
     for now in run:

@@ -6,7 +6,7 @@ import math
 import sys
 from pathlib import Path
 
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame
 
 STIFFNESS = 100.0
 """N/m; 1 µm of scene is 1 mm of hand."""
@@ -44,7 +44,7 @@ class SpringChain:
         if self.state != "disarmed":
             self.state = "decaying"
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         self.tick += 1
         dt, self.time = (sample.time - self.time if self.tick > 1 else 0.001), sample.time
         if scene.beat != self.beat:
@@ -68,7 +68,7 @@ class SpringChain:
         self.force = (force[0], force[1], force[2])
         trap = (1e3 * sample.position[0], 1e3 * sample.position[1], 1e3 * sample.position[2])
         traps = ((0, trap),)
-        return HandNow(self.tick, sample.time, sample.position, self.force, traps, self.state, 0.0, sample.buttons)
+        return ServoFrame(self.tick, sample.time, sample.position, self.force, traps, self.state, 0.0, sample.buttons)
 
 
 class TellingChain(SpringChain):
@@ -78,7 +78,7 @@ class TellingChain(SpringChain):
         super().__init__(info)
         self.file = file
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         if self.tick == 20:
             part = Path(self.file + ".part")
             part.write_text("\n".join(sorted(sys.modules)))

@@ -23,7 +23,7 @@ from otwarp.haptics.chain.safety import Safety
 from otwarp.haptics.core.config import HandConfig, PassivityConfig
 from otwarp.haptics.core.filters import VectorFilter
 from otwarp.haptics.core.gains import checked_gains
-from otwarp.haptics.core.types import ZERO, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import ZERO, DeviceSample, SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.force.law import ForceModel
 
 DEAD_MAN, CLUTCH = 1, 2
@@ -114,7 +114,7 @@ class Chain:
         """How far the traps are commanded from where the hand took hold of them [µm]."""
         return self.motion.commanded
 
-    def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
+    def snapshot(self, scene: SceneFrame) -> Mapping[str, Any]:
         """All that it remembers, see `chain_state.snapshot`; `scene` is the one of its last step."""
         return snapshot(self, scene)
 
@@ -131,7 +131,7 @@ class Chain:
     def heat(self, value: float) -> None:
         self.safety.heat = value
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""
         self._tick += 1
         x, y, z = sample.position
@@ -173,7 +173,7 @@ class Chain:
             return self._period
         return time - last
 
-    def _refresh(self, scene: SceneNow) -> None:
+    def _refresh(self, scene: SceneFrame) -> None:
         """Take in a new state; take hold of the traps where there is no hold, or where simulated time began anew."""
         self._beat = scene.beat
         anew = not self._anchors or scene.time < self._scene_time
@@ -213,7 +213,7 @@ class Chain:
         self.safety.fault()
         self._anchors = {}
 
-    def _render(self, x: float, y: float, z: float, holds: bool, new: bool, scene: SceneNow) -> Vec3:
+    def _render(self, x: float, y: float, z: float, holds: bool, new: bool, scene: SceneFrame) -> Vec3:
         """The force that the chain asks for [N]."""
         velocity = self._velocity.step(x, y, z) if self._moves or self._paper else ZERO
         if self._coupling:
@@ -239,7 +239,7 @@ class Chain:
         (u, v, w), (a, b, c, d, e, f, g, h, i) = force, self._back
         return a * u + b * v + c * w, d * u + e * v + f * w, g * u + h * v + i * w
 
-    def _report(self, sample: DeviceSample, sent: Vec3) -> HandNow:
+    def _report(self, sample: DeviceSample, sent: Vec3) -> ServoFrame:
         """What is published; traps only while the hand has hold of them."""
         traps: tuple[tuple[int, Vec3], ...] = ()
         x, y, z = self.motion.commanded
@@ -249,7 +249,7 @@ class Chain:
             else:
                 self._fault("the hand's motion is not finite")
         safety, time = self.safety, self._time
-        return HandNow(
+        return ServoFrame(
             self._tick,
             0.0 if time is None else time,
             self._position,

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 
 if TYPE_CHECKING:
     from otwarp.haptics.chain.chain import Chain
@@ -35,7 +35,7 @@ REMEMBERED: dict[str, tuple[str, ...]] = {
 the chain's `_anchors`, the windows of its velocity estimate, the model's spheres and their prediction."""
 
 
-def snapshot(chain: Chain, scene: SceneNow) -> dict[str, Any]:
+def snapshot(chain: Chain, scene: SceneFrame) -> dict[str, Any]:
     """All that a chain remembers after a step with `scene`."""
     state: dict[str, Any] = {
         name: [getattr(part, key) for key in keys]
@@ -79,18 +79,18 @@ def restore(chain: Chain, state: Mapping[str, Any]) -> None:
         raise InputError(f"start of a recording: does not fit its configuration ({error})") from None
 
 
-def scene_to_json(scene: SceneNow) -> list[Any]:
+def scene_to_json(scene: SceneFrame) -> list[Any]:
     """A state of the simulation as plain lists."""
     traps = [(trap.index, trap.position, trap.power) for trap in scene.traps]
     spheres = [(sphere.position, sphere.body) for sphere in scene.spheres]
     return [scene.beat, scene.time, spheres, traps, scene.contact_force]
 
 
-def scene_from_json(data: Any) -> SceneNow:
+def scene_from_json(data: Any) -> SceneFrame:
     """The state that `scene_to_json` wrote."""
     beat, time, spheres, traps, contact = data
-    balls = tuple(SphereNow(_tuples(position), body) for position, body in spheres)
-    return SceneNow(beat, time, balls, tuple(TrapNow(n, _tuples(p), power) for n, p, power in traps), contact)
+    balls = tuple(SphereFrame(_tuples(position), body) for position, body in spheres)
+    return SceneFrame(beat, time, balls, tuple(TrapFrame(n, _tuples(p), power) for n, p, power in traps), contact)
 
 
 def _part(chain: Chain, name: str) -> Any:

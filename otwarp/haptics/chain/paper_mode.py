@@ -17,7 +17,7 @@ from collections.abc import Callable
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import ChainConfig, HandConfig
 from otwarp.haptics.core.filters import LowPass, VectorFilter
-from otwarp.haptics.core.types import ZERO, SceneNow, TrapLaw, Vec3
+from otwarp.haptics.core.types import ZERO, SceneFrame, TrapLaw, Vec3
 from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
 
 RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, constant=-1568.0, cutoff=0.10)
@@ -161,7 +161,7 @@ class PaperRenderer:
         """Take hold anew."""
         self._node, self._robot = self._restarted(), -1
 
-    def state(self, scene: SceneNow, time: float) -> Vec3:
+    def state(self, scene: SceneFrame, time: float) -> Vec3:
         """Both messages of a published state; force in the scene's axes [N]."""
         trap = next((t for t in scene.traps if t.index == self._hand.traps[0]), None)
         if trap is None or not scene.spheres:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from otwarp.errors import InputError
 from otwarp.haptics.core.gains import Gains, checked_gains
 from otwarp.haptics.core.ring import ACTION_BITS, ARMED, DISARMED, GAINS, MADE, MOST_ACTIONS
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3
 
 ROUNDING = 1.0 + 1e-9
 """A force scaled to the limit of its device may exceed it by rounding."""
@@ -45,7 +45,7 @@ class ChainLike(Protocol):
     @heat.setter
     def heat(self, value: float) -> None: ...
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         """One servo cycle: the force to render and the traps to move."""
         ...
 
@@ -65,7 +65,7 @@ class ChainLike(Protocol):
         """
         ...
 
-    def snapshot(self, scene: SceneNow) -> Mapping[str, Any]:
+    def snapshot(self, scene: SceneFrame) -> Mapping[str, Any]:
         """All that the chain remembers, for JSON; `scene` is the one of its last step."""
         ...
 
@@ -147,7 +147,7 @@ class Rendering:
         self.gains = gains
         self._note(GAINS)
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow | None:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame | None:
         """A step of the chain, within the device's limit; None if there is none, or it failed."""
         chain, self.said = self.chain, ""
         if chain is None:
@@ -181,7 +181,7 @@ class Rendering:
         log, self._log, self._logged = self._log, 0, 0
         return log
 
-    def snapshot(self, scene: SceneNow) -> dict[str, Any]:
+    def snapshot(self, scene: SceneFrame) -> dict[str, Any]:
         """All that a rendering of the same configuration needs to go on from here, for JSON."""
         return {
             "gains": list(self.gains),

@@ -9,10 +9,10 @@ from importlib import import_module
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.check.costs import STEPS, Cost, chain_costs, mailbox_costs
+from otwarp.haptics.check.costs import STEPS, CallCost, chain_costs, mailbox_costs
 from otwarp.haptics.check.jitter import FASTEST, LONGEST, Jitter, measure_jitter
-from otwarp.haptics.check.latency import SHORTEST, VIRTUAL, Latency, measure_latency
-from otwarp.haptics.check.width import Limit, Width, limits, widths
+from otwarp.haptics.check.latency import SHORTEST, VIRTUAL, ServoLatency, measure_latency
+from otwarp.haptics.check.width import FeltLimit, Width, limits, widths
 from otwarp.haptics.core.platform import Grant
 from otwarp.haptics.devices import KINDS, Kind, parse_devices
 
@@ -108,10 +108,10 @@ class Check:
     devices: list[FoundDevices]
     grants: list[Advised]
     jitter: list[Jitter]
-    latency: Latency | None
-    costs: list[Cost]
+    latency: ServoLatency | None
+    costs: list[CallCost]
     widths: list[Width]
-    limits: list[Limit]
+    limits: list[FeltLimit]
     trouble: list[str]
     scene: dict[str, Any] | None = None
     page: dict[str, Any] | None = None

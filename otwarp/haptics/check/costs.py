@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.check.jitter import Spread
+from otwarp.haptics.check.jitter import Percentiles
 from otwarp.haptics.check.latency import CURVE, TRAPS, check_hand, check_scene
 from otwarp.haptics.core.config import CouplingConfig, HandConfig, LowPass
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
 from otwarp.haptics.core.presets import PAPER_CHAIN
-from otwarp.haptics.core.types import DeviceSample, HandNow
+from otwarp.haptics.core.types import DeviceSample, ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
 
 STEPS = 2000
@@ -29,7 +29,7 @@ PERIOD = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Cost:
+class CallCost:
     """Time of one call.
 
     Attributes:
@@ -38,7 +38,7 @@ class Cost:
     """
 
     what: str
-    time: Spread
+    time: Percentiles
 
 
 @contextmanager
@@ -53,8 +53,8 @@ def _no_collection():
             gc.enable()
 
 
-def time_calls(call: Callable[[int], object], count: int) -> Spread:
-    """Spread of the times of `call(0)` … `call(count − 1)` [s].
+def time_calls(call: Callable[[int], object], count: int) -> Percentiles:
+    """Percentiles of the times of `call(0)` … `call(count − 1)` [s].
 
     Raises:
         InputError: No calls.
@@ -67,10 +67,10 @@ def time_calls(call: Callable[[int], object], count: int) -> Spread:
             begun = time.perf_counter()
             call(n)
             found.append(time.perf_counter() - begun)
-    return Spread.of(found)
+    return Percentiles.of(found)
 
 
-def step_cost(chain: Chain, steps: int = STEPS) -> Spread:
+def step_cost(chain: Chain, steps: int = STEPS) -> Percentiles:
     """Time of a step [s] while the hand goes round within reach of all spheres; a new state every eighth period."""
     chain.arm()
     samples = [
@@ -80,7 +80,7 @@ def step_cost(chain: Chain, steps: int = STEPS) -> Spread:
     return time_calls(lambda n: chain.step(samples[n], scenes[n]), steps)
 
 
-def chain_costs(steps: int = STEPS) -> tuple[Cost, ...]:
+def chain_costs(steps: int = STEPS) -> tuple[CallCost, ...]:
     """Steps of the chains that a session may use, with 10 spheres and 3 traps, all in reach of each other."""
     plain = check_hand()
     low = LowPass(alpha=0.5, rate=1000.0)
@@ -99,12 +99,12 @@ def chain_costs(steps: int = STEPS) -> tuple[Cost, ...]:
         ("paper", paper, iso),
     )
     return tuple(
-        Cost(f"step: {what}", step_cost(Chain(c, local_model(c, {i: (law,) for i in c.traps})), steps))
+        CallCost(f"step: {what}", step_cost(Chain(c, local_model(c, {i: (law,) for i in c.traps})), steps))
         for what, c, law in cases
     )
 
 
-def mailbox_costs(count: int = STEPS) -> tuple[Cost, ...]:
+def mailbox_costs(count: int = STEPS) -> tuple[CallCost, ...]:
     """Publishing and taking states and hands."""
     scenes = [check_scene(n + 1, 0.0, spheres=BOX_SPHERES, traps=BOX_TRAPS) for n in range(count)]
     box = Mailbox.create(SceneLayout(BOX_SPHERES, BOX_TRAPS))
@@ -121,15 +121,15 @@ def mailbox_costs(count: int = STEPS) -> tuple[Cost, ...]:
                 found.append(time.perf_counter() - begun)
         none = time_calls(lambda n: reader.latest(), count)
         traps = tuple((i, (0.0, 0.0, 0.0)) for i in range(TRAPS))
-        hand = HandNow(1, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), traps, "armed", 0.0)
+        hand = ServoFrame(1, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), traps, "armed", 0.0)
         tell = time_calls(lambda n: other.write(hand), count)
     finally:
         box.close()
         other.close()
     size = f"{BOX_SPHERES} spheres, {BOX_TRAPS} traps"
     return (
-        Cost(f"mailbox: publish a state ({size})", write),
-        Cost("mailbox: take a new state", Spread.of(found)),
-        Cost("mailbox: see that there is none", none),
-        Cost(f"mailbox: publish a hand ({TRAPS} traps)", tell),
+        CallCost(f"mailbox: publish a state ({size})", write),
+        CallCost("mailbox: take a new state", Percentiles.of(found)),
+        CallCost("mailbox: see that there is none", none),
+        CallCost(f"mailbox: publish a hand ({TRAPS} traps)", tell),
     )

@@ -30,7 +30,7 @@ _START_UP = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class Percentiles:
     """How a time was spread over the cycles of a loop [s]: median, 99 %, 99.9 %, largest."""
 
     p50: float
@@ -39,7 +39,7 @@ class Spread:
     max: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Spread:
+    def of(cls, values: Sequence[float]) -> Percentiles:
         """Percentiles of `values` by the nearest rank."""
         ordered = sorted(values)
         p50, p99, p999 = (ordered[math.ceil(q * len(ordered)) - 1] for q in (0.5, 0.99, 0.999))
@@ -65,8 +65,8 @@ class Jitter:
     cycles: int
     busy: int
     spin: float
-    period: Spread
-    lateness: Spread
+    period: Percentiles
+    lateness: Percentiles
     skipped: int
     grants: tuple[Grant, ...]
 
@@ -128,8 +128,8 @@ def measure_jitter(
         cycles=found["cycles"],
         busy=busy,
         spin=spin,
-        period=Spread(**found["period"]),
-        lateness=Spread(**found["lateness"]),
+        period=Percentiles(**found["period"]),
+        lateness=Percentiles(**found["lateness"]),
         skipped=found["skipped"],
         grants=tuple(Grant(**grant) for grant in found["grants"]),
     )
@@ -178,8 +178,8 @@ def _child() -> None:
     periods, latenesses, skipped = loop_times(RealClock(order["spin"]), order["rate"], cycles)
     answer = {
         "cycles": cycles,
-        "period": asdict(Spread.of(periods)),
-        "lateness": asdict(Spread.of(latenesses)),
+        "period": asdict(Percentiles.of(periods)),
+        "lateness": asdict(Percentiles.of(latenesses)),
         "skipped": skipped,
         "grants": [asdict(grant) for grant in grants],
     }

@@ -17,10 +17,10 @@ from pathlib import Path
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.hands import within
-from otwarp.haptics.check.jitter import LONGEST, Spread
+from otwarp.haptics.check.jitter import LONGEST, Percentiles
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, HandNow, SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame, TrapLaw
 from otwarp.haptics.force.law import IsotropicLaw, local_model
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 
@@ -46,11 +46,11 @@ DEADLINE = 10.0
 """Seconds that the servo may take longer than the measurement lasts."""
 
 
-def check_scene(beat: int, now: float, *, spheres: int = SPHERES, traps: int = TRAPS) -> SceneNow:
+def check_scene(beat: int, now: float, *, spheres: int = SPHERES, traps: int = TRAPS) -> SceneFrame:
     """A state with all spheres within reach of all traps, published at `now` [s]."""
-    balls = tuple(SphereNow((0.1 * i, 0.0, 0.0), i // 5) for i in range(spheres))
-    foci = tuple(TrapNow(i, (0.05 * i, 0.1, 0.0), POWER) for i in range(traps))
-    return SceneNow(beat, now, balls, foci)
+    balls = tuple(SphereFrame((0.1 * i, 0.0, 0.0), i // 5) for i in range(spheres))
+    foci = tuple(TrapFrame(i, (0.05 * i, 0.1, 0.0), POWER) for i in range(traps))
+    return SceneFrame(beat, now, balls, foci)
 
 
 def check_hand() -> HandConfig:
@@ -75,7 +75,7 @@ class TimedChain(Chain):
         self._steps = self._fresh = 0
         self._seen = 0
 
-    def step(self, sample: DeviceSample, scene: SceneNow) -> HandNow:
+    def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         """See `Chain.step`."""
         state = super().step(sample, scene)
         now = time.perf_counter()
@@ -98,7 +98,7 @@ class TimedChain(Chain):
 
 
 @dataclass(frozen=True, slots=True)
-class Latency:
+class ServoLatency:
     """Times in the servo process.
 
     Attributes:
@@ -114,14 +114,14 @@ class Latency:
 
     device: str
     cycles: int
-    sample: Spread
-    state: Spread
+    sample: Percentiles
+    state: Percentiles
     late: int
     fresh: float
     armed: bool
 
 
-def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float = 1000.0) -> Latency:
+def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float = 1000.0) -> ServoLatency:
     """Run the servo for a moment and say how late its forces are.
 
     Args:
@@ -143,11 +143,11 @@ def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float 
         with ServoProcess([hand], spheres=SPHERES, traps=TRAPS, rate=rate) as servo:
             late = _feed(servo, file, seconds, armed)
         found = json.loads(file.read_text())
-    return Latency(
+    return ServoLatency(
         device=device,
         cycles=found["cycles"],
-        sample=Spread.of(found["sample"]),
-        state=Spread.of(found["state"]),
+        sample=Percentiles.of(found["sample"]),
+        state=Percentiles.of(found["state"]),
         late=late,
         fresh=found["fresh"] / found["cycles"],
         armed=armed,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from otwarp.haptics.check.check import Advised, Check, FoundDevices
-from otwarp.haptics.check.costs import Cost
-from otwarp.haptics.check.jitter import Spread, jitter_table
-from otwarp.haptics.check.latency import STATE_RATE, Latency
-from otwarp.haptics.check.width import DEVICE, Limit, Width
+from otwarp.haptics.check.costs import CallCost
+from otwarp.haptics.check.jitter import Percentiles, jitter_table
+from otwarp.haptics.check.latency import STATE_RATE, ServoLatency
+from otwarp.haptics.check.width import DEVICE, FeltLimit, Width
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -26,7 +26,7 @@ def _table(title: str, *columns: str, right: Sequence[str] = ()) -> Table:
     return table
 
 
-def micro(spread: Spread) -> tuple[str, ...]:
+def micro(spread: Percentiles) -> tuple[str, ...]:
     """Percentiles of a time [s] in µs."""
     return tuple(f"{1e6 * v:.3g}" for v in (spread.p50, spread.p99, spread.p999, spread.max))
 
@@ -53,7 +53,7 @@ def grant_table(grants: Sequence[Advised]) -> Table:
     return table
 
 
-def latency_table(latency: Latency) -> Table:
+def latency_table(latency: ServoLatency) -> Table:
     """Times in the servo process."""
     title = f"Latency in the servo process [µs], {latency.device}, {latency.cycles} cycles, {latency.late} dropped"
     table = _table(title, "from", "to", *PERCENTILES, right=PERCENTILES)
@@ -62,7 +62,7 @@ def latency_table(latency: Latency) -> Table:
     return table
 
 
-def cost_table(costs: Sequence[Cost]) -> Table:
+def cost_table(costs: Sequence[CallCost]) -> Table:
     """Costs of calls."""
     table = _table("Cost of one call [µs]", "call", *PERCENTILES, right=PERCENTILES)
     for cost in costs:
@@ -80,7 +80,7 @@ def width_table(found: Sequence[Width]) -> Table:
     return table
 
 
-def limit_table(found: Sequence[Limit]) -> Table:
+def limit_table(found: Sequence[FeltLimit]) -> Table:
     """What is limited and why."""
     table = _table("What is limited, and why (the Touch's preset)", "what", "to", "why")
     for one in found:

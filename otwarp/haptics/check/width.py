@@ -65,7 +65,7 @@ def widths(progress: Callable[[str], None] = lambda line: None) -> tuple[Width, 
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class FeltLimit:
     """Something that bounds what is felt, and why."""
 
     what: str
@@ -73,39 +73,39 @@ class Limit:
     why: str
 
 
-def limits() -> tuple[Limit, ...]:
+def limits() -> tuple[FeltLimit, ...]:
     """What is limited in the Touch's preset, and in the paper's chain, by its numbers."""
     period, b, safety = 1.0 / RATE, TOUCH_DAMPING, TOUCH_SAFETY
     tau = -period / math.log(1.0 - RELEASE_ALPHA)
     step = 1e4 * TOUCH_QUANTUM
     return (
-        Limit(
+        FeltLimit(
             "stiffness without passivity control",
             f"2b/T = {2.0 * b / period:.0f} N/m",
             "a force held for a period is half a period late and gives energy; only the device's friction takes it",
         ),
-        Limit(
+        FeltLimit(
             "stiffness behind a filter of the force",
             f"b/τ = {b / tau:.1f} N/m",
             f"α = {RELEASE_ALPHA:g} at {RATE:g} Hz is a lag of {1e3 * tau:.1f} ms, and friction must pay for it",
         ),
-        Limit(
+        FeltLimit(
             "smoothness of a stiff wall",
             f"{step:.2f} N per step at 10 kN/m",
             f"the encoder resolves {1e6 * TOUCH_QUANTUM:.0f} µm: a vibration stays, bounded",
         ),
-        Limit(
+        FeltLimit(
             "change of the force",
             f"{safety.slew:g} N/s, {safety.slew * period:g} N per period",
             "slew limit: no output jumps, whatever happens before it",
         ),
-        Limit("force", f"{safety.clamp:g} N", "clamp: what the device can render"),
-        Limit(
+        FeltLimit("force", f"{safety.clamp:g} N", "clamp: what the device can render"),
+        FeltLimit(
             "force that lasts",
             f"{safety.continuous_force:g} N rms over {safety.thermal_time:g} s",
             "continuous-force guard: what its motors bear",
         ),
-        Limit(
+        FeltLimit(
             "force after the last state",
             f"falls from {1e3 * safety.decay_after:.0f} ms, zero at {1e3 * safety.disarm_after:.0f} ms",
             "watchdog: a simulation that died is not felt for ever",

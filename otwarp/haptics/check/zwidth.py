@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.paper_mode import RELEASE_ALPHA, PaperForce
 from otwarp.haptics.core.config import IDENTITY, ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapNow, Vec3
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 
 REST = 1.0
 """Part of the first quarter's largest speed that the last may have. A linear loop grows or dies exponentially, so that
@@ -121,7 +121,7 @@ class LinearField:
         self._stiffness, self._wall = stiffness, wall
         self._origin = 0.0
 
-    def refresh(self, scene: SceneNow, traps: Mapping[int, Vec3]) -> bool:
+    def refresh(self, scene: SceneFrame, traps: Mapping[int, Vec3]) -> bool:
         """See `ForceModel.refresh`."""
         self._origin = next(iter(traps.values()))[0]
         return math.isfinite(self._origin)
@@ -146,8 +146,8 @@ def chain_renderer(chain: ChainConfig, *, start: float, stiffness: float, wall: 
     )
     servo = Chain(config, LinearField(stiffness / PER_METRE, wall=wall))
     servo.arm()
-    trap = TrapNow(0, (start * PER_METRE, 0.0, 0.0), 1.0)
-    scene = SceneNow(0, 0.0, (SphereNow((0.0, 0.0, 0.0), 0),), (trap,))
+    trap = TrapFrame(0, (start * PER_METRE, 0.0, 0.0), 1.0)
+    scene = SceneFrame(0, 0.0, (SphereFrame((0.0, 0.0, 0.0), 0),), (trap,))
     beat = 0
 
     def _render(time: float, x: float) -> float:

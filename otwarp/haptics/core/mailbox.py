@@ -27,7 +27,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from zlib import crc32
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import HandNow, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, ServoFrame, SphereFrame, TrapFrame
 
 T = TypeVar("T")
 
@@ -43,7 +43,7 @@ RETRIES = 16
 LARGEST = 4096
 """Most spheres or traps that a box may be created for; a typing error otherwise reserves the machine's memory."""
 STATES = ("disarmed", "ramping", "armed", "decaying", "fault")
-"""What `HandNow.state` may be, in the order of their codes."""
+"""What `ServoFrame.state` may be, in the order of their codes."""
 
 _STATE_CODES = {name: code for code, name in enumerate(STATES)}
 _CRC = struct.Struct("Q")
@@ -220,7 +220,7 @@ def _fits(what: str, count: int, capacity: int) -> None:
 
 
 class SceneLayout:
-    """`SceneNow`: beat, time, contact force, counts, then traps (index, x, y, z, power) and spheres (body, x, y, z).
+    """`SceneFrame`: beat, time, contact force, counts, then traps (index, x, y, z, power) and spheres (body, x, y, z).
 
     Args:
         spheres: Most trapped spheres that a state may hold.
@@ -243,7 +243,7 @@ class SceneLayout:
             body = self._bodies[key] = struct.Struct("q4d" * traps + "q3d" * spheres)
         return body
 
-    def pack(self, buffer: bytearray, value: SceneNow) -> None:
+    def pack(self, buffer: bytearray, value: SceneFrame) -> None:
         """See `Layout`."""
         traps, spheres = value.traps, value.spheres
         _fits("traps", len(traps), self.capacities[1])
@@ -259,20 +259,20 @@ class SceneLayout:
         except struct.error as error:
             raise InputError(f"scene state {value}: {error}; numbers must be reals, beat and indices whole") from None
 
-    def unpack(self, buffer: bytearray) -> SceneNow:
+    def unpack(self, buffer: bytearray) -> SceneFrame:
         """See `Layout`."""
         beat, time, contact, n_traps, n_spheres = self._head.unpack_from(buffer, 0)
         flat = self._body(n_traps, n_spheres).unpack_from(buffer, self._head.size)
         edge = 5 * n_traps
         rows = zip(*[iter(flat[:edge])] * 5, strict=True)
-        traps = tuple([TrapNow(i, (x, y, z), power) for i, x, y, z, power in rows])
+        traps = tuple([TrapFrame(i, (x, y, z), power) for i, x, y, z, power in rows])
         balls = zip(*[iter(flat[edge:])] * 4, strict=True)
-        spheres = tuple([SphereNow((x, y, z), body) for body, x, y, z in balls])
-        return SceneNow(beat, time, spheres, traps, contact)
+        spheres = tuple([SphereFrame((x, y, z), body) for body, x, y, z in balls])
+        return SceneFrame(beat, time, spheres, traps, contact)
 
 
 class HandLayout:
-    """`HandNow`: tick, time, position, force, energy, state, buttons, count, then traps (index, x, y, z).
+    """`ServoFrame`: tick, time, position, force, energy, state, buttons, count, then traps (index, x, y, z).
 
     Args:
         traps: Most traps that the hand may command.
@@ -286,7 +286,7 @@ class HandLayout:
         self.size = self._head.size + 32 * traps
         self._trap = struct.Struct("q3d")
 
-    def pack(self, buffer: bytearray, value: HandNow) -> None:
+    def pack(self, buffer: bytearray, value: ServoFrame) -> None:
         """See `Layout`."""
         _fits("traps of a hand", len(value.traps), self.capacities[1])
         state = _STATE_CODES.get(value.state)
@@ -302,14 +302,14 @@ class HandLayout:
         except struct.error as error:
             raise InputError(f"hand state {value}: {error}; numbers must be reals, tick and indices whole") from None
 
-    def unpack(self, buffer: bytearray) -> HandNow:
+    def unpack(self, buffer: bytearray) -> ServoFrame:
         """See `Layout`."""
         tick, time, x, y, z, fx, fy, fz, energy, state, buttons, n = self._head.unpack_from(buffer, 0)
         traps = []
         for at in range(self._head.size, self._head.size + 32 * n, 32):
             index, px, py, pz = self._trap.unpack_from(buffer, at)
             traps.append((index, (px, py, pz)))
-        return HandNow(tick, time, (x, y, z), (fx, fy, fz), tuple(traps), STATES[state], energy, buttons)
+        return ServoFrame(tick, time, (x, y, z), (fx, fy, fz), tuple(traps), STATES[state], energy, buttons)
 
 
 class RecordLayout:
@@ -344,9 +344,9 @@ class SceneReader:
     watchdogs do what they do for a simulation that stalled.
     """
 
-    def __init__(self, box: Mailbox[SceneNow]):
+    def __init__(self, box: Mailbox[SceneFrame]):
         self._box = box
-        self.scene = SceneNow(0, 0.0, (), ())
+        self.scene = SceneFrame(0, 0.0, (), ())
         self.refused = 0
         """States that were not finite."""
 
@@ -355,7 +355,7 @@ class SceneReader:
         """Reads given up, see `Mailbox.read`."""
         return self._box.torn
 
-    def latest(self) -> SceneNow:
+    def latest(self) -> SceneFrame:
         """The newest finite state; the same object as before when there is none newer, beat 0 before the first."""
         new = self._box.read()
         if new is not None:
@@ -366,7 +366,7 @@ class SceneReader:
         return self.scene
 
 
-def is_finite(scene: SceneNow) -> bool:
+def is_finite(scene: SceneFrame) -> bool:
     """Whether every number of a state is finite: sums keep NaN and infinity, and one test costs less than a hundred."""
     total = scene.time + scene.contact_force
     for sphere in scene.spheres:

@@ -110,7 +110,7 @@ class TrapLaw:
 
 
 @dataclass(frozen=True, slots=True)
-class TrapNow:
+class TrapFrame:
     """A trap as it is: its index in the scene, focus [µm], power [mW]."""
 
     index: int
@@ -119,7 +119,7 @@ class TrapNow:
 
 
 @dataclass(frozen=True, slots=True)
-class SphereNow:
+class SphereFrame:
     """A trapped sphere as the simulation last reported it: centre [µm], and the index of its body."""
 
     position: Vec3
@@ -127,7 +127,7 @@ class SphereNow:
 
 
 @dataclass(frozen=True, slots=True)
-class SceneNow:
+class SceneFrame:
     """What the simulation last published.
 
     Attributes:
@@ -140,13 +140,13 @@ class SceneNow:
 
     beat: int
     time: float
-    spheres: tuple[SphereNow, ...]
-    traps: tuple[TrapNow, ...]
+    spheres: tuple[SphereFrame, ...]
+    traps: tuple[TrapFrame, ...]
     contact_force: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class HandNow:
+class ServoFrame:
     """What the servo publishes of one hand.
 
     Attributes:

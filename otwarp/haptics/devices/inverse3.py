@@ -74,7 +74,7 @@ class Inverse3Device:
         self._info = DeviceInfo(
             name=name, kind="inverse3", force=FORCE, continuous_force=CONTINUOUS_FORCE, met_hardware=False
         )
-        self._link: Link | None = None
+        self._link: ServiceLink | None = None
 
     @property
     def info(self) -> DeviceInfo:
@@ -105,7 +105,7 @@ class Inverse3Device:
             if grip is None and (place := inventory.devices.index(device)) < len(inventory.grips):
                 grip = inventory.grips[place]
             exchange = Exchange(self._name, self._clock)
-            link = Link(socket, exchange, device, grip, inventory.key)
+            link = ServiceLink(socket, exchange, device, grip, inventory.key)
             with _guard:
                 if device in _taken:
                     raise InputError(f"device {self._name!r}: is open already; each hand must have its own")
@@ -155,7 +155,7 @@ _taken: set[str] = set()
 _guard = threading.Lock()
 
 
-class Link:
+class ServiceLink:
     """The thread that talks to the service for one device.
 
     Args:

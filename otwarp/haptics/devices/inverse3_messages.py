@@ -42,7 +42,7 @@ class Inventory:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class CursorState:
     """One device in a message.
 
     Attributes:
@@ -56,7 +56,7 @@ class State:
     buttons: int = 0
 
 
-ABSENT = State(False)
+ABSENT = CursorState(False)
 
 
 class BadMessage(ValueError):
@@ -77,7 +77,7 @@ def read_inventory(message: str | bytes) -> Inventory:
     return Inventory(tuple(_id(device) for device in devices), grips, key, unready)
 
 
-def read_state(message: str | bytes, device: str, grip: str | None) -> State:
+def read_state(message: str | bytes, device: str, grip: str | None) -> CursorState:
     """One device in a message, with the buttons of its handle.
 
     Args:
@@ -92,7 +92,7 @@ def read_state(message: str | bytes, device: str, grip: str | None) -> State:
     for entry in _list(found, "inverse3"):
         if _id(entry) == device:
             position = _position(_dict(entry, "state")) if _ready(entry) else None
-            return State(True, position, _buttons(found, grip) if grip is not None else 0)
+            return CursorState(True, position, _buttons(found, grip) if grip is not None else 0)
     return ABSENT
 
 

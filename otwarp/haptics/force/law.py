@@ -14,7 +14,7 @@ from typing import Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import ZERO, SceneNow, TrapLaw, Vec3
+from otwarp.haptics.core.types import ZERO, SceneFrame, TrapLaw, Vec3
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
 """Direction in which beams travel unless a scene turns them."""
@@ -166,7 +166,7 @@ def _ratio(curve: TrapLaw, d2: float) -> float:
 class ForceModel(Protocol):
     """What a chain renders: a force on the hand's traps as a function of how far the hand has carried them."""
 
-    def refresh(self, scene: SceneNow, traps: Mapping[int, Vec3]) -> bool:
+    def refresh(self, scene: SceneFrame, traps: Mapping[int, Vec3]) -> bool:
         """Take in a newly published state; `traps` are the places of the hand's traps before it carried them [µm].
 
         Returns whether all numbers are finite; if not, the model stays as it was.
@@ -185,7 +185,7 @@ class LocalModel:
 
     Args:
         laws: For each trap of the scene that a hand moves, its law for each kind.
-        kinds: Kind of each sphere, in the order of `SceneNow.spheres`; empty for kind 0 throughout.
+        kinds: Kind of each sphere, in the order of `SceneFrame.spheres`; empty for kind 0 throughout.
         smoothing: α per servo period with which sphere positions follow what is published, 1 for at once.
         prediction: Whether spheres are taken to have followed the hand since a state was computed: by the share of the
             traps' way that each went lately, of the way from where the state has the traps to where they are. A sphere
@@ -195,7 +195,7 @@ class LocalModel:
             thermal motion is carried on, and a sphere that is held back stays where it was seen. A state
             in which simulated time has not gone on, as in slow motion, teaches it nothing.
 
-    A place in `SceneNow.spheres` that goes to another body has that body's sphere at once: it did not move there.
+    A place in `SceneFrame.spheres` that goes to another body has that body's sphere at once: it did not move there.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
@@ -236,7 +236,7 @@ class LocalModel:
         """Kind of each sphere; empty for kind 0 throughout."""
         return self._kinds
 
-    def refresh(self, scene: SceneNow, traps: Mapping[int, Vec3]) -> bool:
+    def refresh(self, scene: SceneFrame, traps: Mapping[int, Vec3]) -> bool:
         """See `ForceModel.refresh`.
 
         Raises:

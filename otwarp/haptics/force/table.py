@@ -20,7 +20,7 @@ BLEND = 0.8
 
 
 @dataclass(frozen=True)
-class Grid:
+class ForceGrid:
     """One level.
 
     Attributes:
@@ -54,7 +54,7 @@ class TableLaw:
         InputError: An axis that is none, or not across the other.
     """
 
-    grids: tuple[Grid, ...]
+    grids: tuple[ForceGrid, ...]
     layers: int
     cubic: bool
     scale: float
@@ -78,7 +78,7 @@ class TableLaw:
             turn: `otwarp.optics.table.major_axis` of the beam [rad].
         """
         grids = tuple(
-            Grid(
+            ForceGrid(
                 float(level.spacing),
                 float(level.radius),
                 float(level.end),
@@ -140,7 +140,7 @@ class TableLaw:
             inner = grid.end
         return k * (radial * c - turning * s), k * (radial * s + turning * c), k * axial
 
-    def _level(self, grid: Grid, rho: float, z: float, c: float, s: float) -> Vec3:
+    def _level(self, grid: ForceGrid, rho: float, z: float, c: float, s: float) -> Vec3:
         """(Q_ρ, Q_φ, Q_z) of one level at azimuth with this cosine and sine."""
         u, v = rho / grid.spacing + 1.0, (z + grid.radius) / grid.spacing + 1.0
         i, j = int(u), int(v)
@@ -173,7 +173,7 @@ class TableLaw:
         return sums[0], sums[1], sums[2]
 
 
-def _cubic_sums(grid: Grid, i: int, j: int, u: float, v: float, width: int) -> list[float]:
+def _cubic_sums(grid: ForceGrid, i: int, j: int, u: float, v: float, width: int) -> list[float]:
     """Sums of sixteen coefficients for the offsets u, v in cell i, j."""
     node, across, sums = grid.node, _cubic(u), [0.0] * width
     for b, row in enumerate(_cubic(v), j - 1):

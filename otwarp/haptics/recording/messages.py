@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 
 CYCLES_TYPE, SCENE_TYPE = "otwarp_msgs/msg/ServoCycles", "otwarp_msgs/msg/SceneNow"
 
@@ -91,8 +91,8 @@ def unpack_cycles(data: bytes | memoryview) -> tuple[str, int, bytes]:
     return hand, lost, records[: count * CYCLE.size]
 
 
-def pack_scene(scene: SceneNow) -> bytes:
-    """`SceneNow` as bytes."""
+def pack_scene(scene: SceneFrame) -> bytes:
+    """`SceneFrame` as bytes."""
     traps, spheres = scene.traps, scene.spheres
     body = bytearray(_ENTRY.pack(scene.beat, scene.time, scene.contact_force))
     _put(body, "q", [trap.index for trap in traps])
@@ -103,8 +103,8 @@ def pack_scene(scene: SceneNow) -> bytes:
     return _HEAD + bytes(body)
 
 
-def unpack_scene(data: bytes | memoryview) -> SceneNow:
-    """The state of a `SceneNow`.
+def unpack_scene(data: bytes | memoryview) -> SceneFrame:
+    """The state of a `SceneFrame`.
 
     Raises:
         InputError: It is none.
@@ -122,12 +122,12 @@ def unpack_scene(data: bytes | memoryview) -> SceneNow:
     except (struct.error, ValueError) as error:
         raise InputError(f"message {SCENE_TYPE}: cannot be read ({error})") from None
     foci, centres = zip(*[iter(place)] * 3, strict=True), zip(*[iter(centre)] * 3, strict=True)
-    traps = tuple(TrapNow(n, p, w) for n, p, w in zip(index, foci, power, strict=True))
-    return SceneNow(beat, time, tuple(SphereNow(p, b) for p, b in zip(centres, owner, strict=True)), traps, contact)
+    traps = tuple(TrapFrame(n, p, w) for n, p, w in zip(index, foci, power, strict=True))
+    return SceneFrame(beat, time, tuple(SphereFrame(p, b) for p, b in zip(centres, owner, strict=True)), traps, contact)
 
 
 def beat_of(data: bytes | memoryview) -> int:
-    """The beat of a `SceneNow`, without reading the rest.
+    """The beat of a `SceneFrame`, without reading the rest.
 
     Raises:
         InputError: It is none.

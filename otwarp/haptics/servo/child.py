@@ -42,7 +42,7 @@ LENGTH = struct.Struct("!Q")
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ServoOrder:
     """All that the process must know, see `process.ServoProcess`."""
 
     specs: tuple[DeviceSpec, ...]
@@ -62,7 +62,7 @@ def child() -> None:
     size = pipe.read(LENGTH.size)
     if len(size) < LENGTH.size:
         return  # the parent died before it had said anything
-    order: Order = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
+    order: ServoOrder = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
     ended = threading.Event()
     threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
     _heed_signals(ended)
@@ -80,7 +80,7 @@ def _heed_signals(ended: threading.Event) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
-def _serve(order: Order, ended: Callable[[], bool]) -> int:
+def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
     """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
     n, names = len(order.specs), order.names
     status = Mailbox.attach(StatusLayout(n), names["status"])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from otwarp.errors import InputError
 from otwarp.haptics.core.gains import Gains
 from otwarp.haptics.core.mailbox import RecordLayout
-from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.core.types import SceneFrame
 
 TEXT = 160
 """Bytes of a line about one hand."""
@@ -146,7 +146,7 @@ class Cycles:
     records: bytes = b""
     lost: int = 0
     start: Start | None = None
-    scenes: tuple[SceneNow, ...] = ()
+    scenes: tuple[SceneFrame, ...] = ()
 
 
 class StartLayout:

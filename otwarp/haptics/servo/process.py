@@ -18,9 +18,9 @@ from otwarp.haptics.chain.rendering import ChainLike
 from otwarp.haptics.core.gains import checked_gains
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout
 from otwarp.haptics.core.ring import CYCLE, SECONDS, Ring
-from otwarp.haptics.core.types import DeviceInfo, HandNow, SceneNow
+from otwarp.haptics.core.types import DeviceInfo, SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.servo.child import LENGTH, Order
+from otwarp.haptics.servo.child import LENGTH, ServoOrder
 from otwarp.haptics.servo.link import Cycles, Orders, OrdersLayout, ServoStatus, Start, StartLayout, StatusLayout
 
 RATES = (10.0, 5000.0)
@@ -102,16 +102,16 @@ class ServoProcess:
         self._starts: list[Start | None] = [None] * n
         self._lost = [0] * n
         self._takes = 0
-        self._published: deque[SceneNow] = deque(maxlen=KEPT)
+        self._published: deque[SceneFrame] = deque(maxlen=KEPT)
         self._keeping = False
         self._rest: list[Cycles] = [Cycles()] * n
         self._status: ServoStatus | None = None
-        self._hands: list[HandNow | None] = [None] * n
+        self._hands: list[ServoFrame | None] = [None] * n
         names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
         names |= {"hands": [box.name for box in self._boxes], "rings": [ring.name for ring in self._rings]}
         names |= {"starts": [box.name for box in self._start_boxes]}
         chains = tuple(hand.chain for hand in hands)
-        self._order = Order(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
+        self._order = ServoOrder(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
         self._process: subprocess.Popen[bytes] | None = None
         self._over = False
 
@@ -164,7 +164,7 @@ class ServoProcess:
         self.stop()
         raise InputError(why or f"servo: its process {'does not answer' if code is None else f'ended with {code}'}")
 
-    def publish(self, scene: SceneNow) -> None:
+    def publish(self, scene: SceneFrame) -> None:
         """Tell the servo a state of the simulation; counts as a heartbeat.
 
         Raises:
@@ -235,7 +235,7 @@ class ServoProcess:
         start, ring = self._starts[hand], self._rings[hand]
         if start is None:
             return Cycles()  # the records wait for it
-        scenes: tuple[SceneNow, ...] = ()
+        scenes: tuple[SceneFrame, ...] = ()
         if self._keeping:
             scenes = tuple(self._published)
             self._published.clear()
@@ -246,7 +246,7 @@ class ServoProcess:
             skip += CYCLE.size
         return Cycles(records[skip:], ring.lost - self._lost[hand], start, scenes)
 
-    def hand(self, hand: int) -> HandNow | None:
+    def hand(self, hand: int) -> ServoFrame | None:
         """What a hand last published; None before the first, and the last of all after `stop`."""
         self._which(hand)
         new = None if self._over else self._boxes[hand].read()

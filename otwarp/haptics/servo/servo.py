@@ -31,7 +31,7 @@ from otwarp.haptics.core.ring import (
     STEPPED,
     Ring,
 )
-from otwarp.haptics.core.types import ZERO, Device, DeviceInfo, DeviceLost, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import ZERO, Device, DeviceInfo, DeviceLost, DeviceSample, SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.servo.link import HandStatus, Orders, ServoStatus, Start
 
 MOST_BUTTONS = 2**63
@@ -75,7 +75,7 @@ class Hand:
     Args:
         device: Not opened yet.
         make_chain: See `Rendering`.
-        box: Takes a `HandNow` each cycle.
+        box: Takes a `ServoFrame` each cycle.
         beside: Whether to re-open the device in a thread, see `Opening`.
         ring: Takes a record of each cycle while `record` says so.
         starts: Takes what the chain remembered when a recording began.
@@ -85,7 +85,7 @@ class Hand:
         self,
         device: Device,
         make_chain: Callable[[DeviceInfo], ChainLike],
-        box: Mailbox[HandNow],
+        box: Mailbox[ServoFrame],
         beside: bool = False,
         *,
         ring: Ring | None = None,
@@ -97,7 +97,7 @@ class Hand:
         self._opening: Opening | None = None
         self._try_at = math.inf
         self._begun = False
-        self._last = HandNow(0, 0.0, ZERO, ZERO, (), "disarmed", 0.0)
+        self._last = ServoFrame(0, 0.0, ZERO, ZERO, (), "disarmed", 0.0)
         self._sample: DeviceSample | None = None
         self._flags = 0
         self.status = HandStatus()
@@ -145,7 +145,7 @@ class Hand:
         except InputError as error:
             self._say(str(error))
 
-    def record(self, take: int, tick: int, scene: SceneNow) -> None:
+    def record(self, take: int, tick: int, scene: SceneFrame) -> None:
         """Record from this cycle on, as the take of this number, with all that the chain remembers now; 0 ends it."""
         self._recording = take > 0 and self._ring is not None
         if not self._recording or self._starts is None:
@@ -157,7 +157,7 @@ class Hand:
             self._starts.write(Start(take, tick, ""))
             self._say(f"the start of the recording cannot be told: {error}")
 
-    def cycle(self, now: float, scene: SceneNow, tick: int = 0) -> None:
+    def cycle(self, now: float, scene: SceneFrame, tick: int = 0) -> None:
         """Read, step, write, publish."""
         self._begun = scene.beat > 0
         self._sample, self._flags = None, 0
@@ -174,7 +174,7 @@ class Hand:
             except Exception:  # whatever a driver calls a sample, its hand goes on
                 self._ring.miss()
 
-    def _feel(self, now: float, scene: SceneNow) -> HandNow | None:
+    def _feel(self, now: float, scene: SceneFrame) -> ServoFrame | None:
         """A cycle of a device that is there; None when it is lost or the chain failed."""
         device, rendering = self._device, self._rendering
         try:
@@ -196,7 +196,7 @@ class Hand:
             return None
         return state
 
-    def _told(self, tick: int, now: float, beat: int, state: HandNow) -> tuple[float, ...]:
+    def _told(self, tick: int, now: float, beat: int, state: ServoFrame) -> tuple[float, ...]:
         """This cycle in the order of `ring.CYCLE`."""
         sample, rendering, flags = self._sample, self._rendering, self._flags
         at, position, buttons = math.nan, (math.nan, math.nan, math.nan), 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from otwarp.haptics.core.types import HandNow, Vec3
+from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.servo.link import ServoStatus
 from otwarp.record.frame import Frame
 
@@ -58,7 +58,7 @@ class HandFrame:
     motion_gain: float
     force_gain: float
     clamp: float
-    now: HandNow | None = None
+    now: ServoFrame | None = None
     present: bool = False
     message: str = ""
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.hands import make_chain
-from otwarp.haptics.core.types import HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.servo.link import ServoStatus
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.teleop.core.frame import HandFrame
@@ -24,7 +24,7 @@ class ServoLike(Protocol):
         """Open the devices and run."""
         ...
 
-    def publish(self, scene: SceneNow) -> None:
+    def publish(self, scene: SceneFrame) -> None:
         """A new state of the simulation."""
         ...
 
@@ -44,7 +44,7 @@ class ServoLike(Protocol):
         """Change gains [µm/m, N/pN]."""
         ...
 
-    def hand(self, hand: int) -> HandNow | None:
+    def hand(self, hand: int) -> ServoFrame | None:
         """What a hand last published."""
         ...
 
@@ -162,7 +162,7 @@ class Hands:
             return {}
         return {trap: place for frame in frames if frame.now for trap, place in frame.now.traps}
 
-    def _notice(self, n: int, now: HandNow | None) -> None:
+    def _notice(self, n: int, now: ServoFrame | None) -> None:
         """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
         if now is None:
             return
@@ -175,7 +175,7 @@ class Hands:
             self._notes[n] = ""
         self._armed[n] = armed
 
-    def publish(self, scene: SceneNow | None) -> None:
+    def publish(self, scene: SceneFrame | None) -> None:
         """A new state of the simulation, or word that the session lives."""
         if self._servo is None or self._dead:
             return

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapLaw, TrapNow, Vec3
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, TrapLaw, Vec3
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw, fitted_for
 from otwarp.haptics.force.table import TableLaw
 from otwarp.record.frame import Frame
@@ -60,7 +60,7 @@ class LocalScene:
 
     Attributes:
         laws: For each trap, its law for each kind of sphere.
-        kinds: Kind of each slot of `SceneNow.spheres`.
+        kinds: Kind of each slot of `SceneFrame.spheres`.
     """
 
     laws: dict[int, tuple[Law, ...]]
@@ -103,20 +103,20 @@ class LocalScene:
             chosen,
         )
 
-    def now(self, beat: int, frame: Frame) -> SceneNow:
+    def now(self, beat: int, frame: Frame) -> SceneFrame:
         """A state as the servo takes it; the frame's numbers may be anything, the servo refuses what is not finite."""
         place = frame.position[0][self._body] + rotate(frame.orientation[0][self._body], self._offset)
         self._choose(place, frame.trap_position[0][self._hands])
         body, rows = self._body, place[self._chosen].tolist()
-        spheres = tuple(SphereNow(_vector(row), int(body[i])) for row, i in zip(rows, self._chosen, strict=True))
+        spheres = tuple(SphereFrame(_vector(row), int(body[i])) for row, i in zip(rows, self._chosen, strict=True))
         traps = tuple(
-            TrapNow(t, _vector(row), power)
+            TrapFrame(t, _vector(row), power)
             for t, (row, power) in enumerate(
                 zip(frame.trap_position[0].tolist(), frame.trap_power[0].tolist(), strict=True)
             )
         )
         load = float(frame.contact_load.max(initial=0.0))
-        return SceneNow(beat, frame.time, spheres, traps, load)
+        return SceneFrame(beat, frame.time, spheres, traps, load)
 
     def _choose(self, place: np.ndarray, foci: np.ndarray) -> None:
         """Fill the slots with the spheres nearest to the hands; one that stays keeps its slot, so that filters may."""

@@ -14,7 +14,7 @@ from otwarp.haptics.chain.hands import make_chain
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.gains import checked_gains
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
-from otwarp.haptics.core.types import HandNow, SceneNow
+from otwarp.haptics.core.types import SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.link import Orders, OrdersLayout, ServoStatus, StatusLayout
 from otwarp.haptics.servo.servo import Hand, Servo
@@ -74,8 +74,8 @@ class VirtualServo:
         self._servo = Servo(
             clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
         )
-        self._seen: list[HandNow | None] = [None] * n
-        self.forces: list[list[HandNow]] = [[] for _ in plans]
+        self._seen: list[ServoFrame | None] = [None] * n
+        self.forces: list[list[ServoFrame]] = [[] for _ in plans]
         self.next = 0.0
         self.running = False
         clock.servo = self
@@ -104,7 +104,7 @@ class VirtualServo:
         """See `ServoLike`."""
         return self.running
 
-    def publish(self, scene: SceneNow) -> None:
+    def publish(self, scene: SceneFrame) -> None:
         """See `ServoLike`."""
         self._scenes.write(scene)
         self.heartbeat()
@@ -129,7 +129,7 @@ class VirtualServo:
         pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
         self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
 
-    def hand(self, hand: int) -> HandNow | None:
+    def hand(self, hand: int) -> ServoFrame | None:
         """See `ServoLike`."""
         new = self._boxes[hand].read()
         if new is not None:

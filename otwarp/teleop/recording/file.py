@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.recording.mcap import SUFFIX, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.scene.description import Scene
@@ -107,7 +107,7 @@ class TakeFile:
         """A batch of the servo's cycles."""
         self._write(CYCLES + hand, CYCLES_TYPE, time, pack_cycles(hand, lost, records))
 
-    def scene(self, scene: SceneNow, time: int) -> None:
+    def scene(self, scene: SceneFrame, time: int) -> None:
         """A state that was published to the servo."""
         self._write(SCENE, SCENE_TYPE, time, pack_scene(scene))
 

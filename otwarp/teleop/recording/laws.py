@@ -12,7 +12,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import TrapLaw
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.force.table import Grid, TableLaw
+from otwarp.haptics.force.table import ForceGrid, TableLaw
 
 
 def laws_to_dict(laws: Mapping[int, Sequence[Law]]) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _read(data: Mapping[str, Any]) -> Law:
     if data["kind"] == "split":
         return SplitLaw(**values)
     if data["kind"] == "table":
-        values["grids"] = tuple(Grid(**grid | {"node": _decoded(grid["node"])}) for grid in values["grids"])
+        values["grids"] = tuple(ForceGrid(**grid | {"node": _decoded(grid["node"])}) for grid in values["grids"])
         return TableLaw(**values)
     raise ValueError(data["kind"])
 

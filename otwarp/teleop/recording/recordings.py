@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.core.types import SceneFrame
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import LiveFrame
 
@@ -24,7 +24,7 @@ class Take(Protocol):
         """One line about what is missing in it, or ""."""
         ...
 
-    def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
+    def frame(self, live: LiveFrame, scene: SceneFrame | None) -> None:
         """A frame, and the state that was published to the servo with it."""
         ...
 

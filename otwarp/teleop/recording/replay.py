@@ -37,7 +37,7 @@ from otwarp.haptics.core.ring import (
     actions_of,
     cycles_of,
 )
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, HandNow, SceneNow, Vec3
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, McapFile
 from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
@@ -183,7 +183,7 @@ class _Take:
                 hand.cycle(cycle)
         return hand.report()
 
-    def state(self, beat: int) -> SceneNow | None:
+    def state(self, beat: int) -> SceneFrame | None:
         """The state of a beat, None if the take lacks it."""
         data = self.states.get(beat)
         return None if data is None else unpack_scene(data)
@@ -197,7 +197,7 @@ class _Hand:
         self._rendering = Rendering(partial(make_chain, config, take.laws, take.kinds))
         self._known = False
         self._tick: int | None = None
-        self._scene: SceneNow | None = None
+        self._scene: SceneFrame | None = None
         self._cycles = self._compared = self._mismatches = self._gaps = self._missing = self._skipped = 0
         self._first = ""
         if start is not None and start.get("chain") is not None:
@@ -265,7 +265,7 @@ class _Hand:
         limits = {"force": cycle.limit, "continuous_force": cycle.continuous}
         return DeviceInfo(name=self._name, kind="replay", absolute=bool(cycle.flags & ABSOLUTE), **limits)
 
-    def _state(self, beat: int) -> SceneNow | None:
+    def _state(self, beat: int) -> SceneFrame | None:
         """The state of a beat; consecutive cycles share one."""
         if self._scene is None or self._scene.beat != beat:
             self._scene = self._take.state(beat)
@@ -276,7 +276,7 @@ class _Hand:
         self._rendering.drop()
         self._known = False
 
-    def _differences(self, cycle: Cycle, now: HandNow | None) -> list[str]:
+    def _differences(self, cycle: Cycle, now: ServoFrame | None) -> list[str]:
         """Names of what is not the same."""
         if now is None or cycle.flags & FAILED:
             return [] if now is None and cycle.flags & FAILED else ["failure"]

@@ -22,7 +22,7 @@ import otwarp
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig, to_dict
 from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles
@@ -104,7 +104,7 @@ class TakeWriter:
         self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
         self._thread.start()
 
-    def frame(self, live: LiveFrame, scene: SceneNow | None = None) -> None:
+    def frame(self, live: LiveFrame, scene: SceneFrame | None = None) -> None:
         """A frame, and the state that was published to the servo with it."""
         if scene is not None:
             self.scene(scene, live.wall)
@@ -113,7 +113,7 @@ class TakeWriter:
         else:
             self._drop()
 
-    def scene(self, scene: SceneNow, wall: float) -> None:
+    def scene(self, scene: SceneFrame, wall: float) -> None:
         """A state that was published to the servo at a time of the loop's clock [s]; one that is known is ignored."""
         if scene.beat not in self._beats:
             self._beats.append(scene.beat)
@@ -282,7 +282,7 @@ class LiveTake:
         """One line about what is missing in it, or ""."""
         return self._writer.complaint
 
-    def frame(self, live: LiveFrame, scene: SceneNow | None) -> None:
+    def frame(self, live: LiveFrame, scene: SceneFrame | None) -> None:
         """A frame, and the state that was published to the servo with it."""
         self._begun = True
         self._writer.frame(live, scene)

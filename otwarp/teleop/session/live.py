@@ -14,7 +14,7 @@ import numpy as np
 
 from otwarp.errors import InputError, SimulationError
 from otwarp.haptics.core.clock import Clock, RealClock, next_deadline
-from otwarp.haptics.core.types import SceneNow
+from otwarp.haptics.core.types import SceneFrame
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.monitor import Monitor
 from otwarp.record.run import capture_frame
@@ -280,7 +280,7 @@ class LiveLoop:
         away = np.linalg.norm(frame.position[0, monitor.cells[0]] - np.array(goal.position))
         return f"{goal.cell} is {away:.1f} µm from the goal (tolerance {goal.tolerance:g} µm)"
 
-    def _next_state(self, frame: Frame) -> SceneNow:
+    def _next_state(self, frame: Frame) -> SceneFrame:
         self._beat += 1
         return self.local.now(self._beat, frame)
 

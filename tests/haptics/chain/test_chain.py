@@ -8,7 +8,7 @@ import pytest
 
 from otwarp.haptics.core.config import FACING_USER, IDENTITY, CouplingConfig, LowPass, from_dict, to_dict
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import AXIAL, PERIOD, POWER, RADIAL, drive, hand_config, make_chain, scene_at, size
 
 WANTED = 0.999
@@ -140,7 +140,9 @@ def test_a_trap_that_the_scene_lacks_arms_nothing():
     chain = make_chain(hand_config())
     chain.arm()
     sample = DeviceSample(0.0, (0.0, 0.0, 0.0))
-    now = chain.step(sample, SceneNow(0, 0.0, (SphereNow((0.0, 0.0, 0.0), 0),), (TrapNow(7, (0.0, 0.0, 0.0), 1.0),)))
+    now = chain.step(
+        sample, SceneFrame(0, 0.0, (SphereFrame((0.0, 0.0, 0.0), 0),), (TrapFrame(7, (0.0, 0.0, 0.0), 1.0),))
+    )
     assert now.state == "fault" and now.traps == () and "trap" in chain.complaint and "\n" not in chain.complaint
 
 
@@ -157,9 +159,9 @@ def test_traps_of_a_hand_move_together():
     config = hand_config(traps=(0, 2), axis_map=IDENTITY)
     law = (IsotropicLaw(RADIAL),)
     chain = Chain(config, local_model(config, {0: law, 2: law}))
-    traps = tuple(TrapNow(n, (float(n), 0.0, 0.0), POWER) for n in range(3))
+    traps = tuple(TrapFrame(n, (float(n), 0.0, 0.0), POWER) for n in range(3))
     for n in range(11):
-        now = chain.step(DeviceSample(n * PERIOD, (0.0, 1e-3 * n, 0.0)), SceneNow(n, n * PERIOD, (), traps))
+        now = chain.step(DeviceSample(n * PERIOD, (0.0, 1e-3 * n, 0.0)), SceneFrame(n, n * PERIOD, (), traps))
     assert [index for index, _ in now.traps] == [0, 2]
     for index, place in now.traps:
         assert place == pytest.approx((float(index), 1.0, 0.0))

@@ -13,7 +13,7 @@ from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.chain_state import REMEMBERED
 from otwarp.haptics.core.config import CouplingConfig, LowPass
 from otwarp.haptics.core.filters import VectorFilter
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import PERIOD, hand_config, make_chain, random_motion
 
 CONFIGS = {
@@ -73,10 +73,10 @@ def test_every_attribute_of_every_part_is_remembered_or_known_to_be_constant(nam
     assert isinstance(chain.motion._filter, VectorFilter) == (name == "full")
 
 
-def scene(rng: random.Random, beat: int) -> SceneNow:
+def scene(rng: random.Random, beat: int) -> SceneFrame:
     t = 0.008 * beat
-    spheres = tuple(SphereNow((rng.gauss(0.3, 0.1), rng.gauss(0.0, 0.1), 0.0), n) for n in range(3))
-    return SceneNow(beat, t, spheres, (TrapNow(0, (0.1, 0.0, 0.0), 20.0),))
+    spheres = tuple(SphereFrame((rng.gauss(0.3, 0.1), rng.gauss(0.0, 0.1), 0.0), n) for n in range(3))
+    return SceneFrame(beat, t, spheres, (TrapFrame(0, (0.1, 0.0, 0.0), 20.0),))
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -116,7 +116,7 @@ def test_a_copy_goes_on_bit_for_bit_from_any_moment(name, at):
 
 def test_a_snapshot_of_another_configuration_is_refused():
     full, plain = (make_chain(hand_config(**CONFIGS[name])) for name in ("full", "plain"))
-    state = SceneNow(0, 0.0, (), ())
+    state = SceneFrame(0, 0.0, (), ())
     for chain, other in ((full, plain), (plain, full)):
         with pytest.raises(InputError, match="does not fit its configuration"):
             chain.restore(json.loads(json.dumps(other.snapshot(state))))

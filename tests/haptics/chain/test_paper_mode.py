@@ -14,9 +14,9 @@ from otwarp.haptics.chain.motion import Motion
 from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
 from otwarp.haptics.core.config import IDENTITY, HandConfig, LowPass, SafetyConfig
 from otwarp.haptics.core.presets import PAPER_CHAIN
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.force.table import Grid, TableLaw
+from otwarp.haptics.force.table import ForceGrid, TableLaw
 
 PRINTED = 5e-4
 """Half of the last digit of 1.312 N."""
@@ -106,10 +106,10 @@ def paper_chain(**changes) -> Chain:
     return Chain(config, local_model(config, {4: (IsotropicLaw(RELEASE_LAW),)}))
 
 
-def state(beat: int, distance: float = 0.05) -> SceneNow:
+def state(beat: int, distance: float = 0.05) -> SceneFrame:
     """A robot at `distance`, another one farther away."""
-    spheres = (SphereNow((9.0, 0.0, 0.0), 1), SphereNow((0.0, distance, 0.0), 0))
-    return SceneNow(beat, beat / 60.0, spheres, (TrapNow(4, (0.0, 0.0, 0.0), 1.0),))
+    spheres = (SphereFrame((9.0, 0.0, 0.0), 1), SphereFrame((0.0, distance, 0.0), 0))
+    return SceneFrame(beat, beat / 60.0, spheres, (TrapFrame(4, (0.0, 0.0, 0.0), 1.0),))
 
 
 def test_chain_in_paper_mode_is_the_node():
@@ -160,7 +160,7 @@ def test_a_law_of_two_curves_and_kinds_is_the_radial_one_of_the_robots_kind():
 
 def test_refuses_a_table():
     config = HandConfig(traps=(0,), chain=PAPER_CHAIN)
-    grid = Grid(1.0, 1.0, 1.0, 3, array("f", [0.0] * 27))
+    grid = ForceGrid(1.0, 1.0, 1.0, 3, array("f", [0.0] * 27))
     with pytest.raises(InputError, match="allowed: a first trap with a force curve"):
         Chain(config, local_model(config, {0: (TableLaw((grid,), 1, False, 1.0),)}))
     assert PAPER_CHAIN.motion_filter == LowPass(alpha=0.05, rate=1000.0)

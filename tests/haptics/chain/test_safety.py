@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from otwarp.haptics.chain.safety import Safety
 from otwarp.haptics.core.config import SafetyConfig
-from otwarp.haptics.core.types import DeviceSample, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import PERIOD, drive, hand_config, largest_step, make_chain, scene_at, size
 
 ROUNDING = 1e-12
@@ -198,7 +198,7 @@ def test_no_input_gets_past(steps, paper):
             chain.arm()
         sane = DeviceSample(n * PERIOD, (0.005, 0.0, 0.0))
         sample = sane if kind == 1 else DeviceSample(time if kind == 2 else n * PERIOD, position, buttons, fresh)
-        scene = SceneNow(n, n * PERIOD, (SphereNow(sphere, 0),), (TrapNow(0, trap, power),))
+        scene = SceneFrame(n, n * PERIOD, (SphereFrame(sphere, 0),), (TrapFrame(0, trap, power),))
         now = chain.step(sample, scene_at(n, n * PERIOD) if kind == 0 else scene)
         assert size(now.force) <= clamp
         assert math.dist(now.force, before) <= slew * PERIOD * (1.0 + ROUNDING) + 1e-15

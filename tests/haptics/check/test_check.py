@@ -13,8 +13,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.check import width as check_width
 from otwarp.haptics.check.check import ADVICE, Check, FoundDevices, advised, find_all_devices, run_check, system_text
-from otwarp.haptics.check.costs import Cost, chain_costs, mailbox_costs, step_cost, time_calls
-from otwarp.haptics.check.jitter import Spread
+from otwarp.haptics.check.costs import CallCost, chain_costs, mailbox_costs, step_cost, time_calls
+from otwarp.haptics.check.jitter import Percentiles
 from otwarp.haptics.check.latency import CURVE, VIRTUAL, TimedChain, check_hand, check_scene, measure_latency
 from otwarp.haptics.check.tables import check_tables, device_table, grant_table, width_table
 from otwarp.haptics.check.width import Width, limits, widths
@@ -192,9 +192,9 @@ def test_all_that_is_found_goes_through_json_and_tables():
 
 
 def test_without_a_latency_its_table_is_left_out():
-    spread = Spread(1e-6, 1e-6, 1e-6, 1e-6)
+    spread = Percentiles(1e-6, 1e-6, 1e-6, 1e-6)
     found = Check(
-        system="here", devices=[], grants=[], jitter=[], latency=None, costs=[Cost("nothing", spread)],
+        system="here", devices=[], grants=[], jitter=[], latency=None, costs=[CallCost("nothing", spread)],
         widths=[Width("loop", 1.0, False, None, "")], limits=[], trouble=["latency: no servo"],
     )  # fmt: skip
     text = printed(*check_tables(found))

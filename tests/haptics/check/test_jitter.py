@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from otwarp.errors import InputError
-from otwarp.haptics.check.jitter import Jitter, Spread, _python, jitter_table, loop_times, measure_jitter
+from otwarp.haptics.check.jitter import Jitter, Percentiles, _python, jitter_table, loop_times, measure_jitter
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.platform import Grant
 
@@ -39,8 +39,8 @@ def test_work_that_takes_too_long_skips_deadlines():
 
 
 def test_percentiles_are_nearest_ranks():
-    assert Spread.of(range(1000, 0, -1)) == Spread(500, 990, 999, 1000)
-    assert Spread.of([3.0]) == Spread(3.0, 3.0, 3.0, 3.0)
+    assert Percentiles.of(range(1000, 0, -1)) == Percentiles(500, 990, 999, 1000)
+    assert Percentiles.of([3.0]) == Percentiles(3.0, 3.0, 3.0, 3.0)
 
 
 def test_a_process_measures_and_a_table_shows_it():
@@ -61,7 +61,7 @@ def test_a_process_measures_and_a_table_shows_it():
 
 
 def test_what_was_granted_is_in_the_table():
-    spread = Spread(1e-3, 1e-3, 1e-3, 1e-3)
+    spread = Percentiles(1e-3, 1e-3, 1e-3, 1e-3)
     grants = (Grant("SCHED_FIFO", True, "priority 80"), Grant("locked memory", False, "limit"))
     console = Console(width=200, record=True)
     console.print(jitter_table([Jitter(1000.0, 1, 0, 0.0, spread, spread, 0, grants)]))

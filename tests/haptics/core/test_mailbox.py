@@ -22,7 +22,7 @@ from otwarp.haptics.core.mailbox import (
     SceneLayout,
     SceneReader,
 )
-from otwarp.haptics.core.types import HandNow, SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, ServoFrame, SphereFrame, TrapFrame
 
 EVENTUALLY = 60.0
 """Seconds after which something that must happen is called missing; generous, as machines may be busy."""
@@ -31,15 +31,15 @@ real = st.floats(allow_nan=False)
 vec3 = st.tuples(real, real, real)
 index = st.integers(-(2**63), 2**63 - 1)
 scenes = st.builds(
-    SceneNow,
+    SceneFrame,
     beat=st.integers(0, 2**64 - 1),
     time=real,
-    spheres=st.lists(st.builds(SphereNow, vec3, index), max_size=5).map(tuple),
-    traps=st.lists(st.builds(TrapNow, index, vec3, real), max_size=3).map(tuple),
+    spheres=st.lists(st.builds(SphereFrame, vec3, index), max_size=5).map(tuple),
+    traps=st.lists(st.builds(TrapFrame, index, vec3, real), max_size=3).map(tuple),
     contact_force=real,
 )
 hands = st.builds(
-    HandNow,
+    ServoFrame,
     tick=st.integers(0, 2**64 - 1),
     time=real,
     position=vec3,
@@ -51,8 +51,10 @@ hands = st.builds(
 )
 
 
-def scene(beat: int, value: float = 0.5) -> SceneNow:
-    return SceneNow(beat, value, (SphereNow((value, value, value), 3),), (TrapNow(1, (value,) * 3, value),), value)
+def scene(beat: int, value: float = 0.5) -> SceneFrame:
+    return SceneFrame(
+        beat, value, (SphereFrame((value, value, value), 3),), (TrapFrame(1, (value,) * 3, value),), value
+    )
 
 
 @pytest.fixture
@@ -132,9 +134,9 @@ def test_reads_that_are_spoiled_are_tried_a_bounded_number_of_times(pair):
 WRITER = """
 import sys
 from otwarp.haptics.core.mailbox import Mailbox, SceneLayout
-from otwarp.haptics.core.types import SceneNow, SphereNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame
 box = Mailbox.attach(SceneLayout(64, 0), sys.argv[1])
-states = [SceneNow(b, b, tuple(SphereNow((b, b, b), b) for _ in range(64)), (), b) for b in range(1, 8)]
+states = [SceneFrame(b, b, tuple(SphereFrame((b, b, b), b) for _ in range(64)), (), b) for b in range(1, 8)]
 print("ready", flush=True)
 while True:
     for state in states * 100:
@@ -199,7 +201,7 @@ def test_the_memory_of_a_killed_owner_goes_away_and_stays_mapped_where_it_is_use
         else:
             pytest.fail(f"{name} is still there")
         assert box.read() is None
-        box.write(HandNow(1, 0.0, (0.0,) * 3, (0.0,) * 3, (), "armed", 0.0))
+        box.write(ServoFrame(1, 0.0, (0.0,) * 3, (0.0,) * 3, (), "armed", 0.0))
         assert box.read().tick == 1
 
 
@@ -232,10 +234,10 @@ def test_other_sizes_kinds_versions_and_foreign_memory_are_refused(monkeypatch):
 @pytest.mark.parametrize(
     ("value", "says"),
     [
-        (SceneNow(1, 0.0, (SphereNow((0.0,) * 3, 0),) * 6, ()), "spheres = 6.*at most 5"),
-        (SceneNow(1, 0.0, (), (TrapNow(0, (0.0,) * 3, 1.0),) * 4), "traps = 4.*at most 3"),
-        (SceneNow(-1, 0.0, (), ()), "scene state"),
-        (SceneNow(1, "soon", (), ()), "scene state"),
+        (SceneFrame(1, 0.0, (SphereFrame((0.0,) * 3, 0),) * 6, ()), "spheres = 6.*at most 5"),
+        (SceneFrame(1, 0.0, (), (TrapFrame(0, (0.0,) * 3, 1.0),) * 4), "traps = 4.*at most 3"),
+        (SceneFrame(-1, 0.0, (), ()), "scene state"),
+        (SceneFrame(1, "soon", (), ()), "scene state"),
     ],
 )
 def test_what_does_not_fit_is_one_clear_line_and_leaves_the_last_state(pair, value, says):
@@ -249,14 +251,14 @@ def test_what_does_not_fit_is_one_clear_line_and_leaves_the_last_state(pair, val
 
 def test_bad_hands_records_and_capacities():
     with Mailbox.create(HandLayout(1)) as box:
-        good = HandNow(1, 0.0, (0.0,) * 3, (0.0,) * 3, (), "armed", 0.0)
+        good = ServoFrame(1, 0.0, (0.0,) * 3, (0.0,) * 3, (), "armed", 0.0)
         for bad, says in (("asleep", "must be one of"), (None, "state = None")):
             with pytest.raises(InputError, match=says):
-                box.write(HandNow(1, 0.0, good.position, good.force, (), bad, 0.0))
+                box.write(ServoFrame(1, 0.0, good.position, good.force, (), bad, 0.0))
         with pytest.raises(InputError, match="traps of a hand = 2"):
-            box.write(HandNow(1, 0.0, good.position, good.force, ((0, (0.0,) * 3),) * 2, "armed", 0.0))
+            box.write(ServoFrame(1, 0.0, good.position, good.force, ((0, (0.0,) * 3),) * 2, "armed", 0.0))
         with pytest.raises(InputError, match="hand state"):
-            box.write(HandNow(-1, 0.0, good.position, good.force, (), "armed", 0.0))
+            box.write(ServoFrame(-1, 0.0, good.position, good.force, (), "armed", 0.0))
     with Mailbox.create(RecordLayout(b"note", "Qd8s")) as box:
         box.write((3, 0.5, b"hello"))
         assert box.read() == (3, 0.5, b"hello\0\0\0")
@@ -277,7 +279,7 @@ def test_states_that_are_not_finite_never_reach_the_chains(pair, place, poison):
     assert reader.latest() == scene(1)
     at = {key: poison if key == place else 0.5 for key in ("time", "contact", "sphere", "trap", "power")}
     sphere, trap = (0.5, at["sphere"], 0.5), (0.5, 0.5, at["trap"])
-    bad = SceneNow(2, at["time"], (SphereNow(sphere, 3),), (TrapNow(1, trap, at["power"]),), at["contact"])
+    bad = SceneFrame(2, at["time"], (SphereFrame(sphere, 3),), (TrapFrame(1, trap, at["power"]),), at["contact"])
     writer.write(bad)
     assert reader.latest() == scene(1)
     assert reader.refused == 1

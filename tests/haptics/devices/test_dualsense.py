@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, TrapNow
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost, TrapFrame
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.dualsense import (
     BLUETOOTH_RATE,
@@ -367,7 +367,7 @@ def test_in_the_servo_it_rumbles_falls_quiet_when_lost_or_silent_and_comes_back_
     hand = DualSense(wanted, {"force": 0.3}, system=System(device), sender=AtOnce)
     rig = Rig([hand], chain=lambda info: make_chain(hand_config(clamp=info.force, passivity=None)))
     publish, told = rig.scenes.write, {}
-    rig.scenes.write = lambda scene: publish(replace(scene, traps=(TrapNow(0, ZERO, POWER),)))
+    rig.scenes.write = lambda scene: publish(replace(scene, traps=(TrapFrame(0, ZERO, POWER),)))
     rig.next_scene = 0.0
     rig.world()
 

@@ -16,7 +16,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneNow
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
 from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices
@@ -214,7 +214,7 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(dhd, clock):
     with Mailbox.create(HandLayout(1)) as box:
         hand = Hand(device, SpringChain, box)
         hand.open()
-        scene = SceneNow(1, 0.0, (), ())
+        scene = SceneFrame(1, 0.0, (), ())
 
         def run(cycles: int) -> None:
             for _ in range(cycles):

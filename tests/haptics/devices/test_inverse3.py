@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneNow
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
 from otwarp.haptics.devices import create_device, inverse3, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange
-from otwarp.haptics.devices.inverse3 import MOST_ANSWERS, SERVICE, Inverse3Device, Link, find_devices
+from otwarp.haptics.devices.inverse3 import MOST_ANSWERS, SERVICE, Inverse3Device, ServiceLink, find_devices
 from otwarp.haptics.devices.inverse3_messages import (
     ABSENT,
     BadMessage,
-    State,
+    CursorState,
     force_command,
     greeting,
     read_inventory,
@@ -105,7 +105,7 @@ def test_a_force_and_a_position_turn_the_same_way(x, y, z):
     words = json.loads(force_command("A", (x, y, z), "vector"))
     theirs = words["inverse3"][0]["commands"]["set_cursor_force"]["vector"]
     frame = {"inverse3": [{"device_id": "A", "state": {"cursor_position": theirs}}]}
-    assert read_state(json.dumps(frame), "A", None) == State(True, (x, y, z), 0)
+    assert read_state(json.dumps(frame), "A", None) == CursorState(True, (x, y, z), 0)
 
 
 @pytest.mark.parametrize("version", ["3.1", "3.5"])
@@ -291,7 +291,7 @@ def test_a_service_that_does_not_stop_talking_does_not_keep_forces_from_being_se
             self.said += 1
             return b"{}"
 
-    link = Link(Endless(), Exchange("x"), "049D", None, "vector")
+    link = ServiceLink(Endless(), Exchange("x"), "049D", None, "vector")
     link._hear()
     assert link._socket.said == MOST_ANSWERS
 
@@ -319,7 +319,7 @@ def test_any_message_is_read_or_refused(message):
             found = read(message)
         except BadMessage:
             continue
-        if isinstance(found, State) and found.position is not None:
+        if isinstance(found, CursorState) and found.position is not None:
             assert all(abs(x) <= 10.0 for x in found.position)
 
 
@@ -362,7 +362,7 @@ def test_messages_read_as_the_documents_show_them():
     text = json.dumps(inventory)
     found = read_inventory(text)
     assert (found.devices, found.grips, found.key, found.unready) == (("04BA",), ("61548",), "values", frozenset())
-    assert read_state(text, "04BA", "61548") == State(True, (0.07842738, 0.14297646, 0.14836666), 1)
+    assert read_state(text, "04BA", "61548") == CursorState(True, (0.07842738, 0.14297646, 0.14836666), 1)
     assert read_state(text, "04BA", None).buttons == 0
     assert read_state(text, "04BA", "absent").buttons == 0
     assert read_state(text, "049D", None) is ABSENT
@@ -377,7 +377,7 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(service, clock):
     with Mailbox.create(HandLayout(1)) as box:
         hand = Hand(device, SpringChain, box)
         hand.open()
-        scene = SceneNow(1, 0.0, (), ())
+        scene = SceneFrame(1, 0.0, (), ())
 
         def run(cycles: int) -> None:
             for _ in range(cycles):

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneNow, Vec3
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame, Vec3
 from otwarp.haptics.devices import create_device, openhaptics, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange, share
 from otwarp.haptics.devices.libhd import OVERRIDE, library_path
@@ -454,7 +454,7 @@ def test_a_hand_of_the_servo_disarms_and_comes_back(double, clock):
     with Mailbox.create(HandLayout(1)) as box:
         hand = Hand(device, SpringChain, box)
         hand.open()
-        scene = SceneNow(1, 0.0, (), ())
+        scene = SceneFrame(1, 0.0, (), ())
 
         def run(cycles: int) -> None:
             for _ in range(cycles):

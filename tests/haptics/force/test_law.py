@@ -12,7 +12,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import ChainConfig, HandConfig
 from otwarp.haptics.core.filters import LowPass
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapLaw, TrapNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, TrapLaw
 from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, fitted_for, local_model
 from otwarp.haptics.force.table import TableLaw
 from otwarp.optics import ForceTable
@@ -102,9 +102,12 @@ def test_table_turns_with_its_beam():
 CURVE = TrapLaw(2.0, 0.5, 0.3, -0.1, 1.5)
 
 
-def scene(spheres, traps, beat: int = 0) -> SceneNow:
-    return SceneNow(
-        beat, 0.0, tuple(SphereNow(p, 0) for p in spheres), tuple(TrapNow(n, p, w) for n, (p, w) in enumerate(traps))
+def scene(spheres, traps, beat: int = 0) -> SceneFrame:
+    return SceneFrame(
+        beat,
+        0.0,
+        tuple(SphereFrame(p, 0) for p in spheres),
+        tuple(TrapFrame(n, p, w) for n, (p, w) in enumerate(traps)),
     )
 
 
@@ -204,8 +207,8 @@ def test_noise_hardly_spoils_the_share():
 
 def told(model: LocalModel, place: float, focus: float, time: float, body: int = 0) -> None:
     """A state with a sphere and a trap along x [µm]; the hand's trap began at 0."""
-    spheres, traps = (SphereNow((place, 0.0, 0.0), body),), (TrapNow(0, (focus, 0.0, 0.0), 1.0),)
-    assert model.refresh(SceneNow(1, time, spheres, traps), {0: (0.0, 0.0, 0.0)})
+    spheres, traps = (SphereFrame((place, 0.0, 0.0), body),), (TrapFrame(0, (focus, 0.0, 0.0), 1.0),)
+    assert model.refresh(SceneFrame(1, time, spheres, traps), {0: (0.0, 0.0, 0.0)})
 
 
 @pytest.mark.parametrize("smoothing", [1.0, 0.1])

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.recording.mcap import MAGIC, McapFile
 from otwarp.haptics.recording.messages import (
     CYCLES_TYPE,
@@ -33,11 +33,11 @@ number = st.floats(allow_nan=False, width=64)
 vector = st.tuples(number, number, number)
 index = st.integers(-(2**63), 2**63 - 1)
 scenes = st.builds(
-    SceneNow,
+    SceneFrame,
     beat=st.integers(0, 2**64 - 1),
     time=number,
-    spheres=st.lists(st.builds(SphereNow, vector, index), max_size=3).map(tuple),
-    traps=st.lists(st.builds(TrapNow, index, vector, number), max_size=3).map(tuple),
+    spheres=st.lists(st.builds(SphereFrame, vector, index), max_size=3).map(tuple),
+    traps=st.lists(st.builds(TrapFrame, index, vector, number), max_size=3).map(tuple),
     contact_force=number,
 )
 
@@ -92,7 +92,7 @@ def test_texts_are_what_rosbags_reads(store, text):
 @settings(max_examples=200, deadline=None)
 def test_no_bytes_do_more_than_raise_one_line(data, cut, head):
     whole = pack_cycles("left", 1, CYCLE.pack(*record(1)))
-    state = pack_scene(SceneNow(1, math.nan, (SphereNow((0.0, 1.0, 2.0), 0),), (), math.inf))
+    state = pack_scene(SceneFrame(1, math.nan, (SphereFrame((0.0, 1.0, 2.0), 0),), (), math.inf))
     for junk in (whole[:cut], state[:cut], whole[:24] + data, state[:28] + data, (b"\0\1\0\0" if head else b"") + data):
         for read in (unpack_cycles, unpack_scene, unpack_text, beat_of):
             try:

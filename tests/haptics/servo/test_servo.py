@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.core.clock import RealClock, VirtualClock, next_deadline
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, SceneNow, SphereNow
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, SceneFrame, SphereFrame
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
 from otwarp.haptics.servo.link import RUNS, HandStatus, Orders, OrdersLayout, ServoStatus, StatusLayout
 from otwarp.haptics.servo.servo import PARENT_SILENCE, REOPEN_AFTER, STATUS_EVERY, Hand, Servo
@@ -92,7 +92,7 @@ class Rig:
         if self.publishing and now >= self.next_scene - 1e-9:
             self.next_scene = now + 0.004
             self.beat += 1
-            self.scenes.write(SceneNow(self.beat, now, (SphereNow((self.x, 0.0, 0.0), 0),), ()))
+            self.scenes.write(SceneFrame(self.beat, now, (SphereFrame((self.x, 0.0, 0.0), 0),), ()))
         if self.heartbeats:
             self.tell()
 

@@ -16,7 +16,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox
 from otwarp.haptics.core.ring import CYCLE, ENDING, GAINS, actions_of, cycles_of
-from otwarp.haptics.core.types import ZERO, SceneNow, SphereNow
+from otwarp.haptics.core.types import ZERO, SceneFrame, SphereFrame
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.servo.link import Cycles, StatusLayout
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
@@ -29,8 +29,8 @@ ROOT = Path(__file__).resolve().parents[3]
 HOLD = "virtual:hold,at=0.01/0/0"
 
 
-def scene(beat: int) -> SceneNow:
-    return SceneNow(beat, 0.001 * beat, (SphereNow((0.0, 0.0, 0.0), 0),), ())
+def scene(beat: int) -> SceneFrame:
+    return SceneFrame(beat, 0.001 * beat, (SphereFrame((0.0, 0.0, 0.0), 0),), ())
 
 
 def until(condition, each=lambda: None):

@@ -7,7 +7,7 @@ import pytest
 
 from otwarp.haptics.core.config import FACING_USER
 from otwarp.haptics.core.mailbox import Mailbox
-from otwarp.haptics.core.types import HandNow, Vec3
+from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
 from otwarp.teleop.core.commands import MoveTraps
 from otwarp.teleop.core.frame import HandFrame
@@ -180,7 +180,7 @@ def test_the_page_moves_a_hand_through_its_pointer():
             pointer.tick(0.1 * k, watched=True)
         assert sample.position == pytest.approx(wanted) and sample.buttons == 1 and 3.9 * SPEED > 0.1
         # taken again where the hand is by then, whatever was told before
-        now = HandNow(1, 0.0, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), (), "armed", 0.0)
+        now = ServoFrame(1, 0.0, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), (), "armed", 0.0)
         gizmos.drag("hand_left", 1, "end", (4.0, 6.0, -8.0), 4.0)
         gizmos.update(page_frame(PLACES, hands=(hand(device="mouse", now=now),)), 5.0)
         gizmos.drag("hand_left", 1, "start", (2.0, 0.0, 0.0), 5.0)

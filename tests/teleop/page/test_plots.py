@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import otwarp as ot
-from otwarp.haptics.core.types import HandNow
+from otwarp.haptics.core.types import ServoFrame
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.drawing import Drawing
@@ -72,7 +72,7 @@ def test_the_plots_of_a_scene_carry_its_warning_lines(drawing: Drawing):
 
 
 def test_hands_with_devices_show_their_force_and_energy(drawing: Drawing):
-    now = HandNow(1, 0.0, (0, 0, 0), (0.3, 0.4, 0.0), (), "armed", 2e-3)
+    now = ServoFrame(1, 0.0, (0, 0, 0), (0.3, 0.4, 0.0), (), "armed", 2e-3)
     left = HandFrame(name="left", device="haply", traps=(), motion_gain=1, force_gain=1, clamp=1, now=now)
     force, *_, energy = panels(drawing, ("left", "right"))
     assert force.read(page_frame(hands=(left,))) == pytest.approx([0.5, math.nan], nan_ok=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from otwarp.haptics.core.types import HandNow
+from otwarp.haptics.core.types import ServoFrame
 from otwarp.haptics.servo.link import HandStatus, ServoStatus
 from otwarp.teleop.core.frame import HandFrame, PaceNow
 from otwarp.teleop.page.controls import HOLD, Follower, file_name
@@ -21,7 +21,7 @@ def hand(**more: object) -> HandFrame:
 
 
 def test_nothing_that_is_told_becomes_markup():
-    told = hand(device=EVIL, message=EVIL, now=HandNow(1, 0.0, (0, 0, 0), (0, 0, 0), (), "armed", 0.0))
+    told = hand(device=EVIL, message=EVIL, now=ServoFrame(1, 0.0, (0, 0, 0), (0, 0, 0), (), "armed", 0.0))
     servo = ServoStatus(1, 0.0, "running", 3, 2e-5, 1, 0, (HandStatus(),), EVIL)
     texts = banner([EVIL] * 9, PaceNow(), f"/tmp/{EVIL}") + hand_text(told)
     texts += figures(page_frame(servo=servo, warnings=(EVIL,)), 30.0, 0.01, 1)
@@ -50,7 +50,7 @@ def test_the_figures_say_how_all_keep_up():
 def test_a_hand_says_its_state():
     absent = hand_text(hand(message="unplugged at 3.2 s"))
     assert "absent" in absent and "unplugged at 3.2 s" in absent and "no word yet" in absent
-    now = HandNow(1, 0.0, (0, 0, 0), (0.3, 0.4, 0), (), "armed", 0.0)
+    now = ServoFrame(1, 0.0, (0, 0, 0), (0.3, 0.4, 0), (), "armed", 0.0)
     assert "0.50 N of 3.00 N" in hand_text(hand(now=now, present=True))
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from otwarp.haptics.chain.hands import make_chain
 from otwarp.haptics.core.config import HandConfig, HapticsConfig
-from otwarp.haptics.core.types import SceneNow, SphereNow, TrapNow
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.force.table import Grid, TableLaw
+from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.servo.link import Cycles
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.record.frame import SHAPES, Frame
@@ -39,21 +39,21 @@ def table_law() -> TableLaw:
                 rho, z = (i - 1) * spacing, (j - 1) * spacing - radius
                 fall = math.exp(-(rho * rho + z * z))
                 node.extend((-rho * fall, 0.0, -0.3 * z * fall))
-        grids.append(Grid(spacing, radius, 0.98 * radius, columns, node))
+        grids.append(ForceGrid(spacing, radius, 0.98 * radius, columns, node))
     return TableLaw(tuple(grids), 1, False, 0.4)
 
 
 LAWS: dict[str, Law] = {"isotropic": IsotropicLaw(RADIAL), "split": SplitLaw(RADIAL, AXIAL), "table": table_law()}
 
 
-def scene_now(beat: int) -> SceneNow:
+def scene_now(beat: int) -> SceneFrame:
     """Two traps at rest, each with spheres that wander about."""
     t = 0.008 * beat
     spheres = tuple(
-        SphereNow((2.0 * n + 0.3 * math.sin(3.0 * t + n), 0.2 * math.cos(5.0 * t), 0.1 * math.sin(t)), n)
+        SphereFrame((2.0 * n + 0.3 * math.sin(3.0 * t + n), 0.2 * math.cos(5.0 * t), 0.1 * math.sin(t)), n)
         for n in range(2)
     )
-    return SceneNow(beat, t, spheres, tuple(TrapNow(n, (2.0 * n, 0.0, 0.0), 20.0) for n in range(2)), 0.5)
+    return SceneFrame(beat, t, spheres, tuple(TrapFrame(n, (2.0 * n, 0.0, 0.0), 20.0) for n in range(2)), 0.5)
 
 
 def live_frame(beat: int, wall: float, hands: tuple[HandFrame, ...] = (), warnings: tuple[str, ...] = ()) -> LiveFrame:

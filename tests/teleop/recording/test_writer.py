@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig, LowPass, from_dict
 from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import HandNow
+from otwarp.haptics.core.types import ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.haptics.recording.mcap import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start
@@ -55,7 +55,7 @@ def frame(beat: int, **changes):
         name: np.random.default_rng(beat).normal(size=(1, count[axis], *((width,) if width else ())))
         for name, (axis, width) in SHAPES.items()
     }
-    hand = HandNow(beat, 5.0, (0.01, 0.02, 0.03), (0.5, -0.25, 0.125), (), "armed", 0.1)
+    hand = ServoFrame(beat, 5.0, (0.01, 0.02, 0.03), (0.5, -0.25, 0.125), (), "armed", 0.1)
     about = {"name": "left", "device": "virtual:hold", "traps": (0,), "motion_gain": 1.0, "force_gain": 1.0}
     hands = (HandFrame(**about, clamp=3.3, now=hand), HandFrame(**about | {"name": "right"}, clamp=3.3))
     return replace(live, frame=replace(live.frame, **arrays), hands=hands, **changes)
