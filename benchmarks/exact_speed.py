@@ -22,7 +22,7 @@ from benchmarks.timing import Spread, elapsed
 from otwarp.device import pick_device
 from otwarp.optics.batched import batched_force
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import force
+from otwarp.optics.field import force
 from otwarp.optics.mie import Sphere
 
 BEAM = Beam(numerical_aperture=1.2, polarization="x")

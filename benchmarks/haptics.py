@@ -25,7 +25,7 @@ from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, TrapLaw
 from otwarp.haptics.force.law import SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
-from otwarp.optics import Beam, ForceTable, Sphere
+from otwarp.optics import Beam, Sphere, build_table
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
 AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)
@@ -174,7 +174,7 @@ def table_costs(steps: int) -> tuple[CallCost, ...]:
     config = check_hand()
     found = []
     for interpolation in ("bilinear", "bicubic"):
-        table = ForceTable.build(Beam(), Sphere(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
+        table = build_table(Beam(), Sphere(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
         model = local_model(config, {i: (TableLaw.of(table),) for i in config.traps})
         found.append(CallCost(f"step: stable, {interpolation} table", step_cost(Chain(config, model), steps)))
     return tuple(found)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import force
+from otwarp.optics.field import force
 from otwarp.optics.mie import Sphere
 
 STEP = 0.01

@@ -47,22 +47,6 @@ class Evaluation:
     error: float
 
 
-def force(beam: Beam, sphere: Sphere, points: np.ndarray, *, device: str | None = None) -> np.ndarray:
-    """Dimensionless force Q (n, 3) at sphere centres `points` (n, 3) relative to the focus [µm].
-
-    NumPy computes it as `evaluate` does; with the name of a Warp device its float64 kernel does, without an error
-    estimate but faster: see `otwarp.optics.batched`.
-
-    Raises:
-        InputError: As `evaluate`, or no such device.
-    """
-    if device is not None:
-        from otwarp.optics.batched import batched_force
-
-        return batched_force(beam, sphere, points, device=device)
-    return evaluate(beam, sphere, points).force
-
-
 def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.ndarray, int]:
     """Points as a float array (n, 3), and the highest multipole order that the sphere scatters.
 

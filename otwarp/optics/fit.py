@@ -13,7 +13,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.optics.analysis import trap_properties
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import force
+from otwarp.optics.field import force
 from otwarp.optics.mie import Sphere
 
 SAMPLES = 160

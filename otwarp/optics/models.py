@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,13 +11,12 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import checked_points, force
+from otwarp.optics.exact import checked_points
+from otwarp.optics.field import Field, force
 from otwarp.optics.fit import CurveFit, ForceCurves, fit_piecewise, sample_curves
 from otwarp.optics.mie import Sphere
-from otwarp.optics.table import HIGHEST_TOLERANCE, LOWEST_TOLERANCE, ForceTable, Interpolation
-
-Field = Callable[[np.ndarray], np.ndarray]
-"""Dimensionless force Q (n, 3) at sphere centres (n, 3) from the focus [µm]."""
+from otwarp.optics.table import ForceTable, Interpolation, check_accuracy
+from otwarp.optics.table_build import build_table
 
 MODELS: dict[str, str] = {
     "exact": "generalised Lorenz–Mie theory",
@@ -70,11 +68,7 @@ class Ladder:
     device: str | None = None
 
     def __post_init__(self) -> None:
-        if not LOWEST_TOLERANCE <= self.tolerance <= HIGHEST_TOLERANCE:
-            allowed = f"{LOWEST_TOLERANCE:g} to {HIGHEST_TOLERANCE:g}"
-            raise InputError(f"table tolerance is {self.tolerance:g}; allowed: {allowed}")
-        if self.interpolation not in ("bilinear", "bicubic"):
-            raise InputError(f"table interpolation is {self.interpolation!r}; allowed: bilinear, bicubic")
+        check_accuracy(self.tolerance, self.interpolation)
         if complex(self.sphere.index) == self.beam.medium_index:
             raise InputError(
                 f"sphere index is {self.beam.medium_index:g}, that of the medium: no force; allowed: any other"
@@ -83,7 +77,7 @@ class Ladder:
     @cached_property
     def table(self) -> ForceTable:
         """The table, from the cache or made now."""
-        return ForceTable.build(
+        return build_table(
             self.beam,
             self.sphere,
             tolerance=self.tolerance,

@@ -19,18 +19,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.mie import Sphere
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from otwarp.optics.analysis import TrapProperties
 
 Interpolation = Literal["bilinear", "bicubic"]
 
@@ -38,6 +34,19 @@ BLEND = 0.8
 """Fraction of a level's radius beyond which it passes into the next one, or the last into zero."""
 
 LOWEST_TOLERANCE, HIGHEST_TOLERANCE = 1e-5, 0.1
+
+
+def check_accuracy(tolerance: float, interpolation: str) -> None:
+    """Refuse what no table can be made to.
+
+    Raises:
+        InputError: A tolerance out of range, or an unknown interpolation.
+    """
+    if not LOWEST_TOLERANCE <= tolerance <= HIGHEST_TOLERANCE:
+        allowed = f"{LOWEST_TOLERANCE:g} to {HIGHEST_TOLERANCE:g}"
+        raise InputError(f"table tolerance is {tolerance:g}; allowed: {allowed}")
+    if interpolation not in ("bilinear", "bicubic"):
+        raise InputError(f"table interpolation is {interpolation!r}; allowed: bilinear, bicubic")
 
 
 def layer_count(beam: Beam) -> int:
@@ -110,44 +119,6 @@ class ForceTable:
     steepest: float
     levels: tuple[TableLevel, ...]
     beyond: float = 0.0
-
-    @classmethod
-    def build(
-        cls,
-        beam: Beam,
-        sphere: Sphere,
-        *,
-        tolerance: float = 1e-3,
-        interpolation: Interpolation = "bilinear",
-        cache: Path | bool = True,
-        device: str | None = None,
-    ) -> ForceTable:
-        """Take a table from the disk cache, or make it.
-
-        Args:
-            tolerance: Largest error of the force over its peak, 1e-5 to 0.1.
-            cache: Folder of the cache, True for the user's, False for none.
-            device: Name of the Warp device that evaluates exact forces; None for the best there is.
-
-        Raises:
-            InputError: A tolerance out of range, or an unknown interpolation.
-        """
-        from otwarp.optics import table_cache
-        from otwarp.optics.table_build import build_table
-
-        if not LOWEST_TOLERANCE <= tolerance <= HIGHEST_TOLERANCE:
-            raise InputError(
-                f"table tolerance is {tolerance:g}; allowed: {LOWEST_TOLERANCE:g} to {HIGHEST_TOLERANCE:g}"
-            )
-        if interpolation not in ("bilinear", "bicubic"):
-            raise InputError(f"table interpolation is {interpolation!r}; allowed: bilinear, bicubic")
-        folder = table_cache.cache_folder() if cache is True else cache
-        table = table_cache.load(folder, beam, sphere, tolerance, interpolation) if folder else None
-        if table is None:
-            table = build_table(beam, sphere, tolerance=tolerance, interpolation=interpolation, device=device)
-            if folder:
-                table_cache.save(folder, table)
-        return table
 
     @property
     def cutoff(self) -> float:

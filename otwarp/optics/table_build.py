@@ -9,23 +9,25 @@ checked on points that nothing before has seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
+from otwarp.optics import table_cache
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import force
+from otwarp.optics.field import Field, force
 from otwarp.optics.mie import Sphere
 from otwarp.optics.table import (
     BLEND,
     ForceTable,
     Interpolation,
     TableLevel,
+    check_accuracy,
     combine,
     layer_count,
     major_axis,
@@ -58,18 +60,44 @@ MARGIN = 3
 _PARITY = np.array([-1.0, -1.0, 1.0])
 """Of F_ρ, F_φ, F_z under (ρ, φ) → (−ρ, φ + π), which is the same place; cos 2φ and sin 2φ do not change."""
 
-Field = Callable[[np.ndarray], np.ndarray]
-"""Exact Q (n, 3) at points (n, 3)."""
-
 
 def build_table(
-    beam: Beam, sphere: Sphere, *, tolerance: float, interpolation: Interpolation, device: str | None = None
+    beam: Beam,
+    sphere: Sphere,
+    *,
+    tolerance: float = 1e-3,
+    interpolation: Interpolation = "bilinear",
+    cache: Path | bool = True,
+    device: str | None = None,
 ) -> ForceTable:
-    """Make a table whose error on unseen points is below `tolerance`·peak; see `ForceTable.build` for the arguments.
+    """Take a table from the disk cache, or make it.
+
+    Args:
+        beam: The beam; its power does not matter.
+        sphere: The sphere.
+        tolerance: Largest error of the force over its peak, 1e-5 to 0.1.
+        interpolation: `bilinear`, which is fastest, or `bicubic`, which is smooth and smaller.
+        cache: Folder of the cache, True for the user's, False for none.
+        device: Name of the Warp device that evaluates exact forces; None for the best there is.
 
     Raises:
-        InputError: The field does not converge, or the table would grow too large.
+        InputError: A tolerance out of range, an unknown interpolation, a field that does not converge, or a table that
+            would grow too large.
     """
+    check_accuracy(tolerance, interpolation)
+    folder = table_cache.cache_folder() if cache is True else cache
+    table = table_cache.load(folder, beam, sphere, tolerance, interpolation) if folder else None
+    if table is None:
+        table = _made(beam, sphere, tolerance=tolerance, interpolation=interpolation, device=device)
+        if folder:
+            table_cache.save(folder, table)
+    return table
+
+
+def _made(
+    beam: Beam, sphere: Sphere, *, tolerance: float, interpolation: Interpolation, device: str | None
+) -> ForceTable:
+    """A table whose error on unseen points is below `tolerance`·peak."""
     device = pick_device(device).alias
 
     def field(points: np.ndarray) -> np.ndarray:

@@ -80,7 +80,7 @@ class TrapOptics:
         nearest = np.zeros(len(scene.traps), dtype=int)
         if not kinds or not any(t.optical for t in scene.traps):
             return cls(kinds, (), table, nearest)
-        from otwarp.optics import ForceTable, Sphere
+        from otwarp.optics import Sphere, build_table
 
         place = np.array(
             [
@@ -105,7 +105,7 @@ class TrapOptics:
                     tables[key] = len(made)
                     sphere = Sphere(radius=radius, index=index)
                     made.append(
-                        ForceTable.build(
+                        build_table(
                             beam,
                             sphere,
                             tolerance=trap.tolerance,
@@ -135,12 +135,12 @@ class TrapOptics:
 
         For evaluation outside a step, where sixteen nodes cost four times what four do.
         """
-        from otwarp.optics import ForceTable
+        from otwarp.optics import build_table
 
         table, entry = self.tables[self.table[trap, kind]], scene.traps[trap]
         if table.interpolation != "bilinear":
             how: dict = {"tolerance": entry.tolerance, "interpolation": "bilinear", "device": device}
-            table = ForceTable.build(table.beam, table.sphere, **how).cut(entry.reach)
+            table = build_table(table.beam, table.sphere, **how).cut(entry.reach)
         return table, polarization_azimuth(table.beam)
 
     def term_name(self, scene: Scene, trap: int) -> str:

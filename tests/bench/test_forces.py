@@ -18,7 +18,7 @@ from otwarp.bench.rungs import HARMONIC, LADDER, RELAXATION, TrappedBead, chosen
 from otwarp.bench.timing import Spread
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.optics import Beam, ForceTable, Sphere, force
+from otwarp.optics import Beam, Sphere, build_table, force
 from otwarp.simulation.model import Model
 
 BEAM = Beam(numerical_aperture=1.2, power=20.0)
@@ -69,7 +69,7 @@ def test_rows_are_those_asked_for_and_the_harmonic_one(found):
 
 def test_errors_are_those_of_the_models(found, bead):
     assert found.row("none").errors is None
-    table = ForceTable.build(BEAM, SPHERE, tolerance=1e-2)
+    table = build_table(BEAM, SPHERE, tolerance=1e-2)
     assert found.peak == pytest.approx(BEAM.force_scale * table.peak)
     assert found.row("bilinear-1e-2").table_bytes == table.size
     tabulated, harmonic = found.row("bilinear-1e-2").errors, found.row(HARMONIC).errors

@@ -10,7 +10,8 @@ from otwarp.kernels.exact_waves import ExactData
 from otwarp.optics import batched
 from otwarp.optics.batched import batched_force, pack_force
 from otwarp.optics.beam import JONES, Beam
-from otwarp.optics.exact import evaluate, force
+from otwarp.optics.exact import evaluate
+from otwarp.optics.field import force
 from otwarp.optics.mie import Sphere
 
 AGREEMENT = 1e-10

@@ -11,7 +11,8 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.optics.analysis import stiffness, trap_properties
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import evaluate, force
+from otwarp.optics.exact import evaluate
+from otwarp.optics.field import force
 from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
 from tests.optics.pack_reference import cases
 

@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
 from otwarp.optics.curves import Curves, force_curves, plot_curves
-from otwarp.optics.exact import force
+from otwarp.optics.field import force
 from otwarp.optics.maps import ForceMap, attracted, force_map, plot_map
 from otwarp.optics.mie import Sphere
 from otwarp.optics.models import MODELS, Ladder

@@ -7,7 +7,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
-from otwarp.optics.exact import force
+from otwarp.optics.field import force
 from otwarp.optics.fit import PiecewiseLaw
 from otwarp.optics.mie import Sphere
 from otwarp.optics.models import MODELS, Ladder

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.optics import Beam, ForceTable, Sphere, force, table_cache, trap_properties
+from otwarp.optics import Beam, ForceTable, Sphere, build_table, force, table_cache, trap_properties
 from otwarp.optics.table import combine, layer_count, major_axis
 from otwarp.optics.table_build import sample_layers, unseen_points
 
@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=["bilinear", "bicubic"])
 def table(request, folder) -> ForceTable:
-    return ForceTable.build(BEAM, SMALL, tolerance=1e-2, interpolation=request.param, cache=folder, device="cpu")
+    return build_table(BEAM, SMALL, tolerance=1e-2, interpolation=request.param, cache=folder, device="cpu")
 
 
 def fresh_error(table: ForceTable, count: int, seed: int) -> float:
@@ -71,7 +71,7 @@ def test_error_bound_holds_on_fresh_points(table):
 @pytest.mark.parametrize("polarization", ["x", "45"])
 def test_error_bound_holds_for_a_polarized_beam(polarization, folder):
     beam = dataclasses.replace(BEAM, polarization=polarization)
-    table = ForceTable.build(beam, SMALL, tolerance=1e-2, interpolation="bicubic", cache=folder, device="cpu")
+    table = build_table(beam, SMALL, tolerance=1e-2, interpolation="bicubic", cache=folder, device="cpu")
     assert table.layers == 2
     assert fresh_error(table, 4000, 7) <= table.tolerance
 
@@ -91,9 +91,7 @@ VALIDATED = {
 @pytest.mark.parametrize("name", VALIDATED)
 def test_error_bound_holds_on_many_points(name, interpolation, tolerance, folder, device):
     beam, sphere = VALIDATED[name]
-    table = ForceTable.build(
-        beam, sphere, tolerance=tolerance, interpolation=interpolation, cache=folder, device=device
-    )
+    table = build_table(beam, sphere, tolerance=tolerance, interpolation=interpolation, cache=folder, device=device)
     points = unseen_points(table, 100_000, np.random.default_rng(5))
     exact = force(beam, sphere, points, device=device)
     assert np.linalg.norm(table.force(points) - exact, axis=1).max() <= tolerance * table.peak
@@ -141,9 +139,9 @@ def test_table_knows_its_trap(table):
 
 def test_a_sphere_that_is_not_held_has_no_properties(folder):
     beam = Beam(numerical_aperture=0.4)
-    table = ForceTable.build(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
+    table = build_table(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
     assert table.properties is None
-    again = ForceTable.build(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
+    again = build_table(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
     assert again.properties is None
 
 
@@ -170,7 +168,7 @@ def test_cache_gives_back_what_was_saved(table, folder):
 
 
 def test_building_is_deterministic(table):
-    again = ForceTable.build(BEAM, SMALL, tolerance=1e-2, interpolation=table.interpolation, cache=False, device="cpu")
+    again = build_table(BEAM, SMALL, tolerance=1e-2, interpolation=table.interpolation, cache=False, device="cpu")
     assert same(again, table)
 
 
@@ -198,7 +196,7 @@ def test_damaged_or_foreign_files_are_rebuilt(harm, table, folder, tmp_path):
         shutil.copy(table_cache.file_of(tmp_path, other.beam, other.sphere, 1e-2, table.interpolation), path)
     assert cached(table, tmp_path) is None
     arguments = {"tolerance": 1e-2, "interpolation": table.interpolation, "cache": tmp_path, "device": "cpu"}
-    assert same(ForceTable.build(BEAM, SMALL, **arguments), table)
+    assert same(build_table(BEAM, SMALL, **arguments), table)
     rebuilt = cached(table, tmp_path)
     assert rebuilt is not None
     assert same(rebuilt, table)
@@ -219,12 +217,12 @@ def test_a_cache_that_cannot_be_written_costs_nothing_else(table, tmp_path):
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, 1e-6, 0.5, math.nan])
 def test_tolerance_out_of_range(tolerance):
     with pytest.raises(InputError, match=r"tolerance is .*; allowed: 1e-05 to 0\.1"):
-        ForceTable.build(BEAM, SMALL, tolerance=tolerance)
+        build_table(BEAM, SMALL, tolerance=tolerance)
 
 
 def test_unknown_interpolation():
     with pytest.raises(InputError, match="allowed: bilinear, bicubic"):
-        ForceTable.build(BEAM, SMALL, interpolation="nearest")  # type: ignore[arg-type]
+        build_table(BEAM, SMALL, interpolation="nearest")  # type: ignore[arg-type]
 
 
 def test_aberrated_focus_is_found_and_resolved():
@@ -232,7 +230,7 @@ def test_aberrated_focus_is_found_and_resolved():
     are those of that place, and the nodes of the quadrature resolve the interface's phase."""
     beam = Beam(numerical_aperture=1.2, depth=20.0, glass_index=1.518)
     assert -0.3 * 20.0 < beam.focus_shift < -0.1 * 20.0
-    table = ForceTable.build(beam, SMALL, tolerance=2e-2, interpolation="bicubic", cache=False, device="cpu")
+    table = build_table(beam, SMALL, tolerance=2e-2, interpolation="bicubic", cache=False, device="cpu")
     assert table.properties is not None
     assert abs(table.properties.equilibrium - beam.focus_shift) < 1.5
     assert fresh_error(table, 2000, 3) <= table.tolerance

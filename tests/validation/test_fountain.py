@@ -13,7 +13,7 @@ import functools
 import numpy as np
 import pytest
 
-from otwarp.optics import Beam, ForceTable
+from otwarp.optics import Beam, ForceTable, build_table
 from otwarp.optics import Sphere as OpticalSphere
 from otwarp.scene.description import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
@@ -40,7 +40,7 @@ GRID = 0.01
 
 def table() -> ForceTable:
     sphere = OpticalSphere(radius=RADIUS, index=INDEX)
-    return ForceTable.build(Beam(), sphere, tolerance=1e-3, interpolation="bicubic")
+    return build_table(Beam(), sphere, tolerance=1e-3, interpolation="bicubic")
 
 
 def swarm(cells: int, gradient_only: bool = False) -> Swarm:

@@ -21,7 +21,7 @@ from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
 from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.optics import Beam, ForceTable, Sphere, evaluate
+from otwarp.optics import Beam, Sphere, build_table, evaluate
 from otwarp.optics.table_cache import cache_folder, load
 from otwarp.simulation.arrays import device_array
 from otwarp.simulation.optics import TrapOptics
@@ -73,7 +73,7 @@ class Probes:
         found = [evaluate(bead.beam, bead.sphere, p.astype(float)) for p in points]
         scale = bead.beam.force_scale
         # the peak by which tables bound their errors; kept out of the cache, or that row's build would not be timed
-        table = ForceTable.build(bead.beam, bead.sphere, tolerance=1e-2, cache=False)
+        table = build_table(bead.beam, bead.sphere, tolerance=1e-2, cache=False)
         return cls(
             *points,
             *(scale * e.force for e in found),
