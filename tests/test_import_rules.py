@@ -57,8 +57,6 @@ ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}
 
 KNOWN_CIRCLES = [
     "otwarp/haptics/devices: 3 files",
-    "otwarp/optics: 2 files",
-    "otwarp/optics: 3 files",
     "otwarp/scene: 9 files",
     "otwarp/simulation: 2 files",
 ]
