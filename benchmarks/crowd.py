@@ -22,8 +22,8 @@ from benchmarks.machine import Machine
 from benchmarks.report import Section, Table, command, options, positive, save_json
 from benchmarks.timing import Spread, calls_for, elapsed
 from otwarp.device import pick_device
+from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.step import make_step
-from otwarp.kernels.types import ModelData
 from otwarp.scene.description import Body, Material, Medium, Scene, Settings, Sphere
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.model import Model

@@ -41,7 +41,7 @@ def advance(name: str, x: np.ndarray, kick: np.ndarray, drift: Field, relax: Rel
     needs the noise of one step only (Vilmart 2015, doi:10.1137/140974328).
 
     Args:
-        name: One of `otwarp.kernels.integrators.INTEGRATORS`.
+        name: One of `otwarp.kernels.integrate.integrators.INTEGRATORS`.
         x: Positions, of any shape.
         kick: σΔW, of the same shape.
         drift: Position → displacement by the force in one step.
@@ -235,7 +235,7 @@ class Chain:
         return float(self.stationary @ (self._operator(self.places * self._kicks[1]) @ later)) / self.variance()
 
     def escape_time(self) -> float:
-        """Mean time from the bottom to the rim, crossings between steps counted as `otwarp.kernels.escapes` does.
+        """Mean time from the bottom to the rim, with crossings between steps as in `kernels.optics.escapes`.
 
         An escape counts for the middle of its step. Not for `leimkuhlerMatthews`, whose ends are not what a run shows.
         """

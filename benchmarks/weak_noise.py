@@ -14,8 +14,8 @@ import sys
 from benchmarks.transitions import Chain, SineWell
 from benchmarks.validation import PAGES, put_on_page
 from otwarp.errors import InputError
-from otwarp.kernels.integrators import INTEGRATORS
-from otwarp.kernels.noise import NOISES
+from otwarp.kernels.core.noise import NOISES
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 
 PAGE = PAGES / "weak_noise.md"
 BEGIN, END = "<!-- begin weak noise -->", "<!-- end weak noise -->"

@@ -1,4 +1,16 @@
-"""Physics on the device: small `wp.func` terms, the structs they read, and the factory that fuses them into a step.
+"""Kernels: physics as Warp functions, composed into the one step that a scene needs.
 
-Imports neither `pxr` nor `torch` nor a viewer.
+In: `Features` and structs of arrays. Out: `step.make_step(features)`, the only entry that other rooms launch from.
+The inner rooms, each of which imports only those above it:
+
+    core           structs, features, random numbers, rotation, precision
+    cpu            vector blocks of a CPU
+    optics         traps, tables, exact forces, escapes
+    bodies         spheres and rigid bodies in a flow
+    hydrodynamics  walls and coupling
+    contact        who touches, and what keeps them apart
+    integrate      schemes over any body
+    drivers        solo, world, grid
+
+`float64` is made from them on import (`core.precision`).
 """

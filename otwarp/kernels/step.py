@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from otwarp.kernels.coupled_world import make_coupled_step
-from otwarp.kernels.features import Features
-from otwarp.kernels.grid import GridKernels, make_grid_step
-from otwarp.kernels.lanes import make_lanes_step
-from otwarp.kernels.readout import make_trap_readout
-from otwarp.kernels.solo import make_solo_step
-from otwarp.kernels.world import make_world_step
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.drivers.coupled_world import make_coupled_step
+from otwarp.kernels.drivers.grid import GridKernels, make_grid_step
+from otwarp.kernels.drivers.lanes import make_lanes_step
+from otwarp.kernels.drivers.solo import make_solo_step
+from otwarp.kernels.drivers.world import make_world_step
+from otwarp.kernels.optics.readout import make_trap_readout
 
 
 @dataclass(frozen=True, kw_only=True)

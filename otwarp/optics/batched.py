@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.exact import exact_force_kernel
-from otwarp.kernels.exact_waves import ROW, ExactData
+from otwarp.kernels.core.exact_data import ROW, ExactData
+from otwarp.kernels.optics.exact import exact_force_kernel
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points, evaluate, quadrature_nodes
 from otwarp.optics.harmonics import gauss_legendre, wigner_d

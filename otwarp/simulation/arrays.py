@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.precision import typed
+from otwarp.kernels.core.precision import typed
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Place:
 
     Attributes:
         device: Warp device or its name.
-        precision: One of `otwarp.kernels.precision.PRECISIONS`.
+        precision: One of `otwarp.kernels.core.precision.PRECISIONS`.
     """
 
     device: Any

@@ -9,12 +9,12 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.coupling import COUPLED
-from otwarp.kernels.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
-from otwarp.kernels.integrators import INTEGRATORS
-from otwarp.kernels.noise import NOISES
-from otwarp.kernels.precision import PRECISIONS
-from otwarp.kernels.walls import NEAR_WALLS
+from otwarp.kernels.core.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
+from otwarp.kernels.core.noise import NOISES
+from otwarp.kernels.core.precision import PRECISIONS
+from otwarp.kernels.hydrodynamics.coupling import COUPLED
+from otwarp.kernels.hydrodynamics.walls import NEAR_WALLS
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene.description import Body, Scene
 from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid

@@ -8,12 +8,12 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.contact import Contact
-from otwarp.kernels.features import MAX_BODY_CONTACTS
-from otwarp.kernels.grid_contacts import CHUNKS, RELAXATIONS
-from otwarp.kernels.grid_data import GridData, Link, NeighbourData, PushData, whole_contacts
-from otwarp.kernels.grid_move import two_stages
-from otwarp.kernels.neighbours import NEIGHBOURS
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.core.features import MAX_BODY_CONTACTS
+from otwarp.kernels.drivers.grid_contacts import CHUNKS, RELAXATIONS
+from otwarp.kernels.drivers.grid_data import GridData, Link, NeighbourData, PushData, whole_contacts
+from otwarp.kernels.drivers.grid_move import two_stages
+from otwarp.kernels.drivers.neighbours import NEIGHBOURS
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import State
 

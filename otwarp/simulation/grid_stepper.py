@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from otwarp.kernels.grid import start_clock, tick
-from otwarp.kernels.grid_contacts import next_sweeps, resume_sweeps
-from otwarp.kernels.neighbours import bound_cells, clear_cells, permute_slots, turn_slots
-from otwarp.kernels.soft import fill_slots, load_slots, store_slots
+from otwarp.kernels.drivers.grid import start_clock, tick
+from otwarp.kernels.drivers.grid_contacts import next_sweeps, resume_sweeps
+from otwarp.kernels.drivers.neighbours import bound_cells, clear_cells, permute_slots, turn_slots
+from otwarp.kernels.drivers.soft import fill_slots, load_slots, store_slots
 from otwarp.kernels.step import Step
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.model import Model

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.features import Features
-from otwarp.kernels.types import ModelData
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData
 from otwarp.scene.description import Scene
 from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings

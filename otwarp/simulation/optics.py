@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.force_table import ForceTableData, GridLevel
-from otwarp.kernels.traps import exact_name, table_name
+from otwarp.kernels.core.table_data import ForceTableData, GridLevel
+from otwarp.kernels.optics.traps import exact_name, table_name
 from otwarp.scene.description import IDENTITY, Medium, Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.arrays import Place, device_array

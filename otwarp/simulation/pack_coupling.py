@@ -7,8 +7,8 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.rigid import BodyMobility
-from otwarp.kernels.features import MAX_WORLD_BODIES
-from otwarp.kernels.types import CouplingData
+from otwarp.kernels.core.features import MAX_WORLD_BODIES
+from otwarp.kernels.core.types import CouplingData
 from otwarp.scene.description import Scene
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.pack_bodies import is_rigid

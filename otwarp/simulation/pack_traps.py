@@ -10,9 +10,9 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.kernels.exact import ExactData
-from otwarp.kernels.traps import trap_term
-from otwarp.kernels.types import FlowData, MediumData, TrapData
+from otwarp.kernels.core.exact_data import ExactData
+from otwarp.kernels.core.types import FlowData, MediumData, TrapData
+from otwarp.kernels.optics.traps import trap_term
 from otwarp.scene.description import Scene, Trap, TrapLaw
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import Place, device_array

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.features import Features
+from otwarp.kernels.core.features import Features
 from otwarp.scene.description import Scene
 from otwarp.simulation.composition import compose
 from otwarp.simulation.optics import LAW_FIELDS, TrapOptics

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.faults import OVERLAP_LIMIT
-from otwarp.kernels.features import Features
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.core.faults import OVERLAP_LIMIT
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene.description import Body, Scene
 
 EXPLICIT_PRODUCT = 1.8

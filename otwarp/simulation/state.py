@@ -15,9 +15,9 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.kernels.precision import precision_of, typed
-from otwarp.kernels.readout import TrapReadoutData
-from otwarp.kernels.types import ControlData, ReadoutData, StateData
+from otwarp.kernels.core.precision import precision_of, typed
+from otwarp.kernels.core.types import ControlData, ReadoutData, StateData
+from otwarp.kernels.optics.readout import TrapReadoutData
 from otwarp.simulation.arrays import device_array, filled, host_type
 from otwarp.simulation.model import Model
 from otwarp.simulation.parameters import expand
@@ -222,7 +222,7 @@ class Readout(_Bound):
         contact_load: (W, B) sum of the normal forces [pN].
         escape_step: (W, T) arrival of the first step in which the held sphere was out of the trap's reach, -1 if never;
             it was lost half a step earlier on average.
-        fault: (W, B) code of `otwarp.kernels.faults.Fault`.
+        fault: (W, B) code of `otwarp.kernels.core.faults.Fault`.
         fault_step: (W, B).
         fault_count: (1).
     """

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.lane_groups import threads_for
+from otwarp.kernels.drivers.lane_groups import threads_for
 from otwarp.kernels.step import Step
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State

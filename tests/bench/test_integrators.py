@@ -42,7 +42,7 @@ from otwarp.bench.integrators.table import (
 from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.bench.timing import Spread
 from otwarp.errors import InputError
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.optics import Beam, Sphere, force
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -7,8 +7,8 @@ import pytest
 from benchmarks import weak_noise
 from benchmarks.validation import put_on_page
 from otwarp.errors import InputError
-from otwarp.kernels.integrators import INTEGRATORS
-from otwarp.kernels.noise import NOISES
+from otwarp.kernels.core.noise import NOISES
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 
 
 def page_rows() -> list[list[str]]:

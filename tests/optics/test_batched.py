@@ -5,8 +5,8 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.exact import exact_force_term
-from otwarp.kernels.exact_waves import ExactData
+from otwarp.kernels.core.exact_data import ExactData
+from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.optics import batched
 from otwarp.optics.batched import batched_force, pack_force
 from otwarp.optics.beam import JONES, Beam

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.kernels.features import MAX_WORLD_BODIES
-from otwarp.kernels.obstacles import SHAPES
+from otwarp.kernels.contact.obstacles import SHAPES
+from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.scene.description import (
     Body,
     Material,

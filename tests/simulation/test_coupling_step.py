@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.kernels.features import MAX_WORLD_BODIES
+from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.scene.description import Scene, Settings, TrapLaw
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model

@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp import Simulation
 from otwarp.errors import SimulationError
-from otwarp.kernels.lane_groups import GROUP, threads_for
+from otwarp.kernels.drivers.lane_groups import GROUP, threads_for
 from otwarp.kernels.step import make_step
 from otwarp.scene.description import Body, Scene, Settings, Sphere, Track, Trap, TrapLaw
 from otwarp.simulation.stepping import FusedStepper

@@ -8,7 +8,7 @@ import pytest
 
 from otwarp import Simulation
 from otwarp.errors import InputError
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.optics import Sphere, force
 from otwarp.scene.description import Body, Scene, Settings, Track, Trap, TrapLaw
 from otwarp.scene.description import Sphere as SceneSphere

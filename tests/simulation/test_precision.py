@@ -15,9 +15,9 @@ import warp as wp
 from click.testing import CliRunner
 from scipy.optimize import brentq
 
-from otwarp.kernels import precision as kernels
-from otwarp.kernels.noise import six_deviates_term, three_deviates_term
-from otwarp.kernels.random import GAUSSIAN_TERMS, Stream, noise_words
+from otwarp.kernels.core import precision as kernels
+from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
+from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
 from otwarp.scene.description import Medium, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference import rotations
@@ -222,7 +222,7 @@ def test_robot_is_that_of_numpy(device):
     def shifted(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return x + move[:3], rotations.multiply(rotations.exponential(move[3:]), q)
 
-    six = kernels.typed(kernels.kernel_module("types", "float32").vec6, "float32")
+    six = kernels.typed(kernels.kernel_module("core.types", "float32").vec6, "float32")
     for xi in deviates(six, six_deviates_term("gaussian"), 20, device):
         turn = np.kron(np.eye(2), rotations.matrix(q))
         noise = np.sqrt(2.0 * ENERGY * DT / VISCOSITY) * (turn @ root @ xi)
@@ -357,7 +357,13 @@ def test_float32_does_not_import_float64():
     assert done.stdout.strip() == ""
 
 
-@pytest.mark.parametrize("name", ["types", "bead", "rigid", "traps", "force_table", "walls_rigid", "detect", "solve"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("core.types", "bodies.bead", "bodies.rigid", "optics.traps", "optics.force_table"),
+        *("hydrodynamics.walls_rigid", "contact.detect", "contact.solve"),
+    ],
+)
 def test_nothing_single_is_left_in_the_source(name):
     """No type of float32, and no literal or constant of a kernel without a cast."""
     import re

@@ -13,7 +13,7 @@ import pytest
 import warp as wp
 from warp._src.context import ModuleBuilder
 
-from otwarp.kernels.features import Features
+from otwarp.kernels.core.features import Features
 from otwarp.kernels.step import make_step
 from otwarp.scene.description import Flow, Scene, Settings, TrapLaw
 from otwarp.simulation.simulation import Simulation

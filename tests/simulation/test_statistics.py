@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene.description import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from otwarp.kernels.noise import six_deviates_term
-from otwarp.kernels.random import Stream, gaussian_pair, noise_words, vec4u
-from otwarp.kernels.types import vec6
+from otwarp.kernels.core.noise import six_deviates_term
+from otwarp.kernels.core.random import Stream, gaussian_pair, noise_words, vec4u
+from otwarp.kernels.core.types import vec6
 
 SEED = 20
 COUNT = 1 << 18
@@ -131,7 +131,7 @@ def test_each_stream_is_standard_normal(law, device, stream):
 def test_six_deviates_of_a_body(law, device):
     """Those of a rigid body, of two streams, are uncorrelated as the step takes them.
 
-    Source: as above; `otwarp.kernels.noise` takes four from BROWNIAN_A and two from BROWNIAN_B.
+    Source: as above; `otwarp.kernels.core.noise` takes four from BROWNIAN_A and two from BROWNIAN_B.
     """
     six = six_deviates_term("gaussian")
 

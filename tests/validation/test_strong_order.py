@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from benchmarks.transitions import advance
-from otwarp.kernels.integrators import INTEGRATORS
-from otwarp.kernels.random import Stream
+from otwarp.kernels.core.random import Stream
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene.description import Medium, Scene, Settings, Track, Trap, TrapLaw
 from otwarp.simulation.simulation import Simulation
 from tests.reference.philox import WEAK, halves, noise_words, normals

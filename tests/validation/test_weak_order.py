@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from benchmarks.transitions import Chain, SineWell, deviates
-from otwarp.kernels.integrators import INTEGRATORS
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from tests.validation import scheme
 
 HELD = SineWell(20.0)

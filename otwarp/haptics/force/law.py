@@ -2,7 +2,7 @@
 
 Every law sums over spheres at once, so that a servo period makes one call per trap. Forces are per mW [pN], for a
 displacement from the focus to the sphere's centre [µm]; the sum over traps, spheres and powers is the `LocalModel`'s.
-They are the terms of `otwarp.kernels.trap_laws` and `otwarp.kernels.force_table` in plain floats.
+They are the terms of `otwarp.kernels.optics.trap_laws` and `otwarp.kernels.optics.force_table` in plain floats.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Law(Protocol):
 def fitted_for(curve: TrapLaw, fitted: float, radius: float) -> TrapLaw:
     """A curve fitted for spheres of radius `fitted` [µm] as one of `radius` feels it: F(s·d), s = fitted/radius.
 
-    The similarity of ray optics, as `otwarp.kernels.trap_laws.prepare_law`.
+    The similarity of ray optics, as `otwarp.kernels.optics.trap_laws.prepare_law`.
     """
     s = fitted / radius
     return replace(

@@ -19,9 +19,9 @@ from otwarp.optics import ForceTable
 from otwarp.optics.table import major_axis
 from otwarp.scene import description
 from otwarp.simulation.model import Model
+from tests.kernels.optics.test_force_table import BEAMS, made_up_table, probe_points
+from tests.kernels.optics.test_traps import SCENE, TRAPS, displacements, probe_force
 from tests.kernels.samples import evaluate, on_device
-from tests.kernels.test_force_table import BEAMS, made_up_table, probe_points
-from tests.kernels.test_traps import SCENE, TRAPS, displacements, probe_force
 from tests.reference.rotations import matrix
 
 ROUNDING = 5e-6

@@ -1,0 +1,235 @@
+"""A rigid body of several spheres: its constants, and how it drifts and diffuses in one step with full coupling.
+
+Moves are twists: displacement of the centre of diffusion and rotation vector, in world axes.
+"""
+
+import warp as wp
+
+from otwarp.kernels.bodies.flow import FLOW_TERMS
+from otwarp.kernels.core.dynamics import Dynamics
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.noise import six_deviates_term
+from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6, world_row
+from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kept_noise
+from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term, wrench_stiffness_term, wrench_term
+
+
+@wp.func
+def twist(linear: wp.vec3, angular: wp.vec3) -> vec6:
+    """One vector of both."""
+    return vec6(linear[0], linear[1], linear[2], angular[0], angular[1], angular[2])
+
+
+@wp.func
+def linear_part(v: vec6) -> wp.vec3:
+    """Displacement or force."""
+    return wp.vec3(v[0], v[1], v[2])
+
+
+@wp.func
+def angular_part(v: vec6) -> wp.vec3:
+    """Rotation vector or torque."""
+    return wp.vec3(v[3], v[4], v[5])
+
+
+@wp.func
+def symmetric_product(s: vec6, v: wp.vec3) -> wp.vec3:
+    """S v of a symmetric matrix kept as (xx, yy, zz, xy, xz, yz)."""
+    return wp.vec3(
+        s[0] * v[0] + s[3] * v[1] + s[4] * v[2],
+        s[3] * v[0] + s[1] * v[1] + s[5] * v[2],
+        s[4] * v[0] + s[5] * v[1] + s[2] * v[2],
+    )
+
+
+@wp.func
+def lower_product(s: vec6, v: wp.vec3) -> wp.vec3:
+    """L v of a lower triangle kept as (xx, yy, zz, yx, zx, zy)."""
+    return wp.vec3(s[0] * v[0], s[3] * v[0] + s[1] * v[1], s[4] * v[0] + s[5] * v[1] + s[2] * v[2])
+
+
+@wp.func
+def mobility_product(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
+    """M dt times a wrench, both in world axes."""
+    turn = rotation_matrix(pose.rotation)
+    back = wp.transpose(turn)
+    f = back * linear_part(load)
+    t = back * angular_part(load)
+    v = symmetric_product(body.translation, f) + symmetric_product(body.coupling, t)
+    w = symmetric_product(body.coupling, f) + symmetric_product(body.rotation, t)
+    return twist(turn * v, turn * w)
+
+
+def mobility_term(f: Features) -> wp.Function:
+    """`(body, pose, load) -> twist`: M dt times a wrench, both in world axes."""
+
+    @wp.func
+    def from_columns(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
+        """In the vector registers of a CPU."""
+        return kept_mobility_product(body.kept, rotation_matrix(pose.rotation), load)
+
+    return from_columns if f.lanes else mobility_product
+
+
+def rigid_constants_term(f: Features) -> wp.Function:
+    """`(model, control, world, b) -> RigidConstants`."""
+    kept_aims = kept_aims_term(f) if keeps_aims(f) else None
+
+    @wp.func
+    def packed(m: mat66, row: int, column: int, scale: float) -> vec6:
+        """The symmetric or lower triangular 3×3 block whose corner is there."""
+        return scale * vec6(
+            m[row, column],
+            m[row + 1, column + 1],
+            m[row + 2, column + 2],
+            m[row + 1, column],
+            m[row + 2, column],
+            m[row + 2, column + 1],
+        )
+
+    @wp.func
+    def rigid_constants(model: ModelData, control: ControlData, world: int, b: int) -> RigidConstants:
+        """Mobility × dt, and the factor of the noise."""
+        body = RigidConstants()
+        shape = model.body.shape[b]
+        viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        scale = wp.float32(model.time_step) / viscosity
+        m = model.body.mobility[shape]
+        body.translation = packed(m, 0, 0, scale)
+        body.coupling = packed(m, 3, 0, scale)
+        body.rotation = packed(m, 3, 3, scale)
+        if wp.static(f.brownian):
+            energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+            spread = wp.sqrt(2.0 * energy * scale)
+            root = model.body.cholesky[shape]
+            body.translation_root = packed(root, 0, 0, spread)
+            body.rotation_root = packed(root, 3, 3, spread)
+            for i in range(3):
+                for j in range(3):
+                    body.coupling_root[i, j] = spread * root[i + 3, j]
+        if wp.static(keeps_aims(f)):
+            body = kept_aims(model, control, world, b, body)
+        return body
+
+    return rigid_constants
+
+
+def flow_velocity_term(f: Features) -> wp.Function:
+    """`(model, world, b, pose) -> twist` per second of a force-free body in the flow, world axes."""
+    flow_at = FLOW_TERMS[f.flow]
+
+    @wp.func
+    def flow_velocity(model: ModelData, world: int, b: int, pose: Pose) -> vec6:
+        """Its spheres' shares of the mobility-weighted mean."""
+        velocity = vec6()
+        for i in range(model.body.drag_start[b], model.body.drag_start[b + 1]):
+            point = pose.position + wp.quat_rotate(pose.rotation, model.body.drag_offset[i])
+            u = flow_at(model.flow, world, point)
+            v = wp.quat_rotate_inv(pose.rotation, u.linear)
+            w = wp.quat_rotate_inv(pose.rotation, u.angular)
+            velocity += model.body.flow_coupling[i] * twist(v, w)
+        return twist(
+            wp.quat_rotate(pose.rotation, linear_part(velocity)), wp.quat_rotate(pose.rotation, angular_part(velocity))
+        )
+
+    return flow_velocity
+
+
+def rigid_noise_term(f: Features) -> wp.Function:
+    """`(model, body, world, b, pose, step) -> twist`: √(2 k_B T dt) L ξ with M = L Lᵀ in the body's frame."""
+    six_deviates = six_deviates_term(f.noise, f.fast_math)
+
+    @wp.func
+    def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
+        """Of a block of deviates, in the vector registers of a CPU."""
+        turn = rotation_matrix(pose.rotation)
+        return kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
+
+    @wp.func
+    def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
+        """Six deviates."""
+        kick = vec6()
+        if wp.static(f.brownian):
+            deviates = six_deviates(model.seed, step, world, b)
+            first = linear_part(deviates)
+            second = angular_part(deviates)
+            v = lower_product(body.translation_root, first)
+            w = body.coupling_root * first + lower_product(body.rotation_root, second)
+            turn = rotation_matrix(pose.rotation)
+            kick = twist(turn * v, turn * w)
+        return kick
+
+    return from_columns if f.brownian and f.lanes else noise
+
+
+def rigid_stiffness_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> (6, 6)` of the traps."""
+    wrench_stiffness = wrench_stiffness_term(f) if f.trap_models else None
+
+    @wp.func
+    def stiffness(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> mat66:
+        """That of the traps."""
+        k = mat66(0.0)
+        if wp.static(bool(f.trap_models)):
+            k = wrench_stiffness(model, control, state, world, b, pose, time)
+        return k
+
+    return stiffness
+
+
+def rigid_dynamics(f: Features) -> Dynamics:
+    """Drift M (F, T) dt + flow and noise of a rigid body."""
+    wrench = wrench_term(f)
+    flow_velocity = flow_velocity_term(f) if f.flow else None
+    mobility = mobility_term(f)
+
+    @wp.func
+    def drift(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> vec6:
+        """Traps, weight and flow."""
+        load = wrench(model, control, state, body, world, b, pose, time)
+        move = mobility(body, pose, twist(load.force, load.torque))
+        if wp.static(f.flow is not None):
+            move += wp.float32(model.time_step) * flow_velocity(model, world, b, pose)
+        return move
+
+    @wp.func
+    def shifted(pose: Pose, move: vec6) -> Pose:
+        """Exponential map."""
+        return Pose(pose.position + linear_part(move), rotate_by(pose.rotation, angular_part(move)))
+
+    @wp.func
+    def pulled_back(move: vec6, drift: vec6) -> vec6:
+        """Rotation vectors do not add: the inverse of the exponential map's differential, to first order."""
+        turn = angular_part(move)
+        w = angular_part(drift)
+        return twist(linear_part(drift), w - 0.5 * wp.cross(turn, w))
+
+    @wp.func
+    def relax(body: RigidConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
+        """M dt K v."""
+        return mobility(body, pose, k * move)
+
+    noise = rigid_noise_term(f)
+    stiffness = rigid_stiffness_term(f)
+    # on a CPU two copies of the drift are faster than a loop
+    large = bool(f.trap_models) and not f.lanes
+    return Dynamics(Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, large)

@@ -1,0 +1,393 @@
+"""Finding contacts: between the elements of two bodies, and between the elements of a body and the obstacles.
+
+Elements are spheres and rods. A contact is listed within reach: the range of the adhesion, how much of the gap the free
+moves of this step close, and how far other contacts may push on top of that; so that nothing passes through another or
+through a thin wall between two looks. Normals are those at the start of the step: a body that moves by more than its
+radius in one step can be stopped by what lies beside its path.
+"""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import NO_CONTACT, Contact, pair_law, pair_reach, rigid_response, sphere_response
+from otwarp.kernels.contact.curvature import relative_radius_term
+from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
+from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.segments import (
+    MERGE,
+    Segment,
+    nearest_t,
+    obstacle_slope_term,
+    pieces_of,
+    place_on,
+    segment_slope,
+    valley_counts,
+    valley_t,
+    valley_term,
+)
+from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drift, obstacle_travel, opening_of
+from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, world_row
+from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
+from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
+
+
+def response_term(f: Features) -> wp.Function:
+    """`(model, b, pose, scale, arm, force) -> Move`: what a force at a point moves in one step; `scale` = dt/η."""
+
+    @wp.func
+    def free_sphere(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
+        """Away from hydrodynamic walls."""
+        return sphere_response(model.body, b, scale, arm, force)
+
+    @wp.func
+    def free_rigid(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
+        """Away from hydrodynamic walls."""
+        return rigid_response(model.body, b, pose.rotation, scale, arm, force)
+
+    of_sphere = walled_sphere_response_term(f) if f.walls else free_sphere
+    of_rigid = walled_rigid_response_term(f) if f.walls else free_rigid
+
+    @wp.func
+    def response(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
+        """The sphere's or the rigid body's response, whichever `b` is."""
+        move = Move(wp.vec3(0.0), wp.vec3(0.0))
+        if wp.static(f.rigid and f.spheres):
+            if model.body.rigid[b] != 0:
+                move = of_rigid(model, b, pose, scale, arm, force)
+            else:
+                move = of_sphere(model, b, pose, scale, arm, force)
+        elif wp.static(f.rigid):
+            move = of_rigid(model, b, pose, scale, arm, force)
+        else:
+            move = of_sphere(model, b, pose, scale, arm, force)
+        return move
+
+    return response
+
+
+def new_contact_term(f: Features) -> wp.Function:
+    """Fill in what the solver needs of a contact: forces, and how far each body gives way."""
+    response = response_term(f)
+
+    @wp.func
+    def new_contact(
+        model: ModelData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, arm_a: wp.vec3, arm_b: wp.vec3,
+        normal: wp.vec3, radius: float, overlap: float,
+    ) -> Contact:  # fmt: skip
+        """Force law and response of one contact."""
+        scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        law = pair_law(model.contact, a, b, radius, overlap)
+        c = Contact()
+        c.a = a
+        c.b = b
+        c.normal = normal
+        c.arm_a = arm_a
+        c.arm_b = arm_b
+        c.radius = radius
+        c.overlap = overlap
+        c.hardness = law.hardness
+        c.force = law.force
+        # the adhesion across a gap stays what it is until the gap is closed
+        c.floor = wp.where(overlap > 0.0, law.floor, law.force)
+        c.stiffness = law.stiffness
+        c.response_a = response(model, a, pose_a, scale, arm_a, normal)
+        c.give = wp.dot(c.response_a.linear + wp.cross(c.response_a.angular, arm_a), normal)
+        if b >= 0:
+            c.response_b = response(model, b, pose_b, scale, arm_b, -normal)
+            c.give -= wp.dot(c.response_b.linear + wp.cross(c.response_b.angular, arm_b), normal)
+        return c
+
+    return new_contact
+
+
+def touch_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, b, pose_a, pose_b, arm_a, arm_b, ri, rj, step) -> Contact` of two elements.
+
+    The arms lead to the centres of spheres and to the nearest points of the axes of rods. Spheres on the same centre
+    touch too: they have no normal, but a fault.
+    """
+    new_contact = new_contact_term(f)
+
+    @wp.func
+    def touch(
+        model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
+        arm_a: wp.vec3, arm_b: wp.vec3, ri: float, rj: float, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """Normal, overlap and effective radius of two spheres; a fault when they overlap too far."""
+        way = pose_a.position - pose_b.position + arm_a - arm_b
+        overlap = ri + rj - wp.length(way)
+        if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        radius = ri * rj / (ri + rj)
+        return new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, wp.normalize(way), radius, overlap)
+
+    return touch
+
+
+def touch_wall_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, o, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
+    new_contact = new_contact_term(f)
+    relative_radius = relative_radius_term(f.obstacles)
+
+    @wp.func
+    def touch_wall(
+        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, wall: Pose, later: Pose,
+        arm: wp.vec3, radius: float, local: wp.vec3, hit: wp.vec4, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """`local` is the sphere's centre in the obstacle's frame, `hit` the normal there and the distance."""
+        overlap = radius - hit[3]
+        if overlap > OVERLAP_LIMIT * radius:
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        outward = wp.vec3(hit[0], hit[1], hit[2])
+        normal = wp.quat_rotate(wall.rotation, outward)
+        relative = relative_radius(model.obstacles, o, local, outward, radius)
+        c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
+        if wp.static(f.moving_obstacles):
+            c.drift = wp.dot(obstacle_drift(wall, later, local - hit[3] * outward), normal)
+        return c
+
+    return touch_wall
+
+
+def element_term(f: Features) -> wp.Function:
+    """`(contact, i, pose) -> Segment`: element i of a body relative to its reference point, world axes."""
+
+    @wp.func
+    def element(model: ModelData, i: int, rotation: wp.quat) -> Segment:
+        """A sphere's centre, or a rod's middle and half."""
+        s = model.contact.sphere[i]
+        rod = Segment(wp.quat_rotate(rotation, wp.vec3(s[0], s[1], s[2])), wp.vec3(0.0))
+        if wp.static(f.rods):
+            rod.half = wp.quat_rotate(rotation, model.contact.half[i])
+        return rod
+
+    return element
+
+
+@wp.func
+def put(
+    readout: ReadoutData, world: int, contacts: wp.array(dtype=Contact), count: int, c: Contact, step: wp.int64
+) -> int:
+    """Append a contact to a world's list, or a fault when that is full."""
+    if count < contacts.shape[0]:
+        contacts[count] = c
+        return count + 1
+    raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
+    return count
+
+
+def element_pair_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj, reach, …)`.
+
+    Elements i and j of bodies a and b; the new count. `reach` [µm]: gap within which a contact is listed whether or not
+    the moves close it.
+    """
+    touch = touch_term(f)
+    excursion = excursion_term(f)
+    valley = valley_term(segment_slope) if f.rods else None
+
+    @wp.func
+    def element_pair(
+        model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
+        move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, ri: float, rj: float, reach: float,
+        contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points."""
+        between = pose_a.position - pose_b.position
+        if wp.static(not f.rods):
+            way = between + rod_a.centre - rod_b.centre
+            if wp.length(way) < ri + rj + reach + closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way):
+                c = touch(
+                    model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step
+                )  # fmt: skip
+                c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
+                count = put(readout, world, contacts, count, c, step)
+        else:
+            # all relative to the reference point of a, so that a place far from the origin costs no digits
+            other = Segment(rod_b.centre - between, rod_b.half)
+            apart = wp.length(rod_a.centre - other.centre) - wp.length(rod_a.half) - wp.length(other.half)
+            ahead = free_travel(model, a, move_a) + free_travel(model, b, move_b)
+            if apart < ri + rj + reach + ahead:
+                single = wp.length_sq(rod_a.half) == 0.0 or wp.length_sq(rod_b.half) == 0.0
+                v = valley(model.obstacles, 0, other, rod_a, 0, 1, 0.0)
+                merge = MERGE * ri / wp.max(wp.length(rod_a.half), 1.0e-30)
+                for choice in range(3):
+                    t = valley_t(v, choice)
+                    wanted = valley_counts(v, choice, merge)
+                    if single:
+                        t = nearest_t(rod_a, other.centre)
+                        wanted = choice == 1
+                    if wanted:
+                        point = place_on(rod_a, t)
+                        near = place_on(other, nearest_t(other, point))
+                        closing = closing_of(move_a, move_b, point, near + between, point - near)
+                        if wp.length(point - near) < ri + rj + reach + closing:
+                            c = touch(
+                                model, readout, world, a, b, pose_a, pose_b, point, near + between, ri, rj, step
+                            )  # fmt: skip
+                            c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
+                            count = put(readout, world, contacts, count, c, step)
+        return count
+
+    return element_pair
+
+
+def pair_contacts_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, pushed, contacts, count, step) -> count`.
+
+    The moves are the free ones of this step; `pushed` [µm]: how much nearer other contacts may push the bodies.
+    """
+    element = element_term(f)
+    element_pair = element_pair_term(f)
+
+    @wp.func
+    def pair_contacts(
+        model: ModelData,
+        readout: ReadoutData,
+        world: int,
+        a: int,
+        b: int,
+        pose_a: Pose,
+        pose_b: Pose,
+        move_a: Move,
+        move_b: Move,
+        pushed: float,
+        contacts: wp.array(dtype=Contact),
+        count: int,
+        step: wp.int64,
+    ) -> int:
+        """Bounding spheres first, then element against body, then element against element."""
+        reach = pair_reach(model.contact, a, b) + pushed
+        far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
+        between = pose_a.position - pose_b.position
+        if wp.length(between) < model.body.bound[a] + model.body.bound[b] + far:
+            for i in range(model.contact.start[a], model.contact.start[a + 1]):
+                rod_a = element(model, i, pose_a.rotation)
+                ri = model.contact.sphere[i][3]
+                # one element against the bounding sphere of b, before its elements one by one
+                size = ri
+                if wp.static(f.rods):
+                    size += wp.length(rod_a.half)
+                if wp.length(between + rod_a.centre) < size + model.body.bound[b] + far:
+                    for j in range(model.contact.start[b], model.contact.start[b + 1]):
+                        rod_b = element(model, j, pose_b.rotation)
+                        rj = model.contact.sphere[j][3]
+                        count = element_pair(
+                            model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj,
+                            reach, contacts, count, step,
+                        )  # fmt: skip
+        return count
+
+    return pair_contacts
+
+
+def element_wall_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, o, i, pose, move, wall, later, reach, contacts, count, step) -> count`.
+
+    Element i of body a against obstacle o; `reach` [µm]: gap up to which its own move need not close it.
+    """
+    touch_wall = touch_wall_term(f)
+    excursion = excursion_term(f)
+    element = element_term(f)
+    distance_to = distance_term(f.obstacles)
+    valley = valley_term(obstacle_slope_term(distance_to)) if f.rods else None
+
+    @wp.func
+    def element_wall(
+        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
+        pose: Pose, move: Move, wall: Pose, later: Pose, reach: float,
+        contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """A sphere at its centre; a rod at the valley of its distance to the obstacle, piece by piece."""
+        rod = element(model, i, pose.rotation)
+        radius = model.contact.sphere[i][3]
+        local = wp.quat_rotate_inv(wall.rotation, pose.position + rod.centre - wall.position)
+        half = float(0.0)
+        if wp.static(f.rods):
+            half = wp.length(rod.half)
+        far = radius + half + reach + free_travel(model, a, move)
+        still = Move(wp.vec3(0.0), wp.vec3(0.0))
+        hit = distance_to(model.obstacles, o, local, far)
+        if hit[3] < far:
+            if half == 0.0:
+                way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
+                if hit[3] < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
+                    c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
+                    c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
+                    count = put(readout, world, contacts, count, c, step)
+            elif wp.static(f.rods):
+                inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
+                far += half  # so that a mesh answers everywhere along the rod
+                merge = MERGE * radius / half
+                pieces = pieces_of(model.obstacles, o)
+                for piece in range(pieces):
+                    v = valley(model.obstacles, o, inside, inside, piece, pieces, far)
+                    for choice in range(3):
+                        if valley_counts(v, choice, merge):
+                            t = valley_t(v, choice)
+                            point = place_on(inside, t)
+                            arm = place_on(rod, t)
+                            hit = distance_to(model.obstacles, o, point, far)
+                            way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
+                            if hit[3] < radius + reach + closing_of(move, still, arm, arm, way):
+                                c = touch_wall(
+                                    model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
+                                )  # fmt: skip
+                                c = excursion(
+                                    model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
+                                )  # fmt: skip
+                                count = put(readout, world, contacts, count, c, step)
+        return count
+
+    return element_wall
+
+
+def obstacle_contacts_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, pose, move, pushed, contacts, count, step, time) -> count`: a body and all obstacles.
+
+    `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body on top of it.
+    """
+    element_wall = element_wall_term(f)
+    pose_at = moving_pose if f.moving_obstacles else still_pose
+    distance_to = distance_term(f.obstacles)
+
+    @wp.func
+    def obstacle_contacts(
+        model: ModelData,
+        readout: ReadoutData,
+        world: int,
+        a: int,
+        pose: Pose,
+        move: Move,
+        pushed: float,
+        contacts: wp.array(dtype=Contact),
+        count: int,
+        step: wp.int64,
+        time: wp.float64,
+    ) -> int:
+        """Bounding sphere first, then the true shape, then element by element."""
+        travel = free_travel(model, a, move)
+        for o in range(model.obstacles.shape.shape[0]):
+            wall = pose_at(model.obstacles, o, time)
+            later = wall
+            reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
+            centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
+            if wp.static(f.moving_obstacles):
+                # an obstacle of one key stays: no second search for the pose
+                if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
+                    later = pose_at(model.obstacles, o, time + model.time_step)
+                    reach += obstacle_travel(wall, later, wp.length(centre) + model.body.bound[a])
+            bound = model.body.bound[a] + reach + travel
+            near = wp.length(centre) < bound + model.obstacles.bound[o]
+            if near:
+                # the body's bounding sphere against the true shape, before its elements one by one
+                near = distance_to(model.obstacles, o, centre, bound)[3] < bound
+            if near:
+                for i in range(model.contact.start[a], model.contact.start[a + 1]):
+                    count = element_wall(
+                        model, readout, world, a, o, i, pose, move, wall, later, reach, contacts, count, step
+                    )  # fmt: skip
+        return count
+
+    return obstacle_contacts

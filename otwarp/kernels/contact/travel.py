@@ -1,0 +1,72 @@
+"""How far bodies and obstacles move in one step, as far as contacts must know it beforehand."""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact, along
+from otwarp.kernels.contact.excursion import FARTHEST
+from otwarp.kernels.core.faults import finite
+from otwarp.kernels.core.types import ModelData, Move, Pose, world_row
+
+
+@wp.func
+def free_travel(model: ModelData, b: int, move: Move) -> float:
+    """How far any point of a body moves in one step at most without contacts [µm]; 0 for a move that is a fault."""
+    travel = wp.length(move.linear) + wp.length(move.angular) * model.body.bound[b]
+    return wp.where(finite(move.linear) and finite(move.angular), travel, 0.0)
+
+
+@wp.func
+def closing_of(move_a: Move, move_b: Move, arm_a: wp.vec3, arm_b: wp.vec3, way: wp.vec3) -> float:
+    """How far the free moves close the gap between the points at the arms [µm]; `way` leads from b to a."""
+    n = wp.normalize(way)
+    return wp.max(along(move_b, arm_b, n) - along(move_a, arm_a, n), 0.0)
+
+
+@wp.func
+def obstacle_drift(wall: Pose, later: Pose, point: wp.vec3) -> wp.vec3:
+    """Displacement in one step of the obstacle's material point that is at `point` of its own frame [µm].
+
+    The translation apart, so that an obstacle that does not turn gives it without rounding.
+    """
+    turned = wp.quat_rotate(later.rotation, point) - wp.quat_rotate(wall.rotation, point)
+    return later.position - wall.position + turned
+
+
+@wp.func
+def obstacle_travel(wall: Pose, later: Pose, distance: float) -> float:
+    """How far points within `distance` of an obstacle's origin move in one step at most [µm]."""
+    turn = wp.quat_inverse(wall.rotation) * later.rotation
+    chord = 2.0 * wp.length(wp.vec3(turn[0], turn[1], turn[2]))
+    return wp.length(later.position - wall.position) + chord * distance
+
+
+@wp.func
+def opening_of(c: Contact, move_a: Move, move_b: Move) -> float:
+    """How far the free moves of the bodies, and that of an obstacle, open the gap of a contact [µm]."""
+    opening = along(move_a, c.arm_a, c.normal) - c.drift
+    if c.b >= 0:
+        opening -= along(move_b, c.arm_b, c.normal)
+    return opening
+
+
+@wp.func
+def wander_of(model: ModelData, world: int, b: int) -> float:
+    """Largest variance of the thermal displacement of any point of a body along an axis in one step [µm²], about."""
+    shape = model.body.shape[b]
+    mobility = float(0.0)
+    if model.body.rigid[b] != 0:
+        m = model.body.mobility[shape]
+        bound = model.body.bound[b]
+        mobility = wp.max(m[0, 0], wp.max(m[1, 1], m[2, 2]))
+        mobility += wp.max(m[3, 3], wp.max(m[4, 4], m[5, 5])) * bound * bound
+    else:
+        mobility = model.body.translation[shape]
+    energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+    viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+    return 2.0 * energy * mobility * wp.float32(model.time_step) / viscosity
+
+
+@wp.func
+def thermal_reach(variance: float) -> float:
+    """Gap that a path of that variance may close and open again within a step [µm]."""
+    return FARTHEST * wp.sqrt(variance)

@@ -1,0 +1,156 @@
+"""What a scene needs: the feature set from which a step is composed, and why each term is in or out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+MAX_WORLD_BODIES = 24
+"""Bodies that may touch above which neighbours are found by a grid instead of by trying all pairs in one thread."""
+
+MAX_CONTACTS = 64
+"""Contacts a world can carry at once when one thread owns it."""
+
+MAX_BODY_CONTACTS = 24
+"""Contacts one body can carry at once when neighbours come from the grid."""
+
+FEW_TRAPS = 2
+"""Up to this many traps a lone sphere carries their constants along; beyond, they are read at the point of use."""
+
+CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
+"""How a CPU's step is compiled: with every function in its place. Warp passes structs by value, and a call that the
+compiler does not inline copies the 4 kB of a model: with the default thresholds that made steps with contact, moving
+traps and flow 1.6 times slower. Compiling takes 6 % longer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Features:
+    """The terms one step is made of.
+
+    Attributes:
+        driver: `solo`, one thread owns one body for many steps (bodies do not touch each other); `world`, one thread
+            owns a world for many steps; `grid`, one thread per body and step, neighbours from lists.
+        bodies, traps: How many of each in a world.
+        trap_models: Force models in use, keys of `TRAP_TERMS`.
+        moving_traps: Traps follow key frames.
+        speed_limits: Some trap has a finite speed limit.
+        spheres, rigid: There are lone spheres; there are bodies with rotation.
+        brownian, gravity: Whether the terms act.
+        flow: Profile of the background flow, or None.
+        obstacles: Shapes of obstacles that something can hit.
+        moving_obstacles: Some of them move.
+        pairs: Bodies can touch each other.
+        rods: Some of them touch by rods too.
+        soft_contacts: In the `grid` driver, contacts of lone spheres are so soft against the time step that their force
+            at its start serves for all of it.
+        escapes: Traps hold spheres that can escape.
+        crossings: Escapes between steps count; off only where a benchmark asks what that is worth.
+        walls: Planes that hinder motion hydrodynamically: 0, 1, or 2 for several.
+        coupling: Bodies carry each other along through the liquid.
+        max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
+            thread keeps that room to itself.
+        fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
+        precision: Of all real numbers but the noise: `float32` or `float64`.
+        integrator: Key of `INTEGRATORS`.
+        noise: Distribution of the thermal noise, one of `NOISES`.
+        lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
+            bodies to a thread.
+    """
+
+    driver: Literal["solo", "world", "grid"] = "solo"
+    bodies: int = 1
+    traps: int = 0
+    trap_models: tuple[str, ...] = ()
+    moving_traps: bool = False
+    speed_limits: bool = False
+    spheres: bool = True
+    rigid: bool = False
+    brownian: bool = True
+    gravity: bool = False
+    flow: str | None = None
+    obstacles: tuple[str, ...] = ()
+    moving_obstacles: bool = False
+    pairs: bool = False
+    rods: bool = False
+    soft_contacts: bool = False
+    escapes: bool = False
+    crossings: bool = True
+    walls: int = 0
+    coupling: bool = False
+    max_contacts: int = MAX_CONTACTS
+    fast_math: bool = False
+    precision: Literal["float32", "float64"] = "float32"
+    integrator: str = "heun"
+    noise: str = "gaussian"
+    lanes: bool = False
+
+    @property
+    def still_traps(self) -> bool:
+        """Whether foci and powers change by command only, that is not within a launch."""
+        return not (self.moving_traps or self.speed_limits)
+
+    @property
+    def module_options(self) -> dict[str, Any]:
+        """How Warp compiles the step."""
+        return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS}
+
+    @property
+    def contacts(self) -> bool:
+        """Whether anything can touch anything."""
+        return self.pairs or bool(self.obstacles)
+
+    def terms(self) -> list[tuple[str, bool, str]]:
+        """(term, compiled in, why) for every optional term, in the order in which the step applies them."""
+        yes_no = (
+            ("harmonic trap", any("harmonic" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("piecewise trap", any("piecewise" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("tabulated trap", any("table" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("exact optical force", any("exact" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
+            ("moving traps", self.moving_traps, "traps have time samples", "no trap has time samples"),
+            ("trap speed limit", self.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
+            ("rotation, 6×6 mobility", self.rigid, "a body has several spheres", "all bodies are lone spheres"),
+            ("lone-sphere mobility", self.spheres, "a body is a lone sphere", "no body is a lone sphere"),
+            ("Brownian noise", self.brownian, "ot:scene:brownian and temperature > 0", "switched off or 0 K"),
+            ("gravity", self.gravity, "ot:scene:gravity", "ot:scene:gravity is false"),
+            ("flow", self.flow is not None, f"{self.flow} flow", "no OtFlowAPI, or its flow is zero"),
+            (
+                "obstacle contact",
+                bool(self.obstacles),
+                "shapes: " + ", ".join(self.obstacles),
+                "no obstacle, or nothing that collides",
+            ),
+            (
+                "hydrodynamic walls",
+                self.walls > 0,
+                "planes with ot:obstacle:hydrodynamic",
+                "no plane with ot:obstacle:hydrodynamic",
+            ),
+            (
+                "hydrodynamic coupling",
+                self.coupling,
+                "ot:scene:hydrodynamicCoupling, and two or more bodies",
+                "ot:scene:hydrodynamicCoupling is false, or there is one body",
+            ),
+            ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
+            ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
+            ("rods in contact", self.rods, "a rod collides", "no rod that anything can touch"),
+            (
+                "neighbour lists",
+                self.driver == "grid" and self.pairs,
+                f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
+                "bodies do not touch" if not self.pairs else "few bodies",
+            ),
+            (
+                "implicit contact forces",
+                self.contacts and not self.soft_contacts,
+                "contacts may be stiff against the time step",
+                "contacts are soft against the time step" if self.contacts else "nothing touches",
+            ),
+            (
+                "escape detection",
+                self.escapes,
+                "traps have a finite reach",
+                "no trap with a finite reach holds a sphere",
+            ),
+        )
+        return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

@@ -1,0 +1,306 @@
+"""The structs that kernels read and write. Units are the internal ones (µm, s, pN, mW, K).
+
+Shapes: W worlds, T traps, B bodies, S trapped spheres, C colliding spheres, O obstacles. An array marked `(1|W, n)`
+holds one row for all worlds or one row per world. Arrays always exist; a scene without a term has them with length 0.
+"""
+
+import warp as wp
+
+from otwarp.kernels.core.exact_data import ExactData
+from otwarp.kernels.core.table_data import ForceTableData, GridLevel
+
+vec4 = wp.vec4
+mat66 = wp.types.matrix(shape=(6, 6), dtype=wp.float32)
+vec6 = wp.types.vector(length=6, dtype=wp.float32)
+
+
+@wp.struct
+class MediumData:
+    """Thermal energy k_B·T [pN·µm] and viscosity [pN·s/µm²], each (1|W)."""
+
+    thermal_energy: wp.array(dtype=wp.float32)
+    viscosity: wp.array(dtype=wp.float32)
+
+
+@wp.struct
+class TrapData:
+    """Constants of the traps; forces are per mW of trap power."""
+
+    model: wp.array(dtype=wp.int32)  # (T) key of kernels.traps.TRAP_TERMS
+    axis: wp.array(dtype=wp.vec3)  # (T) beam direction
+    side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
+    table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
+    finest: wp.array2d(dtype=GridLevel)  # (T, optical kinds) first level of that table, so that one read finds it
+    tables: ForceTableData
+    exact: wp.array(dtype=ExactData)  # one per table, (0) without exact traps
+    exact_scale: wp.array(dtype=wp.float32)  # (tables) force per mW of Q = 1 [pN]
+    equilibrium: wp.array(dtype=wp.float32)  # (T) along the axis, from the focus [µm]
+    law_radius: wp.array(dtype=wp.float32)  # (T) sphere radius the law holds for [µm], 0: any
+    stiffness: wp.array2d(dtype=wp.float32)  # (1|W, T) radial or isotropic K [pN/µm/mW]
+    threshold: wp.array2d(dtype=wp.float32)  # (1|W, T) δ [µm]
+    inverse_square: wp.array2d(dtype=wp.float32)  # (1|W, T) A [pN·µm²/mW]
+    offset: wp.array2d(dtype=wp.float32)  # (1|W, T) C [pN/mW]
+    cutoff: wp.array2d(dtype=wp.float32)  # (1|W, T) [µm]
+    axial_stiffness: wp.array2d(dtype=wp.float32)  # the same along the beam
+    axial_threshold: wp.array2d(dtype=wp.float32)
+    axial_inverse_square: wp.array2d(dtype=wp.float32)
+    axial_offset: wp.array2d(dtype=wp.float32)
+    axial_cutoff: wp.array2d(dtype=wp.float32)
+    speed_limit: wp.array2d(dtype=wp.float32)  # (1|W, T) [µm/s]
+    key_start: wp.array(dtype=wp.int32)  # (T + 1) first key of each trap
+    key_time: wp.array(dtype=wp.float64)  # (keys) [s]
+    key_value: wp.array(dtype=wp.vec4)  # (keys) focus [µm] and power [mW]
+    hand: wp.array(dtype=wp.int32)  # (T) 0 none, 1 left, 2 right
+    held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
+    held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
+    held_mobility: wp.array(dtype=wp.float32)  # (T) mean mobility of that sphere's centre at unit viscosity [1/µm]
+    held_range: wp.array2d(dtype=wp.float32)  # (1|W, T) distance at which that sphere has escaped [µm]
+
+
+@wp.struct
+class TrapConstants:
+    """What one trap does to spheres of one radius and kind: made once, kept in registers over a loop of steps.
+
+    A model fills what its force reads; the rest costs nothing, because terms are inlined.
+    """
+
+    model: wp.int32  # key of the force term
+    axis: wp.vec3
+    side: wp.vec3
+    up: wp.vec3
+    equilibrium: wp.float32  # [µm]
+    # an authored law, scaled to the sphere's radius
+    stiffness: wp.float32  # [pN/µm/mW]
+    threshold2: wp.float32  # squared [µm²]
+    inverse_square: wp.float32  # [pN·µm²/mW]
+    offset: wp.float32  # [pN/mW]
+    cutoff2: wp.float32  # squared [µm²]
+    axial_stiffness: wp.float32
+    axial_threshold2: wp.float32
+    axial_inverse_square: wp.float32
+    axial_offset: wp.float32
+    axial_cutoff2: wp.float32
+    reach2: wp.float32  # the larger of the two squared cutoffs [µm²]
+    table: wp.int32  # index of the force table
+    finest: GridLevel
+
+
+@wp.struct
+class BeadConstants:
+    """What one time step needs to know of a lone sphere, made once, kept in registers over a loop of steps."""
+
+    mobility_dt: wp.float32  # mobility × time step [µm/pN]
+    spread: wp.float32  # standard deviation of the thermal displacement [µm]
+    weight: wp.float32  # [pN]
+    trapped: wp.int32  # 1: traps act on it
+    radius: wp.float32  # [µm]
+    kind: wp.int32
+    # of the first two traps, where a scene has no more
+    first: TrapConstants
+    second: TrapConstants
+    first_command: wp.vec4  # focus [µm] and power [mW] of traps that stay where they are
+    second_command: wp.vec4
+    # of the `lanes` form
+    deviates: wp.uint64  # address of a block of noise
+    deviates_from: wp.int64  # its first step
+
+
+@wp.struct
+class RigidConstants:
+    """What one time step needs to know of a rigid body, in its own frame: M dt about the centre of diffusion.
+
+    Symmetric blocks as (xx, yy, zz, xy, xz, yz), lower triangles as (xx, yy, zz, yx, zx, zy).
+    """
+
+    translation: vec6  # [µm/pN]
+    coupling: vec6  # [1/pN], symmetric about the centre of diffusion
+    rotation: vec6  # [1/pN/µm]
+    translation_root: vec6  # lower factor of 2 k_B T M dt, block by block [µm]
+    coupling_root: wp.mat33
+    rotation_root: vec6
+    aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are
+    reaches: wp.vec4  # squared distance up to which they act [µm²]
+    # of the `lanes` form
+    kept: wp.uint64  # address of what `rigid_block` lays out
+    deviates: wp.uint64  # address of a block of noise
+    deviates_from: wp.int64  # its first step
+
+
+@wp.struct
+class BodyConstants:
+    """Those of a body of either kind; the other kind's are zero."""
+
+    turns: wp.int32  # 1: a rigid body
+    bead: BeadConstants
+    rigid: RigidConstants
+
+
+@wp.struct
+class BodyData:
+    """Constants of the bodies; offsets are in the body frame, from the reference point (centre of diffusion)."""
+
+    shape: wp.array(dtype=wp.int32)  # (B) index into the mobility arrays
+    rigid: wp.array(dtype=wp.int32)  # (B) 1: full 6×6 mobility with rotation, 0: a lone sphere
+    translation: wp.array(dtype=wp.float32)  # (shapes) mobility of a lone sphere at unit viscosity [1/µm]
+    mobility: wp.array(dtype=mat66)  # (shapes) at unit viscosity, body frame
+    cholesky: wp.array(dtype=mat66)  # (shapes) lower factor of `mobility`
+    weight: wp.array(dtype=wp.float32)  # (B) weight minus buoyancy [pN]
+    weight_arm: wp.array(dtype=wp.vec3)  # (B) centroid, where it acts [µm]; (0) when no body rotates
+    bound: wp.array(dtype=wp.float32)  # (B) radius of the bounding sphere [µm]
+    largest: wp.array(dtype=wp.float32)  # (B) radius of the largest trapped sphere [µm]
+    trapped_start: wp.array(dtype=wp.int32)  # (B + 1)
+    trapped: wp.array(dtype=wp.vec4)  # (S) offset and radius of the spheres that traps act on
+    trapped_kind: wp.array(dtype=wp.int32)  # (S) optical kind: spheres of equal radius and index
+    drag_start: wp.array(dtype=wp.int32)  # (B + 1), filled when there is flow
+    drag_offset: wp.array(dtype=wp.vec3)  # spheres that couple to the flow
+    flow_coupling: wp.array(dtype=mat66)  # their share of the body's velocity, body frame
+
+
+@wp.struct
+class ContactData:
+    """Constants of contact."""
+
+    start: wp.array(dtype=wp.int32)  # (B + 1)
+    sphere: wp.array(dtype=wp.vec4)  # (C) offset (of a rod: of its middle) and radius of what collides
+    half: wp.array(dtype=wp.vec3)  # (C) from the middle of a rod to its end [µm], 0 for a sphere; (0) without rods
+    body: wp.array(dtype=wp.int32)  # (C) body of each
+    compliance: wp.array(dtype=wp.float32)  # (B) (1 − ν²)/E [µm²/pN]
+    adhesion: wp.array(dtype=wp.float32)  # (B) work of adhesion [pN/µm]
+    adhesion_range: wp.array(dtype=wp.float32)  # (B) [µm]
+
+
+@wp.struct
+class ObstacleData:
+    """Constants and key frames of the obstacles."""
+
+    shape: wp.array(dtype=wp.int32)  # (O) key of kernels.obstacles.SHAPES
+    size: wp.array(dtype=wp.vec3)  # (O) [µm]
+    mesh: wp.array(dtype=wp.uint64)  # (O) wp.Mesh id or 0
+    sheet: wp.array(dtype=wp.int32)  # (O) 1: a mesh that is not closed, solid from both sides
+    bound: wp.array(dtype=wp.float32)  # (O) radius of the bounding sphere about its origin [µm]
+    key_start: wp.array(dtype=wp.int32)  # (O + 1)
+    key_time: wp.array(dtype=wp.float64)  # [s]
+    key_position: wp.array(dtype=wp.vec3)  # [µm]
+    key_rotation: wp.array(dtype=wp.quat)
+
+
+@wp.struct
+class FlowData:
+    """The background flow, along the x axis of its frame and varying along z."""
+
+    origin: wp.vec3
+    rotation: wp.quat
+    half_height: wp.float32
+    speed: wp.array(dtype=wp.float32)  # (1|W) [µm/s]
+    shear_rate: wp.array(dtype=wp.float32)  # (1|W) [1/s]
+
+
+@wp.struct
+class WallData:
+    """No-slip planes that hinder motion, and the spheres that feel them; all of length 0 without such walls."""
+
+    normal: wp.array(dtype=wp.vec3)  # (walls) unit normal into the liquid
+    offset: wp.array(dtype=wp.float32)  # (walls) normal·point of the plane [µm]
+    start: wp.array(dtype=wp.int32)  # (B + 1)
+    sphere: wp.array(dtype=wp.vec4)  # offset from the reference point, body frame, and radius [µm]
+    turned_back: wp.array(dtype=wp.int32)  # 1: the wall stops it, because no contact does
+    resistance: wp.array(dtype=mat66)  # (shapes) of the free body at unit viscosity, body frame; (0) without rotation
+
+
+@wp.struct
+class CouplingData:
+    """What coupled bodies need to know of each other, by shape, body frame, unit viscosity; length 0 without coupling.
+
+    M is the mobility about the centre of diffusion, R = M⁻¹; t and r are translation and rotation.
+    """
+
+    radius: wp.array(dtype=wp.float32)  # of the sphere with the largest drag of the body in any direction [µm]
+    given_turning: wp.array(dtype=wp.mat33)  # (R_tt)⁻¹ [1/µm]; this and the rest (0) without rotation
+    with_turning: wp.array(dtype=wp.mat33)  # M_tr M_rr⁻¹ [µm]
+    turning_root: wp.array(dtype=wp.mat33)  # lower factor of M_rr [1/µm^{3/2}]
+
+
+@wp.struct
+class ModelData:
+    """All that never changes during a run."""
+
+    time_step: wp.float64  # [s]
+    seed: wp.uint32
+    bodies: wp.int32
+    medium: MediumData
+    traps: TrapData
+    body: BodyData
+    contact: ContactData
+    obstacles: ObstacleData
+    flow: FlowData
+    walls: WallData
+    coupling: CouplingData
+
+
+@wp.struct
+class ControlData:
+    """What an operator commands."""
+
+    trap_position: wp.array2d(dtype=wp.vec3)  # (1|W, T) [µm]
+    trap_power: wp.array2d(dtype=wp.float32)  # (1|W, T) [mW]
+    follow: wp.array(dtype=wp.int32)  # (T) bit 0: position follows the scene's key frames, bit 1: power does
+
+
+@wp.struct
+class StateData:
+    """What moves; `position` is that of the reference point of each body."""
+
+    position: wp.array2d(dtype=wp.vec3)  # (W, B) [µm]
+    orientation: wp.array2d(dtype=wp.quat)  # (W, B), (W, 0) without rotation
+    trap_position: wp.array2d(dtype=wp.vec3)  # (W, T) actual foci, (W, 0) without speed limits [µm]
+
+
+@wp.struct
+class ReadoutData:
+    """What the last step measured, and what it found wrong."""
+
+    contact_force: wp.array2d(dtype=wp.vec3)  # (W, B) net contact force [pN]
+    contact_load: wp.array2d(dtype=wp.float32)  # (W, B) sum of the normal forces [pN]
+    escape_step: wp.array2d(dtype=wp.int64)  # (W, T) first step at which the held sphere was out of reach, or -1
+    fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.faults, 0 good
+    fault_step: wp.array2d(dtype=wp.int64)  # (W, B)
+    fault_count: wp.array(dtype=wp.int32)  # (1) not 0: some body has a fault
+
+
+@wp.struct
+class Aim:
+    """One trap as one body sees it."""
+
+    anchor: wp.vec3  # equilibrium point [µm]
+    power: wp.float32  # [mW]
+    reach2: wp.float32  # squared distance beyond which it does nothing [µm²], 0 where it reaches no sphere of the body
+
+
+@wp.struct
+class Wrench:
+    """Force [pN] and torque about the reference point [pN·µm], world axes."""
+
+    force: wp.vec3
+    torque: wp.vec3
+
+
+@wp.struct
+class Move:
+    """Displacement [µm] and rotation vector [rad] of one step, world axes."""
+
+    linear: wp.vec3
+    angular: wp.vec3
+
+
+@wp.struct
+class Pose:
+    """Position [µm] and orientation."""
+
+    position: wp.vec3
+    rotation: wp.quat
+
+
+@wp.func
+def world_row(rows: int, world: int) -> int:
+    """Row of a `(1|W, n)` array that serves `world`: without a division, which would cost more than the term."""
+    return wp.where(rows == 1, 0, world)

@@ -1,0 +1,128 @@
+"""The `world` driver for bodies that carry each other along: drift and noise of all bodies of a world at once.
+
+The same step as in `world`, for what no body can do by itself.
+"""
+
+import warp as wp
+
+from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
+from otwarp.kernels.contact.contact import UNSETTLED
+from otwarp.kernels.contact.coupled_solve import carry_gives, solve_coupled_contacts
+from otwarp.kernels.core.faults import Fault, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.rotation import rotate_by
+from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.drivers.world import Stages, bounded, find_contacts_term, make_step_of
+from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
+from otwarp.kernels.hydrodynamics.coupling import coupled_drift_term, fill_root_term, shake_term
+from otwarp.kernels.integrate.integrators import INTEGRATORS
+
+
+def predict_all_term(f: Features) -> wp.Function:
+    """`predict` of `Stages`: as `predict` of an integrator for one body; `carry.pair` at the start of the step."""
+    coupled_drift = coupled_drift_term(f)
+    fill_root = fill_root_term(f) if f.brownian else None
+    shake = shake_term(f) if f.brownian else None
+
+    @wp.func
+    def predict_all(
+        model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
+        """Drift and noise."""
+        bodies = int(wp.static(f.bodies))
+        coupled_drift(
+            model, control, state, world, body.position, body.rotation, time, carry.pair, carry.force, body.drift
+        )
+        for b in range(bodies):
+            body.free[b] = body.drift[b]
+        if wp.static(f.brownian):
+            fill_root(model, world, body.rotation, carry.pair, carry.root)
+            shake(model, world, body.rotation, carry.root, step, body.free)
+        for b in range(bodies):
+            body.linear[b] = linear_part(body.free[b])
+            body.angular[b] = angular_part(body.free[b])
+
+    return predict_all
+
+
+def correct_all_term(f: Features) -> wp.Function | None:
+    """`correct` of `Stages`: Heun's, for all bodies."""
+    if INTEGRATORS[f.integrator].correct is None:
+        return None
+    coupled_drift = coupled_drift_term(f)
+
+    @wp.func
+    def correct_all(
+        model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
+        """½ (a(x + moved) − a(x)) dt, as `correct_heun`."""
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            carry.there[b] = body.position[b] + body.linear[b]
+            carry.turned[b] = body.rotation[b]
+            if wp.static(f.rigid):
+                carry.turned[b] = rotate_by(body.rotation[b], body.angular[b])
+        # the noise has been drawn, so its factor makes room for the pairs at the end of the step
+        coupled_drift(
+            model, control, state, world, carry.there, carry.turned, time + model.time_step, carry.root, carry.force,
+            carry.later,
+        )  # fmt: skip
+        for b in range(bodies):
+            w = angular_part(carry.later[b])
+            back = twist(linear_part(carry.later[b]), w - 0.5 * wp.cross(body.angular[b], w))
+            move = body.free[b] + 0.5 * (back - body.drift[b])
+            body.linear[b] = linear_part(move)
+            body.angular[b] = angular_part(move)
+
+    return correct_all
+
+
+def find_coupled_term(f: Features) -> wp.Function:
+    """`find` of `Stages`: the gaps of contacts also give way by what carries their bodies along."""
+    find_contacts = find_contacts_term(f)
+
+    @wp.func
+    def find_coupled(
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ) -> int:  # fmt: skip
+        """As without coupling, then their gives."""
+        count = find_contacts(model, readout, world, body, room, carry, step, time)
+        carry_gives(room.contacts, count, carry.pair)
+        return count
+
+    return find_coupled
+
+
+def settle_coupled_term(f: Features) -> wp.Function:
+    """`settle` of `Stages`: contacts carry all bodies along."""
+
+    @wp.func
+    def settle_coupled(
+        readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
+        step: wp.int64,
+    ):  # fmt: skip
+        """A fault where no solution is found."""
+        bodies = int(wp.static(f.bodies))
+        sane = bounded(bodies, body)
+        error = solve_coupled_contacts(
+            room.contacts, count, bodies, carry.pair, body.linear, body.angular, room.matrix, room.gap, room.right,
+            room.pivot, room.order, room.on,
+        )  # fmt: skip
+        if error > UNSETTLED * room.contacts[0].radius and sane:
+            raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+
+    return settle_coupled
+
+
+def make_coupled_step(f: Features) -> wp.Kernel:
+    """Step for a few bodies that carry each other along, and may touch."""
+    stages = Stages(
+        predict=predict_all_term(f),
+        correct=correct_all_term(f),
+        find=find_coupled_term(f) if f.contacts else None,
+        settle=settle_coupled_term(f) if f.contacts else None,
+    )
+    return make_step_of(f, stages)

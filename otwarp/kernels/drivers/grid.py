@@ -1,0 +1,210 @@
+"""The body driver: one thread per body and step, neighbours from lists, for scenes with many touching bodies.
+
+Kernels go over (world, share): a share of `size` bodies is one body on a GPU, and all of them on a CPU, where Warp
+copies the arguments of a kernel anew for every thread, which costs more than a body.
+
+A step of bodies whose contacts are stiff is: `advance` (free displacements), `find` (each body lists its contacts),
+`weigh` and sweeps of `relax` (contact forces from the displacements of both partners), `correct` (the integrator's
+second stage, and the sweeps go on) and `commit`; see `grid_contacts` for the contacts. Where contacts are soft it is
+one kernel, see `soft`. New neighbour lists are made, and the sweeps taken, only when the device asks for it: these
+parts of the captured graph are conditional. All steps and worlds use the same launches; the step counter lives in
+device memory.
+"""
+
+from dataclasses import dataclass
+
+import warp as wp
+
+from otwarp.kernels.core.faults import Fault, finite, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.rotation import rotate_by
+from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.cpu.noise_block import address_of
+from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
+from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.drivers.grid_lists import make_find
+from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
+from otwarp.kernels.drivers.neighbours import make_bin, make_list, make_watch, watch_move
+from otwarp.kernels.drivers.soft import make_soft_step
+from otwarp.kernels.hydrodynamics.walls import out_of_walls
+from otwarp.kernels.optics.escapes import escape_term
+from otwarp.kernels.optics.trap_wrench import move_trap_term
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridKernels:
+    """Kernels of the body driver; those that a scene does not need are None.
+
+    Attributes:
+        move_traps: Foci within their speed limits.
+        bin, list, watch: Neighbour lists: cells, lists, and whether a state set from outside asks for new ones.
+        soft: The whole step of lone spheres with soft contacts; then the following are None.
+        advance, find, weigh, relax, correct, commit: The step of all others.
+    """
+
+    move_traps: wp.Kernel | None
+    bin: wp.Kernel | None
+    list: wp.Kernel | None
+    watch: wp.Kernel | None
+    soft: wp.Kernel | None
+    advance: wp.Kernel | None
+    find: wp.Kernel | None
+    weigh: wp.Kernel | None
+    relax: wp.Kernel | None
+    correct: wp.Kernel | None
+    commit: wp.Kernel | None
+
+    @property
+    def all(self) -> list[wp.Kernel]:
+        """Those that there are, in launch order."""
+        return [kernel for kernel in vars(self).values() if kernel is not None]
+
+
+def make_grid_step(f: Features) -> GridKernels:
+    """The kernels that a feature set needs."""
+    swept = f.contacts and not f.soft_contacts
+    return GridKernels(
+        move_traps=make_move_traps(f) if f.speed_limits else None,
+        bin=make_bin(f) if f.pairs else None,
+        list=make_list(f) if f.contacts else None,
+        watch=make_watch(f) if f.contacts else None,
+        soft=make_soft_step(f) if f.soft_contacts else None,
+        advance=None if f.soft_contacts else make_advance(f),
+        find=make_find(f) if swept else None,
+        weigh=make_weigh(f) if swept else None,
+        relax=make_relax(f) if swept else None,
+        correct=make_correct(f) if two_stages(f) else None,
+        commit=None if f.soft_contacts else make_commit(f),
+    )
+
+
+def make_advance(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): free displacement of this step."""
+    grid_move = grid_move_term(f)
+    draw_block = draw_block_term(f) if f.lanes else None
+    body_pose = body_pose_term(f)
+
+    @wp.func
+    def advance_body(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, block: wp.uint64,
+        k: int,
+    ):  # fmt: skip
+        """One body, with the noise at place k of a block."""
+        move, drift = grid_move(model, control, state, grid, world, b, body_pose(state, world, b), block, k)
+        grid.linear[world, b] = move.linear
+        if wp.static(f.rigid):
+            grid.angular[world, b] = move.angular
+        if wp.static(two_stages(f)):
+            grid.drift[world, b] = drift.linear
+            if wp.static(f.rigid):
+                grid.turning[world, b] = drift.angular
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData, size: int):
+        """`size` bodies of a world."""
+        world, share = wp.tid()
+        begin = share * size
+        end = wp.min((share + 1) * size, model.bodies)
+        if wp.static(f.lanes):
+            deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
+            for b0 in range(begin, end, wp.static(BLOCK)):
+                count = wp.min(wp.static(BLOCK), end - b0)
+                draw_block(model, grid, deviates, world, world * model.bodies + b0, count)
+                for k in range(count):
+                    advance_body(model, control, state, grid, world, b0 + k, address_of(deviates, 0), k)
+        else:
+            for b in range(begin, end):
+                advance_body(model, control, state, grid, world, b, wp.uint64(0), 0)
+
+    return advance
+
+
+def make_commit(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): move what has no fault, and watch how far it has gone."""
+    note_escapes = escape_term(f) if f.escapes else None
+    body_pose = body_pose_term(f)
+
+    @wp.func
+    def commit_body(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
+        world: int, b: int,
+    ):  # fmt: skip
+        """One body's new pose."""
+        step = grid.clock[0]
+        pose = body_pose(state, world, b)
+        linear = grid.linear[world, b]
+        angular = wp.vec3(0.0)
+        if wp.static(f.rigid):
+            angular = grid.angular[world, b]
+        if wp.static(f.contacts):
+            if grid.count[world, b] > 0:
+                linear += push.linear[world, b]
+                if wp.static(f.rigid):
+                    angular += push.angular[world, b]
+        if not finite(pose.position + linear + angular):
+            raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+        before = pose
+        good = bool(True)
+        # faults are rare: one word that all threads share is read first
+        if readout.fault_count[0] != 0:
+            good = readout.fault[world, b] == 0
+        if good:
+            pose.position = pose.position + linear
+            if wp.static(f.rigid):
+                pose.rotation = rotate_by(pose.rotation, angular)
+                state.orientation[world, b] = pose.rotation
+            if wp.static(f.walls > 0):
+                pose.position = pose.position + out_of_walls(model.walls, b, pose)
+            state.position[world, b] = pose.position
+        if wp.static(f.escapes):
+            time = wp.float64(step + wp.int64(1)) * model.time_step
+            note_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
+        if wp.static(f.contacts):
+            for e in range(model.contact.start[b], model.contact.start[b + 1]):
+                centre = pose.position
+                if wp.static(f.rigid):
+                    s = model.contact.sphere[e]
+                    centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
+                watch_move(grid.near, world * grid.near.elements + e, centre)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def commit(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
+        size: int,
+    ):  # fmt: skip
+        """`size` bodies of a world."""
+        world, share = wp.tid()
+        for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
+            commit_body(model, control, state, readout, grid, push, world, b)
+
+    return commit
+
+
+def make_move_traps(f: Features) -> wp.Kernel:
+    """Kernel over (world, trap): move the foci towards their commands within their speed limits."""
+    move_trap = move_trap_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def move_traps(model: ModelData, control: ControlData, state: StateData, grid: GridData):
+        """One focus."""
+        world, trap = wp.tid()
+        move_trap(model, control, state, world, trap, wp.float64(grid.clock[0]) * model.time_step)
+
+    return move_traps
+
+
+@wp.kernel(enable_backward=False)
+def start_clock(grid: GridData, first: wp.int64, steps: int, last: wp.int64):
+    """Begin a launch of `steps` steps at step `first`, of a call that ends at step `last`."""
+    grid.clock[0] = first
+    grid.until[0] = last
+    grid.left[0] = steps
+
+
+@wp.kernel(enable_backward=False)
+def tick(grid: GridData):
+    """Count one step; present and next places change their roles."""
+    grid.clock[0] = grid.clock[0] + wp.int64(1)
+    grid.left[0] = grid.left[0] - 1
+    grid.touching[0] = 0
+    grid.row[0] = 1 - grid.row[0]

@@ -1,0 +1,290 @@
+"""Contact forces of the body driver: sweeps over the contacts that `grid_lists` found, until they are settled.
+
+The forces are λ = F(δ − s): Hertz's law at the end of the step, where the gaps have opened by s under all λ. They are
+the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀
+the opening without contact forces and ψ*' the overlap that belongs to a force; no λ is below its least (`excursion`).
+The sweeps are accelerated proximal gradient steps on it (Beck, Teboulle 2009, doi:10.1137/080716542; for contact:
+Mazhar, Heyn, Negrut, Tasora 2015, doi:10.1145/2735627), with crowding·give, by Gershgorin's theorem at least the row
+sum of G, for G: no stiffness makes them diverge, and a lone contact is solved at once. Momentum restarts contact by
+contact where it points uphill (O'Donoghue, Candès 2015, doi:10.1007/s10208-013-9150-3). A step without contacts takes
+no sweep, a settled one no more.
+"""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, along, overlap_alone
+from otwarp.kernels.contact.excursion import least_load, shared_load
+from otwarp.kernels.core.faults import Fault, finite, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData, Move, ReadoutData
+from otwarp.kernels.drivers.grid_data import GridData, PushData
+from otwarp.kernels.drivers.grid_lists import free_opening_term
+from otwarp.kernels.drivers.grid_store import contact_store_terms
+
+RELAXATIONS = 32
+"""Most sweeps over the contacts in one step (even, because they write to two buffers in turn)."""
+
+CHUNKS = 64
+"""Parts into which the bodies of a world are divided for sums over all contacts."""
+
+
+def opening_term(f: Features) -> wp.Function:
+    """`(grid, push, world, c, scale) -> opening` of a contact's gap by all displacements of this step [µm]."""
+    free_opening = free_opening_term(f)
+
+    @wp.func
+    def push_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
+        """What its contacts move a body."""
+        move = Move(wp.vec3(0.0), wp.vec3(0.0))
+        # where rounding let only one partner of a gap list it, the other has no push of this step
+        if grid.count[world, b] > 0:
+            move.linear = push.linear[world, b]
+            if wp.static(f.rigid):
+                move.angular = push.angular[world, b]
+        return move
+
+    @wp.func
+    def opening(grid: GridData, push: PushData, world: int, c: Contact, scale: float) -> float:
+        """By the free moves and `scale` times the push of both partners."""
+        total = along(push_of(grid, push, world, c.a), c.arm_a, c.normal)
+        if c.b >= 0:
+            total -= along(push_of(grid, push, world, c.b), c.arm_b, c.normal)
+        return free_opening(grid, world, c) + scale * total
+
+    return opening
+
+
+def make_weigh(f: Features) -> wp.Kernel:
+    """Kernel over (world, chunk of bodies): the sums from which `guess_scale` follows, in an order that is fixed.
+
+    Along λ = α·F the energy of the sweeps is least at α = ΣF(F/k − s₀) / ΣF(F/k + GF): 1 for what is squeezed or at
+    rest, little where an impact would throw stiff bodies far. A contact of two bodies is in both lists, half in each.
+    """
+    opening = opening_term(f)
+    read_contact = contact_store_terms(f)[1]
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def weigh(model: ModelData, grid: GridData, push: PushData):
+        """One chunk's share."""
+        world, chunk = wp.tid()
+        size = (model.bodies - 1) // grid.share.shape[1] + 1
+        total = wp.vec2(0.0)
+        for a in range(chunk * size, wp.min((chunk + 1) * size, model.bodies)):
+            row = world * model.bodies + a
+            for i in range(grid.count[world, a]):
+                c = read_contact(grid, row, i, a)
+                if c.stiffness > 0.0:
+                    free = opening(grid, push, world, c, 0.0)
+                    pushed = opening(grid, push, world, c, 1.0) - free
+                    gap = c.force / c.stiffness
+                    total += wp.where(c.b >= 0, 0.5, 1.0) * c.force * wp.vec2(gap - free, gap + pushed)
+        grid.share[world, chunk] = total
+        if chunk == 0:
+            for sweep in range(grid.moving.shape[1]):
+                grid.moving[world, sweep] = 0
+                if world == 0:
+                    grid.active[sweep] = 0
+        if world == 0 and chunk == 0:
+            grid.sweep[0] = 0
+            grid.unsettled[0] = 1
+
+    return weigh
+
+
+@wp.func
+def guess_scale(grid: GridData, world: int) -> float:
+    """α of the first guess λ = α·F."""
+    total = wp.vec2(0.0)
+    for chunk in range(grid.share.shape[1]):
+        total += grid.share[world, chunk]
+    scale = float(0.0)
+    if total[0] > 0.0:
+        scale = wp.min(total[0] / wp.max(total[1], 1.0e-30), 1.0)
+    return scale
+
+
+@wp.func
+def gap_error(c: Contact, load: float, overlap: float) -> float:
+    """How far from the overlap that belongs to a load the contact ends with it [µm]."""
+    above = wp.max(load - c.floor, 0.0) / c.hardness
+    wanted = wp.pow(above, 2.0 / 3.0)
+    error = wp.max(overlap, 0.0) - wanted
+    # its least load may be more than the overlap asks for
+    return wp.where(c.least > c.floor and load <= c.least, wp.max(error, 0.0), wp.abs(error))
+
+
+@wp.func
+def end_overlap(c: Contact, give: float, reach: float) -> float:
+    """Backward Euler of this contact alone, as if its whole world gave way by `give`: overlap at the end [µm]."""
+    end = float(0.0)
+    if reach > 0.0:
+        end = overlap_alone(c.hardness, give, reach)
+    return end
+
+
+@wp.func
+def momentum_of(c: Contact, give: float, end: float, start: float, load: float, sweep: int) -> float:
+    """What a sweep that led from `start` to `load` adds for the next [pN]; none where it went too far: restart."""
+    root = wp.sqrt(1.0 + 1.5 * give * c.hardness * wp.sqrt(end))
+    share = wp.min((root - 1.0) / (root + 1.0), float(sweep) / float(sweep + 3))
+    return wp.where((start - load) * (load - c.load) <= 0.0, share * (load - c.load), 0.0)
+
+
+@wp.func
+def larger_crowding(grid: GridData, world: int, c: Contact) -> float:
+    """Of both partners."""
+    crowding = grid.crowding[world, c.a]
+    if c.b >= 0:
+        crowding = wp.max(crowding, grid.crowding[world, c.b])
+    return crowding
+
+
+def least_load_term(f: Features) -> wp.Function:
+    """`(grid, world, c) -> load` that keeps the excursions of a contact and of those that share a body with it out."""
+    free_opening = free_opening_term(f)
+    read_contact = contact_store_terms(f)[1]
+
+    @wp.func
+    def opened_through(
+        model: ModelData, grid: GridData, world: int, b: int, c: Contact, arm: wp.vec3, way: wp.vec3
+    ) -> float:
+        """Opening of the gap of c, on body b at `arm` with `way` outward, by the excursions of the body's others."""
+        row = world * model.bodies + b
+        other = wp.where(b == c.a, c.b, c.a)
+        total = float(0.0)
+        for j in range(grid.count[world, b]):
+            d = read_contact(grid, row, j, b)
+            if d.b != other or wp.abs(d.overlap - c.overlap) > SETTLED:
+                per_force = along(d.response_a, arm, way)
+                if per_force > 0.0 and d.wander > 0.0:
+                    total += per_force * (least_load(d, free_opening(grid, world, d)) - d.floor)
+        return total
+
+    @wp.func
+    def shared(model: ModelData, grid: GridData, world: int, c: Contact) -> float:
+        """As `solve.share_excursions`."""
+        own = least_load(c, free_opening(grid, world, c)) - c.floor
+        opened = float(0.0)
+        if own > 0.0:
+            opened = opened_through(model, grid, world, c.a, c, c.arm_a, c.normal)
+            if c.b >= 0:
+                opened += opened_through(model, grid, world, c.b, c, c.arm_b, -c.normal)
+        return c.floor + shared_load(own, c.give, opened)
+
+    return shared
+
+
+def relax_body_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, before, after, sweep, world, a)`: one sweep over the contacts of one body.
+
+    Each contact is solved for its force law, as if its gap gave way to its own force by crowding·give and to no other.
+    Its momentum is that of its own condition 1 + crowding·k·give.
+    """
+    opening = opening_term(f)
+    shared_least = least_load_term(f)
+    _, read_contact, write_load, write_least = contact_store_terms(f)
+
+    @wp.func
+    def relax_body(
+        model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData,
+        sweep: int, world: int, a: int,
+    ):  # fmt: skip
+        """One body's contact forces, and the push from which the next sweep starts."""
+        row = world * model.bodies + a
+        count = grid.count[world, a]
+        last = sweep == grid.moving.shape[1] - 1
+        scale = float(1.0)
+        if sweep == 0 and count > 0:
+            scale = guess_scale(grid, world)
+        linear = wp.vec3(0.0)
+        angular = wp.vec3(0.0)
+        force = wp.vec3(0.0)
+        total = float(0.0)
+        for i in range(count):
+            c = read_contact(grid, row, i, a)
+            if sweep == 0 and c.wander > 0.0:
+                # of the free moves of this stage, which the integrator's second changes
+                c.least = shared_least(model, grid, world, c)
+                write_least(grid, row, i, c.least)
+            start = scale * grid.ahead[row, i]
+            give = larger_crowding(grid, world, c) * c.give
+            overlap = c.overlap - opening(grid, before, world, c, scale)
+            end = end_overlap(c, give, overlap + give * (start - c.floor))
+            load = wp.max(c.floor + c.hardness * end * wp.sqrt(end), c.least)
+            if wp.abs(load - start) * c.give > wp.static(SETTLED):
+                grid.moving[world, sweep] = 1
+                grid.active[sweep] = 1
+            ahead = load
+            if last:
+                # a free move without bound is the fault that `commit` reports
+                if gap_error(c, start, overlap) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
+                    raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[0])
+            else:
+                ahead += momentum_of(c, give, end, start, load, sweep)
+            write_load(grid, row, i, load)
+            grid.ahead[row, i] = ahead
+            linear += ahead * c.response_a.linear
+            angular += ahead * c.response_a.angular
+            force += load * c.normal
+            total += wp.abs(load)
+        after.linear[world, a] = linear
+        if wp.static(f.rigid):
+            after.angular[world, a] = angular
+        readout.contact_force[world, a] = force
+        readout.contact_load[world, a] = total
+
+    return relax_body
+
+
+def make_relax(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): one of two sweeps, and the contact readout.
+
+    Both partners compute the same λ from the same numbers, so the third law holds to rounding. A lone contact is
+    solved by the first sweep.
+    """
+    relax_body = relax_body_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def relax(
+        model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData,
+        second: int, size: int,
+    ):  # fmt: skip
+        """`size` bodies of a world."""
+        world, share = wp.tid()
+        sweep = grid.sweep[0] + second
+        if sweep > 1:
+            # two sweeps at rest, so that both push buffers hold the solution
+            if grid.moving[world, sweep - 1] == 0 and grid.moving[world, sweep - 2] == 0:
+                return
+        for a in range(share * size, wp.min((share + 1) * size, model.bodies)):
+            if grid.count[world, a] > 0:
+                relax_body(model, readout, grid, before, after, sweep, world, a)
+
+    return relax
+
+
+@wp.kernel(enable_backward=False)
+def next_sweeps(grid: GridData):
+    """Go on to the next two sweeps, if any world needs them."""
+    sweep = grid.sweep[0]
+    grid.sweep[0] = sweep + 2
+    grid.unsettled[0] = 0
+    if sweep + 2 < grid.active.shape[0]:
+        if grid.active[sweep] + grid.active[sweep + 1] > 0:
+            grid.unsettled[0] = 1
+
+
+@wp.kernel(enable_backward=False)
+def resume_sweeps(grid: GridData):
+    """Kernel over worlds: sweep on from the present forces, after the free displacements have changed."""
+    world = wp.tid()
+    # makes the first guess these forces themselves
+    for chunk in range(grid.share.shape[1]):
+        grid.share[world, chunk] = wp.where(chunk == 0, wp.vec2(1.0, 1.0), wp.vec2(0.0, 0.0))
+    for sweep in range(grid.moving.shape[1]):
+        grid.moving[world, sweep] = 0
+        if world == 0:
+            grid.active[sweep] = 0
+    if world == 0:
+        grid.sweep[0] = 0
+        grid.unsettled[0] = 1

@@ -1,0 +1,111 @@
+"""Scratch of the body driver, and the pose of a body as its kernels read it."""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import Pose, StateData
+
+
+@wp.struct
+class NeighbourData:
+    """Cells and neighbour lists of the elements: colliding spheres, or slots where contacts are soft; E per world."""
+
+    cells: wp.vec3i  # along each axis, powers of two
+    edge: float  # of a cell [µm]
+    skin: float  # extra distance up to which neighbours are listed [µm]
+    adhesion: float  # longest range of adhesion [µm]
+    reach: float  # gap up to which elements may feel each other in a step [µm]
+    elements: int  # E
+    key: wp.array(dtype=wp.int32)  # (2·W·E) cell of each element, then sorted; the second half is the sort's
+    item: wp.array(dtype=wp.int32)  # (2·W·E) element of each sorted key
+    start: wp.array(dtype=wp.int32)  # (W·cells) first sorted entry of each cell
+    finish: wp.array(dtype=wp.int32)  # (W·cells) one past its last
+    reference: wp.array(dtype=wp.vec3)  # (W·E) centres when the lists were made [µm]
+    count: wp.array(dtype=wp.int32)  # (W·E) neighbours listed, CROWDED if there are too many
+    neighbour: wp.array(dtype=wp.int32)  # (W·E·NEIGHBOURS) elements, ascending by sphere
+    stride: int  # from one element's list to the next
+    pitch: int  # from one entry of a list to the next
+    walled: wp.array(dtype=wp.int32)  # (W·E) 1: an obstacle may be touched before the next lists
+    stale: wp.array(dtype=wp.int32)  # (1) not 0: something moved by more than half the skin
+    builds: wp.array(dtype=wp.int32)  # (1) how often the lists were made
+
+
+def whole_contacts(f: Features) -> bool:
+    """Whether a contact force moves a body in other ways than along the normal: it turns, or walls hinder it."""
+    return f.rigid or f.walls > 0
+
+
+@wp.struct
+class Link:
+    """What a contact of a lone sphere needs: see `Contact`; 68 bytes instead of 204."""
+
+    b: int
+    normal: wp.vec3
+    radius: float
+    overlap: float
+    hardness: float
+    force: float
+    floor: float
+    stiffness: float
+    drift: float
+    own: float
+    """Opening of the gap per unit contact force by this sphere [µm/pN]; `give` by both partners."""
+    give: float
+    wander: float
+    layer: float
+    least: float
+    load: float
+
+
+@wp.struct
+class GridData:
+    """Scratch of the body driver; a slot holds a body, and slots follow the cells where contacts are soft."""
+
+    clock: wp.array(dtype=wp.int64)  # (1) step counter
+    until: wp.array(dtype=wp.int64)  # (1) step after the last one of this call
+    left: wp.array(dtype=wp.int32)  # (1) steps left in this launch
+    linear: wp.array2d(dtype=wp.vec3)  # (W, B) free displacement [µm]
+    angular: wp.array2d(dtype=wp.vec3)  # (W, B) free rotation [rad]
+    drift: wp.array2d(dtype=wp.vec3)  # (W, B) displacement without noise in the first of two stages [µm]
+    turning: wp.array2d(dtype=wp.vec3)  # (W, B) and rotation [rad]
+    contact: wp.array2d(
+        dtype=Contact
+    )  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it, if `whole_contacts`
+    link: wp.array2d(dtype=Link)  # (W·B, MAX_BODY_CONTACTS) the same if not
+    count: wp.array2d(dtype=wp.int32)  # (W, B) how many
+    crowding: wp.array2d(dtype=wp.float32)  # (W, B) how much they hinder each other, 1: a lone contact
+    ahead: wp.array2d(dtype=wp.float32)  # (W·B, MAX_BODY_CONTACTS) force from which the next sweep starts [pN]
+    touching: wp.array(dtype=wp.int32)  # (1) not 0: there are contacts in this step
+    sweep: wp.array(dtype=wp.int32)  # (1) first of the two sweeps to come
+    unsettled: wp.array(dtype=wp.int32)  # (1) not 0: there are sweeps to come
+    active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
+    moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
+    share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
+    place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
+    order: wp.array2d(dtype=wp.int32)  # (2, W·B) body of each slot, now and while being sorted
+    row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
+    turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now
+    near: NeighbourData
+
+
+@wp.struct
+class PushData:
+    """What the contacts move in a step."""
+
+    linear: wp.array2d(dtype=wp.vec3)  # (W, B) [µm]
+    angular: wp.array2d(dtype=wp.vec3)  # (W, B), (W, 0) without rotation [rad]
+
+
+def body_pose_term(f: Features) -> wp.Function:
+    """`(state, world, b) -> Pose`."""
+
+    @wp.func
+    def body_pose(state: StateData, world: int, b: int) -> Pose:
+        """Position, and orientation where bodies rotate."""
+        pose = Pose(state.position[world, b], wp.quat_identity())
+        if wp.static(f.rigid):
+            pose.rotation = state.orientation[world, b]
+        return pose
+
+    return body_pose

@@ -1,0 +1,313 @@
+"""Contacts of the body driver: every body lists its own, in the order of its neighbour lists."""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact, along
+from otwarp.kernels.contact.detect import touch_term, touch_wall_term
+from otwarp.kernels.contact.excursion import excursion_term, least_load, obstacle_name
+from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.travel import thermal_reach, wander_of
+from otwarp.kernels.core.faults import Fault, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
+from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.drivers.grid_store import contact_store_terms
+from otwarp.kernels.drivers.neighbours import CROWDED, next_crowded_term
+
+
+def free_opening_term(f: Features) -> wp.Function:
+    """`(grid, world, c) -> opening` of a contact's gap by the free moves of this step [µm]."""
+
+    @wp.func
+    def free_move_of(grid: GridData, world: int, b: int) -> Move:
+        """Free displacement of one body."""
+        move = Move(grid.linear[world, b], wp.vec3(0.0))
+        if wp.static(f.rigid):
+            move.angular = grid.angular[world, b]
+        return move
+
+    @wp.func
+    def free_opening(grid: GridData, world: int, c: Contact) -> float:
+        """Of both partners along the normal, less the obstacle's own motion."""
+        total = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - c.drift
+        if c.b >= 0:
+            total -= along(free_move_of(grid, world, c.b), c.arm_b, c.normal)
+        return total
+
+    return free_opening
+
+
+PUSHED = wp.constant(0.1)
+"""How far others may push an element beyond its own free move in one step, relative to its radius."""
+
+
+def travel_term(f: Features) -> wp.Function:
+    """`(model, grid, world, b) -> travel`: how far any point of a body moves freely in this step at most [µm]."""
+
+    @wp.func
+    def travel(model: ModelData, grid: GridData, world: int, b: int) -> float:
+        """Displacement, and turning of its outermost point."""
+        far = wp.length(grid.linear[world, b])
+        if wp.static(f.rigid):
+            far += wp.length(grid.angular[world, b]) * model.body.bound[b]
+        return far
+
+    return travel
+
+
+def list_contact_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, world, row, count, c, first, second, step) -> count`: append a contact to a list.
+
+    `first` and `second` name the partners, see `excursion_term`. The sweeps are called for if it carries a force, or if
+    the free moves of the step close it or may touch in between; another one, which only the motion of its neighbours
+    may close, waits in the list.
+    """
+    write_contact = contact_store_terms(f)[0]
+    free_opening = free_opening_term(f)
+    excursion = excursion_term(f)
+
+    @wp.func
+    def list_contact(
+        model: ModelData, readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact,
+        first: int, second: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """Its first guess is the force at the start."""
+        if count == grid.ahead.shape[1]:
+            raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
+            return count
+        opening = free_opening(grid, world, c)
+        c = excursion(model, world, c, opening, first, second, 0, step)
+        c.least = least_load(c, opening)
+        if c.force != 0.0 or c.overlap > 0.0 or c.overlap > opening or c.least > c.floor:
+            grid.touching[0] = 1
+        c.load = c.force
+        write_contact(grid, row, count, c)
+        return count + 1
+
+    return list_contact
+
+
+def arm_term(f: Features) -> wp.Function:
+    """`(pose, sphere) -> arm` from a body's reference point to the centre of its sphere; a lone sphere has none."""
+
+    @wp.func
+    def arm_of(pose: Pose, sphere: wp.vec4) -> wp.vec3:
+        """In world axes."""
+        arm = wp.vec3(0.0)
+        if wp.static(f.rigid):
+            arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+        return arm
+
+    return arm_of
+
+
+def near_enough_term(f: Features) -> wp.Function:
+    """`(model, state, grid, world, a, e, j, centre) -> bool`: whether two spheres are to be looked at as a contact."""
+    arm_of, body_pose, travel = arm_term(f), body_pose_term(f), travel_term(f)
+
+    @wp.func
+    def near_enough(
+        model: ModelData, state: StateData, grid: GridData, world: int, a: int, e: int, j: int, centre: wp.vec3
+    ) -> bool:
+        """Whether sphere e of body a, at `centre`, and sphere j feel each other, or may in this step."""
+        si, sj = model.contact.sphere[e], model.contact.sphere[j]
+        b = model.contact.body[j]
+        pose = body_pose(state, world, b)
+        far = si[3] + sj[3] + grid.near.reach
+        square = wp.length_sq(centre - pose.position - arm_of(pose, sj))
+        near = square < far * far
+        if near:
+            # what moves are large enough for, before anything is made of it
+            beyond = PUSHED * wp.min(si[3], sj[3])
+            if wp.static(f.brownian):
+                beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a) + wander_of(model, world, b)))
+            ahead = travel(model, grid, world, a) + travel(model, grid, world, b) + beyond
+            far = si[3] + sj[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
+            near = square < far * far
+        return near
+
+    return near_enough
+
+
+def with_sphere_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, a, e, j, pose, count, step) -> count`: sphere e of body a with sphere j."""
+    touch = touch_term(f)
+    arm_of, body_pose, list_contact = arm_term(f), body_pose_term(f), list_contact_term(f)
+
+    @wp.func
+    def with_sphere(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, j: int,
+        pose: Pose, count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """As they touch now."""
+        si = model.contact.sphere[e]
+        sj = model.contact.sphere[j]
+        b = model.contact.body[j]
+        pose_b = body_pose(state, world, b)
+        arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
+        c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
+        return list_contact(model, readout, grid, world, world * model.bodies + a, count, c, e, j, step)
+
+    return with_sphere
+
+
+def sphere_contacts_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with others."""
+    arm_of, near_enough, with_sphere = arm_term(f), near_enough_term(f), with_sphere_term(f)
+    next_crowded = next_crowded_term(f)
+
+    @wp.func
+    def sphere_contacts(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int,
+        pose: Pose, count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """The neighbours of its list, which ascend: the sum of forces depends on their order in the last bit."""
+        n = grid.near
+        first = world * n.elements
+        i = first + e
+        listed = n.count[i]
+        if listed != 0:
+            centre = pose.position + arm_of(pose, model.contact.sphere[e])
+            for k in range(listed):
+                j = n.neighbour[i * n.stride + k * n.pitch] - first
+                # the distance first: a contact is a large thing to make
+                if near_enough(model, state, grid, world, a, e, j, centre):
+                    count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
+            if listed == CROWDED:
+                j = next_crowded(model, state, grid, world, i, -1)
+                while j >= 0:
+                    count = with_sphere(model, state, readout, grid, world, a, e, j - first, pose, count, step)
+                    j = next_crowded(model, state, grid, world, i, j)
+        return count
+
+    return sphere_contacts
+
+
+def wall_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with obstacles."""
+    touch_wall = touch_wall_term(f)
+    pose_at = moving_pose if f.moving_obstacles else still_pose
+    distance_to = distance_term(f.obstacles)
+    list_contact = list_contact_term(f)
+    arm_of, travel = arm_term(f), travel_term(f)
+
+    @wp.func
+    def walls(
+        model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, pose: Pose, count: int,
+        step: wp.int64,
+    ) -> int:  # fmt: skip
+        """All obstacles: the lists say whether any is near."""
+        time = wp.float64(step) * model.time_step
+        s = model.contact.sphere[e]
+        arm = arm_of(pose, s)
+        beyond = PUSHED * s[3]
+        if wp.static(f.brownian):
+            beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a)))
+        ahead = travel(model, grid, world, a) + beyond
+        far = s[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
+        if wp.static(f.moving_obstacles):
+            far = s[3] + grid.near.reach
+        for o in range(model.obstacles.shape.shape[0]):
+            wall = pose_at(model.obstacles, o, time)
+            away = pose.position + arm - wall.position
+            if wp.length(away) < far + model.obstacles.bound[o]:
+                local = wp.quat_rotate_inv(wall.rotation, away)
+                hit = distance_to(model.obstacles, o, local, far)
+                if hit[3] < far:
+                    later = wall
+                    if wp.static(f.moving_obstacles):
+                        later = pose_at(model.obstacles, o, time + model.time_step)
+                    c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, s[3], local, hit, step)
+                    row = world * model.bodies + a
+                    count = list_contact(model, readout, grid, world, row, count, c, e, obstacle_name(o), step)
+        return count
+
+    return walls
+
+
+def crowding_term(f: Features) -> wp.Function:
+    """`(grid, row, count, a) -> crowding`: how much more a body gives way to all its contacts at once than to one.
+
+    The largest Σ_j |response of contact i's gap to force j| / |its response to its own|, a bound by Gershgorin's
+    theorem; of this body's share alone.
+    """
+    read_contact = contact_store_terms(f)[1]
+
+    @wp.func
+    def crowding_of(grid: GridData, row: int, count: int, a: int) -> float:
+        """1 for a lone contact."""
+        crowding = float(1.0)
+        for i in range(count):
+            c = read_contact(grid, row, i, a)
+            own = along(c.response_a, c.arm_a, c.normal)
+            total = float(0.0)
+            for j in range(count):
+                total += wp.abs(along(read_contact(grid, row, j, a).response_a, c.arm_a, c.normal))
+            if own > 0.0:
+                crowding = wp.max(crowding, total / own)
+        return crowding
+
+    return crowding_of
+
+
+def first_push_term(f: Features) -> wp.Function:
+    """`(grid, row, count, a) -> Move`: what a body's contact forces at the start would move."""
+    read_contact = contact_store_terms(f)[1]
+
+    @wp.func
+    def first_push(grid: GridData, row: int, count: int, a: int) -> Move:
+        """Write `ahead`."""
+        total = Move(wp.vec3(0.0), wp.vec3(0.0))
+        for i in range(count):
+            c = read_contact(grid, row, i, a)
+            grid.ahead[row, i] = c.load
+            total.linear += c.load * c.response_a.linear
+            total.angular += c.load * c.response_a.angular
+        return total
+
+    return first_push
+
+
+def make_find(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): their contacts, and what the forces at the start would move."""
+    sphere_contacts = sphere_contacts_term(f) if f.pairs else None
+    walls = wall_term(f) if f.obstacles else None
+    body_pose = body_pose_term(f)
+    crowding_of = crowding_term(f)
+    first_push = first_push_term(f)
+
+    @wp.func
+    def find_body(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, world: int, a: int
+    ):
+        """One body's contacts and first push."""
+        step = grid.clock[0]
+        row = world * model.bodies + a
+        pose = body_pose(state, world, a)
+        count = int(0)
+        for e in range(model.contact.start[a], model.contact.start[a + 1]):
+            if wp.static(f.pairs):
+                count = sphere_contacts(model, state, readout, grid, world, a, e, pose, count, step)
+            if wp.static(bool(f.obstacles)):
+                if grid.near.walled[world * grid.near.elements + e] != 0:
+                    count = walls(model, readout, grid, world, a, e, pose, count, step)
+        grid.count[world, a] = count
+        if count > 0:
+            grid.crowding[world, a] = crowding_of(grid, row, count, a)
+            move = first_push(grid, row, count, a)
+            push.linear[world, a] = move.linear
+            if wp.static(f.rigid):
+                push.angular[world, a] = move.angular
+        if step + wp.int64(1) == grid.until[0]:
+            # of a body that touches nothing; sweeps write what the others feel
+            readout.contact_force[world, a] = wp.vec3(0.0)
+            readout.contact_load[world, a] = 0.0
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def find(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, size: int):
+        """`size` bodies of a world."""
+        world, share = wp.tid()
+        for a in range(share * size, wp.min((share + 1) * size, model.bodies)):
+            find_body(model, state, readout, grid, push, world, a)
+
+    return find

@@ -1,0 +1,188 @@
+"""The free move of a body as the kernels of the body driver take it: everything but contact, at the present step.
+
+It comes in the integrator's two stages, with the contacts solved after each.
+
+On a CPU the noise of lone spheres comes for 16 of them at once, in vector registers: the arithmetic of `noise_block`
+with a body in each lane instead of a step. A deviate has the same bits either way, whatever shares a block with it.
+"""
+
+import functools
+
+import warp as wp
+
+from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
+from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData
+from otwarp.kernels.cpu.noise_block import BLOCK, block_source
+from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.integrate.body import as_move, body_dynamics
+from otwarp.kernels.integrate.integrators import INTEGRATORS
+
+
+@functools.lru_cache(maxsize=4)
+def body_block_term(noise: str) -> wp.Function:
+    """`(buffer, seed, first, world, bodies, at, count)`: three deviates for the step `first` of up to 16 bodies.
+
+    Deviate c of body `bodies[at + k]` goes to `buffer[16 c + k]`; k < count ≤ 16.
+
+    Args:
+        noise: One of `NOISES`.
+    """
+    source = block_source(noise, 3).replace("buffer.data + at", "buffer.data")
+    steps = "(unsigned long long)first + (unsigned long long)k + lane"
+    body = "c3 = (unsigned long long)(unsigned int)body;"
+    assert source.count(steps) == 1
+    assert source.count(body) == 1
+    source = source.replace(steps, "(unsigned long long)first + 0 * lane").replace(body, "c3 = names;")
+    source = source.replace(
+        "wide8 step =",
+        """wide8 names;
+            for (int l = 0; l < 8; ++l) {
+                const int one = k + l < count ? k + l : count - 1;
+                names[l] = (unsigned long long)(unsigned int)bodies.data[at + one];
+            }
+            wide8 step =""",
+    )
+
+    @wp.func_native(source)
+    def body_block(
+        buffer: wp.array(dtype=wp.float32),
+        seed: wp.uint32,
+        first: wp.int64,
+        world: int,
+        bodies: wp.array2d(dtype=wp.int32),
+        at: int,
+        count: int,
+    ): ...
+
+    return body_block
+
+
+def draw_block_term(f: Features) -> wp.Function:
+    """`(model, grid, buffer, world, i, count)`: the noise of the bodies in `count` slots of a world, from slot i on."""
+    body_block = body_block_term(f.noise)
+
+    @wp.func
+    def draw_block(
+        model: ModelData, grid: GridData, buffer: wp.array(dtype=wp.float32), world: int, i: int, count: int
+    ):
+        """Of the present step."""
+        at = grid.turn[0] * grid.order.shape[1] + i
+        body_block(buffer, model.seed, grid.clock[0], world, grid.order, at, count)
+
+    return draw_block
+
+
+def grid_move_term(f: Features) -> wp.Function:
+    """`(model, control, state, grid, world, b, pose, block, k) -> (Move, Move)` in the step that the clock shows.
+
+    The integrator's first stage without contact, and the drift in it. With `lanes` the noise is that of place k in a
+    block at the address `block`; else these do not matter.
+    """
+    if f.lanes:
+        return _move_in_block_term(f)
+    constants_of, dynamics = body_dynamics(f)
+    predict = INTEGRATORS[f.integrator].predict(dynamics)
+
+    @wp.func
+    def grid_move(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, pose: Pose,
+        block: wp.uint64, k: int,
+    ):  # fmt: skip
+        """One body's first stage."""
+        step = grid.clock[0]
+        time = wp.float64(step) * model.time_step
+        body = constants_of(model, control, world, b)
+        move, drift = predict(model, control, state, body, world, b, pose, step, time)
+        return as_move(move), as_move(drift)
+
+    return grid_move
+
+
+def _move_in_block_term(f: Features) -> wp.Function:
+    """The same for lone spheres with noise from a block."""
+    bead_constants = bead_constants_term(f)
+    predict = INTEGRATORS[f.integrator].predict(bead_dynamics(f))
+
+    @wp.func
+    def move_in_block(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, pose: Pose,
+        block: wp.uint64, k: int,
+    ):  # fmt: skip
+        """One sphere's first stage."""
+        step = grid.clock[0]
+        bead = bead_constants(model, control, world, b)
+        bead.deviates = block
+        bead.deviates_from = step - wp.int64(k)
+        time = wp.float64(step) * model.time_step
+        move, drift = predict(model, control, state, bead, world, b, pose.position, step, time)
+        return Move(move, wp.vec3(0.0)), Move(drift, wp.vec3(0.0))
+
+    return move_in_block
+
+
+def two_stages(f: Features) -> bool:
+    """Whether the integrator looks a second time, at where the bodies have come to with their contacts."""
+    return INTEGRATORS[f.integrator].correct is not None and not f.soft_contacts
+
+
+def make_correct(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): what the second stage adds to the free displacements."""
+    scheme = INTEGRATORS[f.integrator]
+    constants_of, dynamics = body_dynamics(f)
+    assert scheme.correct is not None
+    correction = scheme.correct(dynamics)
+    body_pose = body_pose_term(f)
+    everywhere = f.flow not in (None, "uniform") or f.walls > 0
+
+    @wp.func
+    def may_differ(model: ModelData, b: int) -> bool:
+        """Whether a force on a body, or its mobility, depends on where it is."""
+        there = bool(wp.static(everywhere))
+        if wp.static(bool(f.trap_models)):
+            there = there or model.body.trapped_start[b + 1] > model.body.trapped_start[b]
+        if wp.static(f.rigid and f.gravity):
+            there = there or model.body.rigid[b] != 0
+        return there
+
+    @wp.func
+    def correct_body(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, world: int, b: int
+    ):
+        """One body."""
+        step = grid.clock[0]
+        linear = grid.linear[world, b]
+        angular = wp.vec3(0.0)
+        drift = twist(grid.drift[world, b], wp.vec3(0.0))
+        if wp.static(f.rigid):
+            angular = grid.angular[world, b]
+            drift = twist(grid.drift[world, b], grid.turning[world, b])
+        moved = twist(linear, angular)
+        if wp.static(f.contacts):
+            if grid.count[world, b] > 0:
+                moved += twist(push.linear[world, b], wp.vec3(0.0))
+                if wp.static(f.rigid):
+                    moved += twist(wp.vec3(0.0), push.angular[world, b])
+        body = constants_of(model, control, world, b)
+        pose = body_pose(state, world, b)
+        time = wp.float64(step) * model.time_step
+        change = correction(model, control, state, body, world, b, pose, drift, moved, step, time)
+        grid.linear[world, b] = linear + linear_part(change)
+        if wp.static(f.rigid):
+            grid.angular[world, b] = angular + angular_part(change)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def correct(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, size: int
+    ):  # fmt: skip
+        """`size` bodies of a world."""
+        world, share = wp.tid()
+        for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
+            if may_differ(model, b):
+                correct_body(model, control, state, grid, push, world, b)
+
+    return correct
+
+
+__all__ = ["BLOCK", "body_block_term", "draw_block_term", "grid_move_term", "make_correct", "two_stages"]

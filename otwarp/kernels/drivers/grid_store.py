@@ -1,0 +1,89 @@
+"""How a body of the body driver keeps its list of contacts: whole, or as links where that is enough."""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import Move
+from otwarp.kernels.drivers.grid_data import GridData, Link, whole_contacts
+
+
+@wp.func
+def write_contact(grid: GridData, row: int, k: int, c: Contact):
+    """Write a whole contact."""
+    grid.contact[row, k] = c
+
+
+@wp.func
+def read_contact(grid: GridData, row: int, k: int, a: int) -> Contact:
+    """Read a whole contact."""
+    return grid.contact[row, k]
+
+
+@wp.func
+def write_contact_load(grid: GridData, row: int, k: int, load: float):
+    """Write its load."""
+    grid.contact[row, k].load = load
+
+
+@wp.func
+def write_contact_least(grid: GridData, row: int, k: int, least: float):
+    """Write its least load."""
+    grid.contact[row, k].least = least
+
+
+@wp.func
+def write_link(grid: GridData, row: int, k: int, c: Contact):
+    """Write a contact of a lone sphere, without what a lone sphere has not."""
+    own = wp.dot(c.response_a.linear, c.normal)
+    grid.link[row, k] = Link(
+        c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give,
+        c.wander, c.layer, c.least, c.load,
+    )  # fmt: skip
+
+
+@wp.func
+def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
+    """Read a contact of the lone sphere a."""
+    link = grid.link[row, k]
+    c = Contact()
+    c.a = a
+    c.b = link.b
+    c.normal = link.normal
+    c.radius = link.radius
+    c.overlap = link.overlap
+    c.hardness = link.hardness
+    c.force = link.force
+    c.floor = link.floor
+    c.stiffness = link.stiffness
+    c.drift = link.drift
+    c.response_a = Move(link.own * link.normal, wp.vec3(0.0))
+    c.give = link.give
+    c.wander = link.wander
+    c.layer = link.layer
+    c.least = link.least
+    c.load = link.load
+    return c
+
+
+@wp.func
+def write_link_load(grid: GridData, row: int, k: int, load: float):
+    """Write its load."""
+    grid.link[row, k].load = load
+
+
+@wp.func
+def write_link_least(grid: GridData, row: int, k: int, least: float):
+    """Write its least load."""
+    grid.link[row, k].least = least
+
+
+def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
+    """Write and read entry k of a body's list, write its load, and write its least load.
+
+    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Unless
+    `whole_contacts`, an entry holds no arms, and of the responses the body's own along the normal alone.
+    """
+    if whole_contacts(f):
+        return write_contact, read_contact, write_contact_load, write_contact_least
+    return write_link, read_link, write_link_load, write_link_least

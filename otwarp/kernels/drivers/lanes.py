@@ -1,0 +1,186 @@
+"""The `solo` driver's form for CPUs: noise of many steps in one go, and a few bodies at a time in every thread.
+
+Warp's threads on a CPU run one after another. The steps of one body depend on each other, so that a processor which
+could do several things at once would wait; the steps of different bodies do not. A thread therefore owns `GROUP` bodies
+and takes all of them through a step before the next, with the noise of the next steps from `noise_block`. Every body
+goes through the same operations as in a thread of its own: results do not depend on what shares a thread with it.
+"""
+
+import warp as wp
+
+from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
+from otwarp.kernels.core.faults import Fault, finite, raise_fault
+from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
+from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
+from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
+from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
+from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
+
+
+def make_lanes_step(f: Features) -> wp.Kernel:
+    """Step of the `solo` driver on a CPU.
+
+    Launched with `threads_for` all bodies of the launch; its last argument is the number of worlds of the launch.
+    """
+    return make_body_lanes(f) if f.rigid else make_bead_lanes(f)
+
+
+@wp.struct
+class BeadLane:
+    """A lone sphere on its way; `until` is the step of the launch at which it stops."""
+
+    position: wp.vec3
+    until: wp.int32
+    bead: BeadConstants
+    first: EscapeMonitor
+    second: EscapeMonitor
+
+
+bead_lanes_at = view_term(BeadLane)
+
+
+def make_bead_lanes(f: Features) -> wp.Kernel:
+    """Step for lone spheres, as `make_bead_step`."""
+    start, advance, finish = bead_parts(f)
+    draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
+    fresh = fresh_steps(f)
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    def bead_lanes(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        first_world: int,
+        first_step: wp.int64,
+        steps: int,
+        worlds: int,
+    ):
+        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on."""
+        before = wp.tid() * GROUP
+        bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
+        deviates = wp.zeros(shape=(wp.static(GROUP * 3 * BLOCK),), dtype=wp.float32)
+        room = wp.zeros(shape=(GROUP,), dtype=BeadLane)
+        lanes = wp.array(ptr=bead_lanes_at(room), shape=(GROUP,), dtype=BeadLane)
+        # names differ from loop to loop: one that came back would be carried from turn to turn
+        for g0 in range(bodies):
+            w0 = first_world + (before + g0) // wp.static(f.bodies)
+            b0 = (before + g0) % wp.static(f.bodies)
+            lanes[g0] = start(model, control, state, readout, w0, b0)
+            lanes[g0].until = steps
+            lanes[g0].bead.deviates = address_of(deviates, wp.static(3 * BLOCK) * g0)
+        done = int(0)
+        while done < steps:
+            if wp.static(draw is not None):
+                for g1 in range(bodies):
+                    w1 = first_world + (before + g1) // wp.static(f.bodies)
+                    b1 = (before + g1) % wp.static(f.bodies)
+                    now = first_step + wp.int64(done)
+                    draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, w1, b1)
+                    lanes[g1].bead.deviates_from = now
+            for k in range(done, wp.min(done + wp.static(fresh), steps)):
+                for g2 in range(bodies):
+                    w2 = first_world + (before + g2) // wp.static(f.bodies)
+                    b2 = (before + g2) % wp.static(f.bodies)
+                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first_step, k)
+            done += wp.static(fresh)
+        for g3 in range(bodies):
+            w3 = first_world + (before + g3) // wp.static(f.bodies)
+            b3 = (before + g3) % wp.static(f.bodies)
+            finish(model, state, readout, lanes[g3], w3, b3, first_step)
+
+    return bead_lanes
+
+
+def monitors_in_lane(f: Features) -> int:
+    """How many traps a sphere in a lane monitors itself: those whose constants it carries along."""
+    return f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
+
+
+def look_term(f: Features) -> wp.Function:
+    """`(model, lane, world, first, taken) -> two monitors`: what the first two traps see after so many steps."""
+    monitors = monitors_in_lane(f)
+    monitored = monitor_term(f)
+
+    @wp.func
+    def look(
+        model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int
+    ) -> tuple[EscapeMonitor, EscapeMonitor]:
+        """Of those that there are."""
+        bead = lane.bead
+        one = lane.first
+        two = lane.second
+        if wp.static(monitors > 0):
+            one = monitored(model, bead, one, bead.first, bead.first_command, world, 0, lane.position, first, taken)
+        if wp.static(monitors > 1):
+            two = monitored(model, bead, two, bead.second, bead.second_command, world, 1, lane.position, first, taken)
+        return one, two
+
+    return look
+
+
+def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """What happens to a sphere at the start of a launch, in step k, and at the end."""
+    bead_constants = bead_constants_term(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
+    monitors = monitors_in_lane(f)
+    look = look_term(f)
+    note_escapes = escape_term(f) if f.escapes and not monitors else None
+
+    @wp.func
+    def start(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int
+    ) -> BeadLane:
+        """Constants, position, and who monitors."""
+        lane = BeadLane()
+        lane.position = state.position[world, b]
+        lane.bead = bead_constants(model, control, world, b)
+        if wp.static(monitors > 0):
+            lane.first = start_monitor(model.traps, readout, lane.bead, world, b, 0)
+        if wp.static(monitors > 1):
+            lane.second = start_monitor(model.traps, readout, lane.bead, world, b, 1)
+        return lane
+
+    @wp.func
+    def advance(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
+        lanes: wp.array(dtype=BeadLane), g: int, world: int, b: int, first: wp.int64, k: int,
+    ):  # fmt: skip
+        """Look, move, and note escapes that nobody monitors for."""
+        if k < lanes[g].until:
+            lane = lanes[g]
+            if wp.static(monitors > 0):
+                one, two = look(model, lane, world, first, k)
+                lanes[g].first = one
+                if wp.static(monitors > 1):
+                    lanes[g].second = two
+            step = first + wp.int64(k)
+            time = wp.float64(step) * model.time_step
+            here = lane.position
+            moved = here + move_freely(model, control, state, lane.bead, world, b, here, step, time)
+            if finite(moved):
+                lanes[g].position = moved
+                if wp.static(note_escapes is not None):
+                    left = Pose(here, wp.quat_identity())
+                    reached = Pose(moved, wp.quat_identity())
+                    later = time + model.time_step
+                    note_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
+            else:
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                lanes[g].until = k
+
+    @wp.func
+    def finish(
+        model: ModelData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int, b: int, first: wp.int64
+    ):
+        """Position, and escapes with the last step."""
+        state.position[world, b] = lane.position
+        one, two = look(model, lane, world, first, lane.until)
+        if wp.static(monitors > 0):
+            report_escape(readout, one, world, 0, first)
+        if wp.static(monitors > 1):
+            report_escape(readout, two, world, 1, first)
+
+    return start, advance, finish

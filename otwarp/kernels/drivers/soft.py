@@ -1,0 +1,230 @@
+"""The step of lone spheres whose contacts are soft against the time step: one kernel, contact forces explicit.
+
+A contact of stiffness k relaxes within a step by h = k·give (`give` is how far it opens per unit force). Where h stays
+small for the stiffest contact that a run may have, the force at the start of the step serves for all of it, and no
+sweep is needed: Δx = μ·(F + ΣF_contact)·dt + noise, the Euler–Maruyama step of the traps, with its error of h/2 in the
+contact's relaxation; the implicit step of `grid_contacts` errs by as much to the other side. Bodies sit in slots that
+follow the cells, so that what is near in space is near in memory, and places are double-buffered: every thread reads
+the places at the start of the step, and writes its own at the end.
+"""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import NO_CONTACT, pair_law
+from otwarp.kernels.contact.curvature import relative_radius_term
+from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, world_row
+from otwarp.kernels.cpu.noise_block import address_of
+from otwarp.kernels.drivers.grid_data import GridData
+from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term
+from otwarp.kernels.drivers.neighbours import CROWDED, next_crowded_term, watch_move
+from otwarp.kernels.hydrodynamics.walls import out_of_walls
+from otwarp.kernels.optics.escapes import escape_term
+
+
+@wp.struct
+class SoftForce:
+    """Net contact force on a sphere [pN], and the sum of the normal forces."""
+
+    force: wp.vec3
+    load: float
+
+
+@wp.func
+def soft_pair(
+    model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, j: int, step: wp.int64
+) -> SoftForce:
+    """Force of the sphere in slot j on body a, whose centre and radius are `here`."""
+    out = SoftForce(wp.vec3(0.0), 0.0)
+    there = grid.place[grid.row[0], j]
+    way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
+    both = here[3] + there[3]
+    far = both + grid.near.reach
+    square = wp.length_sq(way)
+    if square < far * far:
+        overlap = both - wp.sqrt(square)
+        least = wp.min(here[3], there[3])
+        if overlap > OVERLAP_LIMIT * least:
+            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+        b = grid.order[grid.turn[0], j]
+        law = pair_law(model.contact, a, b, here[3] * there[3] / both, overlap)
+        out.force = law.force * wp.normalize(way)
+        out.load = wp.abs(law.force)
+    return out
+
+
+def soft_walls_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, world, a, here, step) -> SoftForce` of the obstacles."""
+    pose_at = moving_pose if f.moving_obstacles else still_pose
+    distance_to = distance_term(f.obstacles)
+    relative_radius = relative_radius_term(f.obstacles)
+
+    @wp.func
+    def soft_walls(
+        model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, step: wp.int64
+    ) -> SoftForce:
+        """All of them: the lists say whether any is near."""
+        out = SoftForce(wp.vec3(0.0), 0.0)
+        time = wp.float64(step) * model.time_step
+        far = here[3] + grid.near.reach
+        for o in range(model.obstacles.shape.shape[0]):
+            wall = pose_at(model.obstacles, o, time)
+            away = wp.vec3(here[0], here[1], here[2]) - wall.position
+            if wp.length(away) < far + model.obstacles.bound[o]:
+                local = wp.quat_rotate_inv(wall.rotation, away)
+                hit = distance_to(model.obstacles, o, local, far)
+                if hit[3] < far:
+                    overlap = here[3] - hit[3]
+                    if overlap > OVERLAP_LIMIT * here[3]:
+                        raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+                    outward = wp.vec3(hit[0], hit[1], hit[2])
+                    relative = relative_radius(model.obstacles, o, local, outward, here[3])
+                    law = pair_law(model.contact, a, NO_CONTACT, relative, overlap)
+                    out.force += law.force * wp.quat_rotate(wall.rotation, outward)
+                    out.load += wp.abs(law.force)
+        return out
+
+    return soft_walls
+
+
+def soft_contacts_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` on the sphere in slot i, body a."""
+    walls = soft_walls_term(f) if f.obstacles else None
+    next_crowded = next_crowded_term(f) if f.pairs else None
+
+    @wp.func
+    def soft_contacts(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, i: int, a: int,
+        here: wp.vec4, step: wp.int64,
+    ) -> SoftForce:  # fmt: skip
+        """Neighbours in the order of the list, then obstacles."""
+        total = SoftForce(wp.vec3(0.0), 0.0)
+        n = grid.near
+        if wp.static(f.pairs):
+            count = n.count[i]
+            for k in range(count):
+                one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
+                total.force += one.force
+                total.load += one.load
+            if count == CROWDED:
+                j = next_crowded(model, state, grid, world, i, -1)
+                while j >= 0:
+                    one = soft_pair(model, readout, grid, world, a, here, j, step)
+                    total.force += one.force
+                    total.load += one.load
+                    j = next_crowded(model, state, grid, world, i, j)
+        if wp.static(bool(f.obstacles)):
+            if n.walled[i] != 0:
+                one = walls(model, readout, grid, world, a, here, step)
+                total.force += one.force
+                total.load += one.load
+        return total
+
+    return soft_contacts
+
+
+def step_slot_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, world, i, block, k)`: one step of the sphere in slot i."""
+    grid_move = grid_move_term(f)
+    contacts = soft_contacts_term(f)
+    note_escapes = escape_term(f) if f.escapes else None
+
+    @wp.func
+    def step_slot(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData,
+        world: int, i: int, block: wp.uint64, k: int,
+    ):  # fmt: skip
+        """Free move, with the noise at place k of a block, and contact forces, applied unless the body has a fault."""
+        row = grid.row[0]
+        here = grid.place[row, i]
+        b = grid.order[grid.turn[0], i]
+        step = grid.clock[0]
+        pose = Pose(wp.vec3(here[0], here[1], here[2]), wp.quat_identity())
+        move, _drift = grid_move(model, control, state, grid, world, b, pose, block, k)
+        touch = contacts(model, state, readout, grid, world, i, b, here, step)
+        scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        moved = pose.position + move.linear + (scale * model.body.translation[model.body.shape[b]]) * touch.force
+        if not finite(moved):
+            raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+        if wp.static(f.walls > 0):
+            moved = moved + out_of_walls(model.walls, b, Pose(moved, pose.rotation))
+        # faults are rare: one word that all threads share is read first
+        if readout.fault_count[0] != 0:
+            if readout.fault[world, b] != 0:
+                moved = pose.position
+        grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
+        watch_move(grid.near, i, moved)
+        if wp.static(f.escapes):
+            arrived = Pose(moved, pose.rotation)
+            time = wp.float64(step + wp.int64(1)) * model.time_step
+            note_escapes(model, control, state, readout, world, b, pose, arrived, step + wp.int64(1), time)
+        if step + wp.int64(1) == grid.until[0]:
+            readout.contact_force[world, b] = touch.force
+            readout.contact_load[world, b] = touch.load
+
+    return step_slot
+
+
+def make_soft_step(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its slots): one step of one sphere, from the present places to the next."""
+    draw_block = draw_block_term(f) if f.lanes else None
+    step_slot = step_slot_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def soft_step(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, size: int
+    ):
+        """`size` slots of a world."""
+        world, share = wp.tid()
+        first = world * model.bodies
+        begin = first + share * size
+        end = first + wp.min((share + 1) * size, model.bodies)
+        if wp.static(f.lanes):
+            deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
+            for i0 in range(begin, end, wp.static(BLOCK)):
+                count = wp.min(wp.static(BLOCK), end - i0)
+                draw_block(model, grid, deviates, world, i0, count)
+                for k in range(count):
+                    step_slot(model, control, state, readout, grid, world, i0 + k, address_of(deviates, 0), k)
+        else:
+            for i in range(begin, end):
+                step_slot(model, control, state, readout, grid, world, i, wp.uint64(0), 0)
+
+    return soft_step
+
+
+@wp.kernel(enable_backward=False)
+def fill_slots(model: ModelData, grid: GridData, size: int):
+    """Body i of a world in slot i."""
+    world, share = wp.tid()
+    for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
+        grid.order[grid.turn[0], world * model.bodies + b] = b
+
+
+@wp.kernel(enable_backward=False)
+def load_slots(model: ModelData, state: StateData, grid: GridData, size: int):
+    """Present places from the state; contact radius 0 for what does not collide."""
+    world, share = wp.tid()
+    row, turn = grid.row[0], grid.turn[0]
+    for s in range(share * size, wp.min((share + 1) * size, model.bodies)):
+        i = world * model.bodies + s
+        b = grid.order[turn, i]
+        p = state.position[world, b]
+        radius = float(0.0)
+        first = model.contact.start[b]
+        if first < model.contact.start[b + 1]:
+            radius = model.contact.sphere[first][3]
+        grid.place[row, i] = wp.vec4(p[0], p[1], p[2], radius)
+
+
+@wp.kernel(enable_backward=False)
+def store_slots(model: ModelData, state: StateData, grid: GridData, size: int):
+    """The state from the present places."""
+    world, share = wp.tid()
+    row, turn = grid.row[0], grid.turn[0]
+    for s in range(share * size, wp.min((share + 1) * size, model.bodies)):
+        i = world * model.bodies + s
+        p = grid.place[row, i]
+        state.position[world, grid.order[turn, i]] = wp.vec3(p[0], p[1], p[2])

@@ -1,0 +1,185 @@
+"""The `solo` driver: bodies that cannot touch, one thread per (world, body), state in registers for many steps."""
+
+import warp as wp
+
+from otwarp.kernels.bodies.bead import bead_constants_term
+from otwarp.kernels.bodies.rigid import angular_part, linear_part
+from otwarp.kernels.core.faults import Fault, finite, raise_fault
+from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.types import (
+    BeadConstants,
+    ControlData,
+    ModelData,
+    Pose,
+    ReadoutData,
+    StateData,
+    TrapData,
+)
+from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
+from otwarp.kernels.integrate.body import body_dynamics
+from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
+from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
+
+
+def make_solo_step(f: Features) -> wp.Kernel:
+    """Step for bodies that do not touch; lone spheres have a kernel of their own that keeps constants in registers."""
+    return make_body_step(f) if f.rigid else make_bead_step(f)
+
+
+@wp.struct
+class EscapeMonitors:
+    """The views of `FEW_TRAPS` traps."""
+
+    first: EscapeMonitor
+    second: EscapeMonitor
+
+
+def start_monitors_term(f: Features) -> wp.Function:
+    """`(traps, readout, bead, world, b) -> EscapeMonitors` of the traps there are."""
+
+    @wp.func
+    def start_monitors(
+        traps: TrapData, readout: ReadoutData, bead: BeadConstants, world: int, b: int
+    ) -> EscapeMonitors:
+        """Each as `start_monitor`."""
+        monitors = EscapeMonitors()
+        monitors.first = start_monitor(traps, readout, bead, world, b, 0)
+        if wp.static(f.traps == FEW_TRAPS):
+            monitors.second = start_monitor(traps, readout, bead, world, b, 1)
+        return monitors
+
+    return start_monitors
+
+
+def look_term(f: Features) -> wp.Function:
+    """`(model, bead, monitors, world, position, first, taken) -> EscapeMonitors` after `taken` steps of a launch."""
+    monitored = monitor_term(f)
+
+    @wp.func
+    def look(
+        model: ModelData, bead: BeadConstants, monitors: EscapeMonitors, world: int, position: wp.vec3, first: wp.int64,
+        taken: int,
+    ) -> EscapeMonitors:  # fmt: skip
+        """Each as `monitored`."""
+        out = monitors
+        out.first = monitored(
+            model, bead, monitors.first, bead.first, bead.first_command, world, 0, position, first, taken
+        )
+        if wp.static(f.traps == FEW_TRAPS):
+            out.second = monitored(
+                model, bead, monitors.second, bead.second, bead.second_command, world, 1, position, first, taken
+            )
+        return out
+
+    return look
+
+
+def make_bead_step(f: Features) -> wp.Kernel:
+    """Step for lone spheres: whatever does not change over a launch is read once."""
+    bead_constants = bead_constants_term(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
+    monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
+    start_monitors, look = start_monitors_term(f), look_term(f)
+    note_escapes = escape_term(f) if f.escapes and not monitor else None
+
+    # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
+    def bead_step(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        first_world: int,
+        first_step: wp.int64,
+        steps: int,
+    ):
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        world = first_world + wp.tid()
+        b = int(0)
+        if wp.static(f.bodies > 1):
+            b = wp.tid() % wp.static(f.bodies)
+            world = first_world + wp.tid() // wp.static(f.bodies)
+        position = state.position[world, b]
+        bead = bead_constants(model, control, world, b)
+        monitors = EscapeMonitors()
+        if wp.static(monitor):
+            monitors = start_monitors(model.traps, readout, bead, world, b)
+        taken = int(0)
+        for i in range(steps):
+            if wp.static(monitor):
+                monitors = look(model, bead, monitors, world, position, first_step, i)
+            step = first_step + wp.int64(i)
+            time = wp.float64(step) * model.time_step
+            moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
+            if wp.static(f.walls > 0):
+                moved += out_of_walls(model.walls, b, Pose(moved, wp.quat_identity()))
+            if not finite(moved):
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                break
+            taken = i + 1
+            if wp.static(f.escapes and not monitor):
+                before = Pose(position, wp.quat_identity())
+                pose = Pose(moved, wp.quat_identity())
+                note_escapes(
+                    model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
+                )
+            position = moved
+        state.position[world, b] = position
+        if wp.static(monitor):
+            monitors = look(model, bead, monitors, world, position, first_step, taken)
+            report_escape(readout, monitors.first, world, 0, first_step)
+            if wp.static(f.traps == FEW_TRAPS):
+                report_escape(readout, monitors.second, world, 1, first_step)
+
+    return bead_step
+
+
+def make_body_step(f: Features) -> wp.Kernel:
+    """Step for bodies of which some rotate."""
+    constants_of, dynamics = body_dynamics(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
+    note_escapes = escape_term(f) if f.escapes else None
+
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
+    def body_step(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        first_world: int,
+        first_step: wp.int64,
+        steps: int,
+    ):
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        world = first_world + wp.tid()
+        b = int(0)
+        if wp.static(f.bodies > 1):
+            b = wp.tid() % wp.static(f.bodies)
+            world = first_world + wp.tid() // wp.static(f.bodies)
+        pose = Pose(state.position[world, b], state.orientation[world, b])
+        body = constants_of(model, control, world, b)
+        bound = model.body.bound[b]
+        leeway = float(0.0)
+        for i in range(steps):
+            step = first_step + wp.int64(i)
+            time = wp.float64(step) * model.time_step
+            move = move_freely(model, control, state, body, world, b, pose, step, time)
+            if not finite(pose.position + linear_part(move) + angular_part(move)):
+                raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+                break
+            before = pose
+            pose = moved_by(before, move)
+            if wp.static(f.walls > 0):
+                pose.position = pose.position + out_of_walls(model.walls, b, pose)
+            if wp.static(f.escapes):
+                # monitored closely only where something can be lost
+                leeway -= wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
+                if leeway <= 0.0:
+                    arrival = step + wp.int64(1)
+                    later = time + model.time_step
+                    leeway = note_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
+        state.position[world, b] = pose.position
+        state.orientation[world, b] = pose.rotation
+
+    moved_by = dynamics.shifted
+    return body_step

@@ -1,0 +1,375 @@
+"""The `world` driver: a few bodies that may touch, one thread per world, state in local arrays for many steps."""
+
+from dataclasses import dataclass
+
+import warp as wp
+
+from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
+from otwarp.kernels.contact.contact import UNSETTLED, Contact
+from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
+from otwarp.kernels.contact.solve import solve_contacts
+from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
+from otwarp.kernels.core.faults import Fault, finite, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.rotation import rotate_by
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData, vec6
+from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom, load_bodies_term, store_bodies_term
+from otwarp.kernels.hydrodynamics.coupling import block_count
+from otwarp.kernels.hydrodynamics.walls import out_of_walls
+from otwarp.kernels.integrate.body import body_dynamics
+from otwarp.kernels.integrate.integrators import INTEGRATORS
+from otwarp.kernels.optics.escapes import escape_term
+from otwarp.kernels.optics.trap_wrench import move_trap_term
+
+PUSHED = wp.constant(0.1)
+"""How far one body pushes another beyond its own free move in one step at most, relative to its bounding sphere."""
+
+
+@wp.func
+def bounded(bodies: int, body: BodyRoom) -> bool:
+    """Whether all free moves are finite and of a size that a scene can have."""
+    good = bool(True)
+    for b in range(bodies):
+        good = good and finite(body.linear[b]) and finite(body.angular[b])
+    return good
+
+
+def find_contacts_term(f: Features) -> wp.Function:
+    """`find` of `Stages`.
+
+    A gap is a contact if the free moves of its bodies may close it, others pushing as far as the farthest of them, or
+    if its path may touch in between.
+    """
+    pair_contacts = pair_contacts_term(f) if f.pairs else None
+    obstacle_contacts = obstacle_contacts_term(f) if f.obstacles else None
+
+    @wp.func
+    def find_contacts(
+        model: ModelData,
+        readout: ReadoutData,
+        world: int,
+        body: BodyRoom,
+        room: ContactRoom,
+        carry: CarryRoom,
+        step: wp.int64,
+        time: wp.float64,
+    ) -> int:
+        """Every body against the obstacles and against the bodies before it."""
+        position = body.position
+        rotation = body.rotation
+        linear = body.linear
+        angular = body.angular
+        bodies = int(wp.static(f.bodies))
+        count = int(0)
+        farthest = float(0.0)
+        if wp.static(f.brownian):
+            wander = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
+        for a in range(bodies):
+            farthest = wp.max(farthest, free_travel(model, a, Move(linear[a], angular[a])))
+            if wp.static(f.brownian):
+                wander[a] = wander_of(model, world, a)
+        for a in range(bodies):
+            pose_a = Pose(position[a], rotation[a])
+            move_a = Move(linear[a], angular[a])
+            pushed = wp.min(farthest, PUSHED * model.body.bound[a])
+            if wp.static(bool(f.obstacles)):
+                near = pushed
+                if wp.static(f.brownian):
+                    near = wp.max(near, thermal_reach(wander[a]))
+                count = obstacle_contacts(
+                    model, readout, world, a, pose_a, move_a, near, room.contacts, count, step, time
+                )
+            if wp.static(f.pairs):
+                for b in range(a):
+                    pose_b = Pose(position[b], rotation[b])
+                    move_b = Move(linear[b], angular[b])
+                    near = pushed
+                    if wp.static(f.brownian):
+                        near = wp.max(near, thermal_reach(wander[a] + wander[b]))
+                    count = pair_contacts(
+                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, room.contacts, count, step
+                    )  # fmt: skip
+        return count
+
+    return find_contacts
+
+
+@wp.func
+def report_contacts(readout: ReadoutData, world: int, bodies: int, contacts: wp.array(dtype=Contact), count: int):
+    """Net contact force and sum of the normal forces of every body, from the solved contacts."""
+    for b in range(bodies):
+        force = wp.vec3(0.0)
+        load = float(0.0)
+        for i in range(count):
+            c = contacts[i]
+            if c.a == b:
+                force += c.load * c.normal
+                load += wp.abs(c.load)
+            if c.b == b:
+                force -= c.load * c.normal
+                load += wp.abs(c.load)
+        readout.contact_force[world, b] = force
+        readout.contact_load[world, b] = load
+
+
+@wp.func
+def all_good(
+    readout: ReadoutData,
+    world: int,
+    bodies: int,
+    body: BodyRoom,
+    step: wp.int64,
+) -> bool:
+    """Whether the step may be taken: every move is finite and no body of the world has a fault."""
+    good = bool(True)
+    for b in range(bodies):
+        if not finite(body.position[b] + body.linear[b] + body.angular[b]):
+            raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
+        if readout.fault[world, b] != 0:
+            good = False
+    return good
+
+
+def take_moves_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, body, step)`: arrive at `step`."""
+    note_escapes = escape_term(f) if f.escapes else None
+
+    @wp.func
+    def take_moves(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        world: int,
+        body: BodyRoom,
+        step: wp.int64,
+    ):
+        """Move and turn every body, and note what its traps have lost."""
+        position = body.position
+        rotation = body.rotation
+        linear = body.linear
+        angular = body.angular
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            before = Pose(position[b], rotation[b])
+            position[b] = position[b] + linear[b]
+            if wp.static(f.rigid):
+                rotation[b] = rotate_by(rotation[b], angular[b])
+            if wp.static(f.walls > 0):
+                position[b] = position[b] + out_of_walls(model.walls, b, Pose(position[b], rotation[b]))
+            if wp.static(f.escapes):
+                time = wp.float64(step) * model.time_step
+                pose = Pose(position[b], rotation[b])
+                note_escapes(model, control, state, readout, world, b, before, pose, step, time)
+
+    return take_moves
+
+
+def finish_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, body, step) -> bool`: end a step, unless a body has a fault."""
+    take_moves = take_moves_term(f)
+
+    @wp.func
+    def finish(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
+        step: wp.int64,
+    ) -> bool:  # fmt: skip
+        """Whether the world goes on."""
+        good = all_good(readout, world, wp.static(f.bodies), body, step)
+        if good:
+            take_moves(model, control, state, readout, world, body, step + wp.int64(1))
+        return good
+
+    return finish
+
+
+def move_traps_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, time)`: move the foci of all traps towards where they are commanded."""
+    move_trap = move_trap_term(f)
+
+    @wp.func
+    def move_traps(model: ModelData, control: ControlData, state: StateData, world: int, time: wp.float64):
+        """No faster than each may."""
+        for trap in range(model.traps.axis.shape[0]):
+            move_trap(model, control, state, world, trap, time)
+
+    return move_traps
+
+
+def settle_term(f: Features) -> wp.Function:
+    """`settle` of `Stages`, for bodies that move by their own contacts alone."""
+
+    @wp.func
+    def settle(
+        readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
+        step: wp.int64,
+    ):  # fmt: skip
+        """A fault where no solution is found."""
+        # a free move without bound is the fault that `all_good` reports
+        sane = bounded(int(wp.static(f.bodies)), body)
+        error = solve_contacts(
+            room.contacts, count, body.linear, body.angular, room.matrix, room.gap, room.right, room.pivot,
+            room.order, room.on,
+        )  # fmt: skip
+        if error > UNSETTLED * room.contacts[0].radius and sane:
+            raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+
+    return settle
+
+
+def predict_all_term(f: Features) -> wp.Function:
+    """`predict` of `Stages`: each body by itself."""
+    constants_of, dynamics = body_dynamics(f)
+    predict = INTEGRATORS[f.integrator].predict(dynamics)
+
+    @wp.func
+    def predict_all(
+        model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
+        """Moves of the integrator's first stage."""
+        position = body.position
+        rotation = body.rotation
+        linear = body.linear
+        angular = body.angular
+        free = body.free
+        drift = body.drift
+        # a variable: Warp would write out a loop over a constant body by body
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            constants = constants_of(model, control, world, b)
+            pose = Pose(position[b], rotation[b])
+            move, now = predict(model, control, state, constants, world, b, pose, step, time)
+            free[b] = move
+            drift[b] = now
+            linear[b] = linear_part(move)
+            angular[b] = angular_part(move)
+
+    return predict_all
+
+
+def correct_all_term(f: Features) -> wp.Function | None:
+    """`correct` of `Stages`: each body by itself."""
+    scheme = INTEGRATORS[f.integrator]
+    if scheme.correct is None:
+        return None
+    constants_of, dynamics = body_dynamics(f)
+    correct = scheme.correct(dynamics)
+
+    @wp.func
+    def correct_all(
+        model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
+        """Free moves of the whole step."""
+        position = body.position
+        rotation = body.rotation
+        linear = body.linear
+        angular = body.angular
+        free = body.free
+        drift = body.drift
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            constants = constants_of(model, control, world, b)
+            pose = Pose(position[b], rotation[b])
+            moved = twist(linear[b], angular[b])
+            more = correct(model, control, state, constants, world, b, pose, drift[b], moved, step, time)
+            move = free[b] + more
+            linear[b] = linear_part(move)
+            angular[b] = angular_part(move)
+
+    return correct_all
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """What a step of a world is made of, on a `BodyRoom`, a `ContactRoom` and a `CarryRoom`.
+
+    Attributes:
+        predict: `(model, control, state, world, body, carry, step, time)`: free moves of the integrator's first stage.
+        correct: Likewise the second, from where the bodies came to with their contacts, which are then solved once
+            more: a predictor without them would push a trapped body through what it presses on. None for one-stage
+            schemes.
+        find: `(model, readout, world, body, room, carry, step, time) -> count` of contacts; None where nothing touches.
+        settle: `(readout, world, body, room, carry, count, step)`: add what the contacts move to the free moves.
+    """
+
+    predict: wp.Function
+    correct: wp.Function | None
+    find: wp.Function | None
+    settle: wp.Function | None
+
+
+def make_world_step(f: Features) -> wp.Kernel:
+    """Step for a few bodies that may touch."""
+    return make_step_of(
+        f,
+        Stages(
+            predict=predict_all_term(f),
+            correct=correct_all_term(f),
+            find=find_contacts_term(f) if f.contacts else None,
+            settle=settle_term(f) if f.contacts else None,
+        ),
+    )
+
+
+def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
+    """One thread per world, state in local arrays for all `steps`."""
+    predict, correct, find_contacts, settle = stages.predict, stages.correct, stages.find, stages.settle
+    move_traps = move_traps_term(f) if f.speed_limits else None
+    load_bodies, store_bodies, finish = load_bodies_term(f), store_bodies_term(f), finish_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def world_step(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
+        first_step: wp.int64, steps: int,
+    ):  # fmt: skip
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        world = first_world + wp.tid()
+        position = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
+        rotation = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)
+        linear = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
+        angular = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
+        free = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
+        drift = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
+        body = BodyRoom(position, rotation, linear, angular, free, drift)
+        carry = CarryRoom()
+        if wp.static(f.coupling):
+            pair = wp.zeros(shape=(wp.static(block_count(f.bodies)),), dtype=wp.mat33)
+            root = wp.zeros(shape=(wp.static(block_count(f.bodies)),), dtype=wp.mat33)
+            force = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
+            there = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
+            turned = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)
+            later = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
+            carry = CarryRoom(pair, root, force, there, turned, later)
+        if wp.static(f.contacts):
+            contacts = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
+            matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
+            gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+            order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+            on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+            room = ContactRoom(contacts, matrix, gap, right, pivot, order, on)
+        load_bodies(state, world, body)
+        for i in range(steps):
+            step = first_step + wp.int64(i)
+            time = wp.float64(step) * model.time_step
+            predict(model, control, state, world, body, carry, step, time)
+            if wp.static(f.speed_limits):
+                move_traps(model, control, state, world, time)
+            if wp.static(f.contacts):
+                count = find_contacts(model, readout, world, body, room, carry, step, time)
+                settle(readout, world, body, room, carry, count, step)
+            if wp.static(correct is not None):
+                correct(model, control, state, world, body, carry, step, time)
+                if wp.static(f.contacts):
+                    settle(readout, world, body, room, carry, count, step)
+            if wp.static(f.contacts):
+                if i == steps - 1:
+                    report_contacts(readout, world, wp.static(f.bodies), contacts, count)
+            if not finish(model, control, state, readout, world, body, step):
+                break
+        store_bodies(state, world, body)
+
+    return world_step

@@ -1,0 +1,15 @@
+"""Square roots in float64, rounded correctly: as `otwarp.kernels.core.roots`."""
+
+import warp as wp
+
+
+@wp.func
+def square_root(x: wp.float64) -> wp.float64:
+    """√x."""
+    return wp.sqrt(x)
+
+
+@wp.func
+def reciprocal_root(x: wp.float64) -> wp.float64:
+    """1/√x; inf for x = 0."""
+    return wp.float64(1.0) / wp.sqrt(x)

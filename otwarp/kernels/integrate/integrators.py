@@ -1,0 +1,187 @@
+"""Time integrators behind one signature, for lone spheres and rigid bodies alike.
+
+The motion is dx = a(x, t) dt + σ dW with the drift a = M F + u (mobility, forces, flow) and σσᵀ = 2 k_B T M. A new
+scheme is one or two functions of `schemes` and one line of `INTEGRATORS`. Weak order is that of averages over many
+paths: of distributions, correlations and escape times.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import warp as wp
+
+from otwarp.kernels.core.dynamics import Dynamics
+from otwarp.kernels.core.types import ControlData, ModelData, StateData
+from otwarp.kernels.integrate.schemes import (
+    correct_exponential,
+    correct_heun,
+    exponential_at_once,
+    heun_in_a_loop,
+    predict_euler_maruyama,
+    predict_exponential,
+    predict_leimkuhler_matthews,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integrator:
+    """A scheme.
+
+    Attributes:
+        predict, correct: Factories of its two functions; `correct` is None for one-stage schemes.
+        weak_order: Order of averages in the time step.
+        decay: Of a spring of rate k by z = k·dt: mean of x after a step over x before it, e^{−z} if exact.
+        variance: Its stationary variance over k_B T/k.
+        stable: z up to which it is stable.
+        rim: z allowed where an optical force is steepest, at a wanted accuracy of 1 %: there it is far from linear, and
+            escapes depend on it. Found by `otwarp bench integrators`.
+        source: Where the scheme is described.
+        noise_ahead: Steps after the present one whose noise it uses, too.
+    """
+
+    predict: Callable[[Dynamics], wp.Function]
+    correct: Callable[[Dynamics], wp.Function] | None
+    weak_order: int
+    decay: Callable[[float], float]
+    variance: Callable[[float], float]
+    stable: float
+    rim: float
+    source: str
+    noise_ahead: int = 0
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the force in one step."""
+        return 1 if self.correct is None else 2
+
+    def variance_error(self, z: float) -> float:
+        """Relative error of the stationary variance of a spring with k·dt = z; inf if it is unstable."""
+        if z < VANISHING:
+            return 0.0
+        return self.variance(z) - 1.0 if z < self.stable else math.inf
+
+    def rate_error(self, z: float) -> float:
+        """Relative error of the rate at which its correlations decay; inf if it is unstable or overshoots."""
+        if z < VANISHING:
+            return 0.0
+        decay = self.decay(z)
+        return -math.log(decay) / z - 1.0 if z < self.stable and decay > 0.0 else math.inf
+
+    def largest_product(self, accuracy: float, noise: str = "gaussian") -> float:
+        """Largest z = k·dt, up to `LONGEST`, at which both errors stay within `accuracy`; less with uniform noise."""
+        low, high = 0.0, LONGEST
+        for _ in range(60):
+            z = 0.5 * (low + high)
+            good = max(abs(self.variance_error(z)), abs(self.rate_error(z))) <= accuracy
+            low, high = (z, high) if good else (low, z)
+        return min(low, self.rim_product(accuracy, noise)) if noise == "uniform" else low
+
+    def rim_product(self, accuracy: float, noise: str) -> float:
+        """Largest z where a force is steepest; errors grow as its power `weak_order`, with uniform noise as itself."""
+        if noise == "uniform":
+            return min(FIRST_ORDER_RIM * accuracy / 0.01, LONGEST)
+        return min(self.rim * (accuracy / 0.01) ** (1.0 / self.weak_order), LONGEST)
+
+
+FIRST_ORDER_RIM = 0.045
+"""`rim` of schemes of first order."""
+
+VANISHING = 1e-6
+"""k·dt below which a step has no error, and differences from 1 no digits left."""
+
+LONGEST = 0.5
+"""Largest k·dt that any accuracy is given: forces are not linear over what noise moves in a longer step."""
+
+
+def stationary_variance(decay: float, noise: float, z: float) -> float:
+    """Variance over k_B T/k of x' = decay·x + noise·√(2 D dt) ξ."""
+    return 2.0 * z * noise * noise / (1.0 - decay * decay)
+
+
+def heun_decay(z: float) -> float:
+    """Mean of one Heun step of a spring."""
+    return 1.0 - z + 0.5 * z * z
+
+
+def exponential_decay(z: float) -> float:
+    """Mean of one exponential step of a spring: e^{−z} as far as the series goes."""
+    return 1.0 - z + z * z / 2.0 - z**3 / 6.0 + z**4 / 24.0
+
+
+INTEGRATORS: dict[str, Integrator] = {
+    "eulerMaruyama": Integrator(
+        predict=predict_euler_maruyama,
+        correct=None,
+        weak_order=1,
+        decay=lambda z: 1.0 - z,
+        variance=lambda z: 1.0 / (1.0 - 0.5 * z),
+        stable=2.0,
+        rim=FIRST_ORDER_RIM,
+        source="Maruyama 1955, doi:10.1007/BF02846028; Ermak & McCammon 1978, doi:10.1063/1.436761",
+    ),
+    "leimkuhlerMatthews": Integrator(
+        predict=predict_leimkuhler_matthews,
+        correct=None,
+        noise_ahead=1,
+        weak_order=1,
+        decay=lambda z: 1.0 - z,
+        variance=lambda z: 1.0,
+        stable=2.0,
+        rim=0.06,
+        source="Leimkuhler & Matthews 2013, doi:10.1093/amrx/abs010",
+    ),
+    "heun": Integrator(
+        predict=predict_euler_maruyama,
+        correct=correct_heun,
+        weak_order=2,
+        decay=heun_decay,
+        variance=lambda z: stationary_variance(heun_decay(z), 1.0 - 0.5 * z, z),
+        stable=2.0,
+        rim=0.25,
+        source="Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, section 15.1",
+    ),
+    "exponential": Integrator(
+        predict=predict_exponential,
+        correct=correct_exponential,
+        weak_order=2,
+        decay=exponential_decay,
+        variance=lambda z: stationary_variance(
+            exponential_decay(z), 1.0 - z / 2.0 + 5.0 / 24.0 * z * z - z**3 / 16.0, z
+        ),
+        stable=2.0,
+        rim=0.25,
+        source="Cox & Matthews 2002, doi:10.1006/jcph.2002.6995, with the noise of an Ornstein–Uhlenbeck process",
+    ),
+}
+"""Integrators by the names of `ot:scene:integrator`."""
+
+
+def whole_step(scheme: Integrator, d: Dynamics) -> wp.Function:
+    """`(model, control, state, constants, world, b, pose, step, time) -> move` of a body that touches nothing."""
+    if scheme.correct is correct_heun and d.large:
+        return heun_in_a_loop(d)
+    if scheme.correct is correct_exponential:
+        return exponential_at_once(d)
+    predict = scheme.predict(d)
+    correct = scheme.correct(d) if scheme.correct is not None else None
+
+    @wp.func
+    def move_freely(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        constants: d.constants,
+        world: int,
+        b: int,
+        pose: d.pose,
+        step: wp.int64,
+        time: wp.float64,
+    ) -> d.move:
+        """One step."""
+        move, drift = predict(model, control, state, constants, world, b, pose, step, time)
+        if wp.static(correct is not None):
+            move += correct(model, control, state, constants, world, b, pose, drift, move, step, time)
+        return move
+
+    return move_freely

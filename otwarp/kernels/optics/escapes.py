@@ -1,0 +1,175 @@
+"""Escape detection: the first step in which a trap loses the sphere it holds.
+
+A sphere has escaped when it is out of the trap's reach at the end of a step, or was in between: a Brownian path that
+starts the step at d₀ and ends it at d₁ inside a boundary has crossed it with probability exp(−2 d₀ d₁/s²), s² the
+variance of the step's displacement along one axis (Gobet 2000, doi:10.1016/S0304-4149(99)00109-X; the boundary counts
+as flat). Without this, escapes come late by O(√dt).
+"""
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.random import Stream, noise_words, uniform
+from otwarp.kernels.core.roots import reciprocal_root, square_root
+from otwarp.kernels.core.types import (
+    BeadConstants,
+    ControlData,
+    ModelData,
+    Pose,
+    ReadoutData,
+    StateData,
+    TrapConstants,
+    TrapData,
+    world_row,
+)
+from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
+
+NEAR = wp.constant(5.0)
+"""Distance from the boundary, in standard deviations s of a step, beyond which no crossing is looked for: had both ends
+been that far inside, one would happen with probability e⁻⁵⁰."""
+
+
+@wp.func
+def crossed(
+    seed: wp.uint32, world: int, trap: int, step: wp.int64, reach: float, before2: float, after2: float, s2: float
+) -> bool:
+    """Whether the path of a step between two squared distances inside `reach` [µm] went out and came back."""
+    per_s = reciprocal_root(s2)
+    inside = 2.0 * (reach - square_root(before2)) * (reach - square_root(after2)) * per_s * per_s
+    words = noise_words(seed, wp.static(wp.uint32(Stream.CROSSING)), step, world, trap)
+    return uniform(words[0]) < wp.exp(-inside)
+
+
+def escape_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: note the first step of a loss.
+
+    `step` and `time` are those of the arrival at `pose`, from `before`. A focus with a speed limit counts as where it
+    has come to, at both ends of the step. As long as no point of the body has moved by
+    the leeway [µm], nothing can be lost.
+    """
+    trap_command = trap_command_term(f)
+
+    @wp.func
+    def distance2(model: ModelData, trap: int, command: wp.vec4, pose: Pose) -> float:
+        """Squared distance of the held sphere from the equilibrium point [µm²]."""
+        held = pose.position + wp.quat_rotate(pose.rotation, model.traps.held_offset[trap])
+        return wp.length_sq(held - anchor_of(model, trap, command))
+
+    @wp.func
+    def note_escapes(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        world: int,
+        b: int,
+        before: Pose,
+        pose: Pose,
+        step: wp.int64,
+        time: wp.float64,
+    ) -> float:
+        """Compare the held sphere's distance with the trap's reach; how much farther the body may go unwatched [µm]."""
+        leeway = float(wp.inf)
+        for trap in range(model.traps.axis.shape[0]):
+            if model.traps.held_body[trap] == b and readout.escape_step[world, trap] < wp.int64(0):
+                command = trap_command(model, control, state, world, trap, time)
+                reach = model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
+                after2 = distance2(model, trap, command, pose)
+                near = reach
+                # a dark trap holds nothing that could escape
+                lost = command[3] > 0.0 and after2 > reach * reach
+                if wp.static(f.brownian and f.crossings):
+                    if command[3] > 0.0 and not lost:
+                        s2 = spread2(model, world, trap)
+                        near = wp.max(reach - NEAR * wp.sqrt(s2), 0.0)
+                        start = trap_command(model, control, state, world, trap, time - model.time_step)
+                        before2 = distance2(model, trap, start, before)
+                        if wp.max(before2, after2) > near * near and before2 < reach * reach:
+                            lost = crossed(
+                                model.seed, world, trap, step - wp.int64(1), reach, before2, after2, s2
+                            )  # fmt: skip
+                if lost:
+                    readout.escape_step[world, trap] = step
+                elif command[3] > 0.0:
+                    leeway = wp.min(leeway, near - wp.sqrt(after2))
+                if wp.static(not f.still_traps):
+                    leeway = 0.0
+        return leeway
+
+    return note_escapes
+
+
+@wp.func
+def spread2(model: ModelData, world: int, trap: int) -> float:
+    """Variance of the thermal displacement of a held sphere along one axis in one step [µm²]."""
+    viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+    energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+    return 2.0 * energy * model.traps.held_mobility[trap] / viscosity * wp.float32(model.time_step)
+
+
+@wp.struct
+class EscapeMonitor:
+    """One trap's view of a lone sphere, kept in registers over a launch."""
+
+    reach: wp.float32  # distance at which the sphere has escaped [µm], inf if the trap does not hold it or lost it
+    near2: wp.float32  # squared distance beyond which it may have left and come back within a step [µm²]
+    last2: wp.float32  # squared distance one step ago [µm²]
+    escape: wp.int32  # steps of this launch after which it was lost, -1: never
+
+
+@wp.func
+def start_monitor(
+    traps: TrapData, readout: ReadoutData, bead: BeadConstants, world: int, b: int, trap: int
+) -> EscapeMonitor:
+    """Monitor the sphere that a trap holds, unless it is another one or has escaped before."""
+    monitor = EscapeMonitor()
+    monitor.reach = traps.held_range[world_row(traps.held_range.shape[0], world), trap]
+    if traps.held_body[trap] != b or readout.escape_step[world, trap] >= wp.int64(0) or bead.trapped == 0:
+        monitor.reach = wp.inf
+    near = wp.max(monitor.reach - NEAR * bead.spread, 0.0)
+    monitor.near2 = near * near
+    monitor.escape = -1
+    return monitor
+
+
+def monitor_term(f: Features) -> wp.Function:
+    """`(model, bead, monitor, law, command, world, trap, position, first, taken) -> monitor` after `taken` steps."""
+
+    @wp.func
+    def monitored(
+        model: ModelData,
+        bead: BeadConstants,
+        monitor: EscapeMonitor,
+        law: TrapConstants,
+        command: wp.vec4,
+        world: int,
+        trap: int,
+        position: wp.vec3,
+        first: wp.int64,
+        taken: int,
+    ) -> EscapeMonitor:
+        """Lost if out of reach of a trap that shines, now or since the last look."""
+        # the same displacement as the force of the step needs, so that it is computed once
+        away2 = wp.length_sq(position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis))
+        if wp.max(away2, monitor.last2) > monitor.near2 and command[3] > 0.0:
+            lost = away2 > monitor.reach * monitor.reach
+            if wp.static(f.brownian and f.crossings):
+                if taken > 0 and not lost:
+                    step = first + wp.int64(taken - 1)
+                    s2 = bead.spread * bead.spread
+                    lost = crossed(model.seed, world, trap, step, monitor.reach, monitor.last2, away2, s2)
+            if lost:
+                monitor.escape = taken
+                monitor.reach = wp.inf
+                monitor.near2 = wp.inf
+        monitor.last2 = away2
+        return monitor
+
+    return monitored
+
+
+@wp.func
+def report_escape(readout: ReadoutData, monitor: EscapeMonitor, world: int, trap: int, first: wp.int64):
+    """Report a loss; a sphere that starts out of reach escapes with the first step."""
+    if monitor.escape >= 0:
+        readout.escape_step[world, trap] = first + wp.int64(wp.max(monitor.escape, 1))

@@ -1,0 +1,211 @@
+"""Authored force laws of a trap: springs and the two-branch law of the paper (eq. 1), in one or two directions.
+
+Each has the three functions of a force model, see `traps`.
+"""
+
+import warp as wp
+
+from otwarp.kernels.core.roots import reciprocal_root
+from otwarp.kernels.core.types import TrapConstants, TrapData, world_row
+
+
+@wp.func
+def piecewise_ratio(
+    d2: float, stiffness: float, threshold2: float, inverse_square: float, offset: float, cutoff2: float
+) -> float:
+    """f(d)/d of the paper's piecewise law (eq. 1): K below the threshold, (A/d² + C)/d up to the cutoff, 0 beyond.
+
+    `d2`, `threshold2` and `cutoff2` are squared distances [µm²]; the result is in pN/µm per mW.
+    """
+    ratio = stiffness
+    if d2 >= threshold2:
+        per_distance = reciprocal_root(d2)
+        ratio = (inverse_square * per_distance * per_distance + offset) * per_distance
+    if d2 >= cutoff2:
+        ratio = 0.0
+    return ratio
+
+
+@wp.func
+def harmonic_ratio(d2: float, stiffness: float, cutoff2: float) -> float:
+    """f(d)/d of a linear spring that ends at the cutoff [pN/µm per mW], from squared distances [µm²]."""
+    return wp.where(d2 < cutoff2, stiffness, 0.0)
+
+
+@wp.func
+def law_scale(traps: TrapData, trap: int, radius: float) -> float:
+    """Factor on distances for a sphere of `radius`: ray optics makes the force a function of d/r."""
+    fitted = traps.law_radius[trap]
+    scale = float(1.0)
+    if fitted > 0.0:
+        scale = fitted / radius
+    return scale
+
+
+@wp.func
+def beam_frame(traps: TrapData, trap: int) -> TrapConstants:
+    """Axes of the beam and its equilibrium; nothing of its force."""
+    law = TrapConstants()
+    law.model = traps.model[trap]
+    law.axis = traps.axis[trap]
+    law.side = traps.side[trap]
+    law.up = wp.cross(law.axis, law.side)
+    law.equilibrium = traps.equilibrium[trap]
+    return law
+
+
+@wp.func
+def squared_distance(distance: float, scale: float) -> float:
+    """Square of a law's distance as the sphere at hand has it [µm²]; exact where nothing is scaled."""
+    scaled = distance / scale
+    return scaled * scaled
+
+
+def prepare_law(branches: bool, split: bool) -> wp.Function:
+    """`prepare` of an authored law: with the branches of eq. 1 or without, one curve or one across and one along.
+
+    A law that was fitted for another radius is f(s·d), s = `law_scale`: f(s·d)/d has s·K, A/s² and C in place of K, A
+    and C, and its distances are divided by s.
+    """
+
+    @wp.func
+    def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+        """Row of this world or the one of all."""
+        law = beam_frame(traps, trap)
+        s = law_scale(traps, trap, radius)
+        law.stiffness = s * traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
+        law.cutoff2 = squared_distance(traps.cutoff[world_row(traps.cutoff.shape[0], world), trap], s)
+        if wp.static(branches):
+            law.threshold2 = squared_distance(traps.threshold[world_row(traps.threshold.shape[0], world), trap], s)
+            law.inverse_square = traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap] / (s * s)
+            law.offset = traps.offset[world_row(traps.offset.shape[0], world), trap]
+        if wp.static(split):
+            row = world_row(traps.axial_cutoff.shape[0], world)
+            law.axial_cutoff2 = squared_distance(traps.axial_cutoff[row, trap], s)
+            law.axial_stiffness = s * traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap]
+            law.reach2 = wp.max(law.cutoff2, law.axial_cutoff2)
+        if wp.static(split and branches):
+            row = world_row(traps.axial_threshold.shape[0], world)
+            law.axial_threshold2 = squared_distance(traps.axial_threshold[row, trap], s)
+            law.axial_inverse_square = traps.axial_inverse_square[row, trap] / (s * s)
+            law.axial_offset = traps.axial_offset[row, trap]
+        return law
+
+    return prepare
+
+
+@wp.func
+def harmonic_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    """F = −K·d per mW inside the cutoff, equal in all directions."""
+    d2 = wp.dot(displacement, displacement)
+    return -harmonic_ratio(d2, law.stiffness, law.cutoff2) * displacement
+
+
+@wp.func
+def harmonic_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    """F = −K_r·ρ − K_z·z per mW, each inside its own cutoff, and nothing beyond the larger."""
+    z = wp.dot(displacement, law.axis)
+    d2 = wp.dot(displacement, displacement)
+    f_r = harmonic_ratio(d2 - z * z, law.stiffness, law.cutoff2)
+    f_z = harmonic_ratio(z * z, law.axial_stiffness, law.axial_cutoff2)
+    if d2 >= law.reach2:
+        f_r = float(0.0)
+        f_z = float(0.0)
+    # with ρ = d − z·axis: all of d as if across, and along the beam the difference
+    return ((f_r - f_z) * z) * law.axis - f_r * displacement
+
+
+@wp.func
+def piecewise_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    """The paper's eq. 1, directed to the trap and equal in all directions, per mW."""
+    d2 = wp.dot(displacement, displacement)
+    ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+    return -ratio * displacement
+
+
+@wp.func
+def piecewise_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+    """Eq. 1 with separate curves across and along the beam, per mW; zero beyond the larger cutoff."""
+    z = wp.dot(displacement, law.axis)
+    across = displacement - z * law.axis
+    force = wp.vec3(0.0)
+    if wp.dot(displacement, displacement) < law.reach2:
+        r2 = wp.dot(across, across)
+        f_r = piecewise_ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        f_z = piecewise_ratio(
+            z * z,
+            law.axial_stiffness,
+            law.axial_threshold2,
+            law.axial_inverse_square,
+            law.axial_offset,
+            law.axial_cutoff2,
+        )
+        force = -f_r * across - (f_z * z) * law.axis
+    return force
+
+
+@wp.func
+def piecewise_curvature(d2: float, threshold2: float, inverse_square: float, offset: float, cutoff2: float) -> float:
+    """(df/dd − f/d)/d² of the piecewise law [pN/µm³ per mW]; zero on its linear branch and beyond the cutoff."""
+    curvature = float(0.0)
+    if d2 >= threshold2 and d2 < cutoff2:
+        per_distance2 = 1.0 / d2
+        per_distance = wp.sqrt(per_distance2)
+        curvature = -(3.0 * inverse_square * per_distance2 + offset) * per_distance * per_distance2
+    return curvature
+
+
+@wp.func
+def harmonic_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """K inside the cutoff."""
+    k = harmonic_ratio(wp.dot(displacement, displacement), law.stiffness, law.cutoff2)
+    return k * wp.identity(n=3, dtype=float)
+
+
+@wp.func
+def harmonic_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """K_r across and K_z along, each inside its own cutoff."""
+    z = wp.dot(displacement, law.axis)
+    d2 = wp.dot(displacement, displacement)
+    f_r = harmonic_ratio(d2 - z * z, law.stiffness, law.cutoff2)
+    f_z = harmonic_ratio(z * z, law.axial_stiffness, law.axial_cutoff2)
+    result = f_r * wp.identity(n=3, dtype=float) + (f_z - f_r) * wp.outer(law.axis, law.axis)
+    if d2 >= law.reach2:
+        result = wp.mat33(0.0)
+    return result
+
+
+@wp.func
+def piecewise_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """f/d across the displacement and df/dd along it."""
+    d2 = wp.dot(displacement, displacement)
+    ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+    curvature = piecewise_curvature(d2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+    return ratio * wp.identity(n=3, dtype=float) + curvature * wp.outer(displacement, displacement)
+
+
+@wp.func
+def piecewise_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+    """The same of the two curves."""
+    z = wp.dot(displacement, law.axis)
+    across = displacement - z * law.axis
+    result = wp.mat33(0.0)
+    if wp.dot(displacement, displacement) < law.reach2:
+        r2 = wp.dot(across, across)
+        z2 = z * z
+        f_r = piecewise_ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        c_r = piecewise_curvature(r2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        f_z = piecewise_ratio(
+            z2,
+            law.axial_stiffness,
+            law.axial_threshold2,
+            law.axial_inverse_square,
+            law.axial_offset,
+            law.axial_cutoff2,
+        )
+        c_z = piecewise_curvature(
+            z2, law.axial_threshold2, law.axial_inverse_square, law.axial_offset, law.axial_cutoff2
+        )
+        result = f_r * wp.identity(n=3, dtype=float) + c_r * wp.outer(across, across)
+        result += (f_z + c_z * z2 - f_r) * wp.outer(law.axis, law.axis)
+    return result

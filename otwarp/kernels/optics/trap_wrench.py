@@ -1,0 +1,361 @@
+"""What the traps do to a body: where each of them is, whether it reaches, and the wrench it exerts."""
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.types import (
+    Aim,
+    ControlData,
+    ModelData,
+    Pose,
+    RigidConstants,
+    StateData,
+    Wrench,
+    mat66,
+    world_row,
+)
+from otwarp.kernels.cpu.rigid_block import AIMS, SPHERES
+from otwarp.kernels.cpu.table_block import address_of_aims, table_wrench_term
+from otwarp.kernels.optics.traps import (
+    LAYER_NAMES,
+    commanded_animated,
+    commanded_still,
+    limited_focus,
+    table_name,
+    trap_force_term,
+)
+
+
+def trap_command_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now."""
+    commanded = commanded_animated if f.moving_traps else commanded_still
+
+    @wp.func
+    def trap_command(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64
+    ) -> wp.vec4:
+        """Focus as commanded, or as far as the speed limit let it come, and power."""
+        command = commanded(model.traps, control, world, trap, time)
+        if wp.static(f.speed_limits):
+            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
+                p = state.trap_position[world, trap]
+                command = wp.vec4(p[0], p[1], p[2], command[3])
+        return command
+
+    return trap_command
+
+
+def move_trap_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, time)`: move a focus from `time` one step on, as fast as it may.
+
+    It heads for where the command is at the end of the step.
+    """
+    commanded = commanded_animated if f.moving_traps else commanded_still
+
+    @wp.func
+    def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
+        """Write the new focus to `state.trap_position`."""
+        wanted = commanded(model.traps, control, world, trap, time + model.time_step)
+        now = state.trap_position[world, trap]
+        dt = wp.float32(model.time_step)
+        goal = wp.vec3(wanted[0], wanted[1], wanted[2])
+        state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
+
+    return move_trap
+
+
+@wp.func
+def anchor_of(model: ModelData, trap: int, command: wp.vec4) -> wp.vec3:
+    """Equilibrium point of a trap whose focus is commanded to be there [µm]."""
+    return wp.vec3(command[0], command[1], command[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
+
+
+def reach_term(f: Features) -> wp.Function:
+    """`(model, world, trap, largest) -> reach` of a trap on spheres up to a radius, from its equilibrium point [µm]."""
+    split = any(m.endswith("split") for m in f.trap_models)
+
+    @wp.func
+    def reach_of(model: ModelData, world: int, trap: int, largest: float) -> float:
+        """The larger cutoff."""
+        reach = model.traps.cutoff[world_row(model.traps.cutoff.shape[0], world), trap]
+        if wp.static(split):
+            axial = model.traps.axial_cutoff[world_row(model.traps.axial_cutoff.shape[0], world), trap]
+            reach = wp.max(reach, axial)
+        if model.traps.law_radius[trap] > 0.0:
+            reach *= largest / model.traps.law_radius[trap]
+        return reach
+
+    return reach_of
+
+
+KEPT_AIMS = 4
+"""Up to this many traps the loops over them are unrolled, and traps that stay where they are stay in registers."""
+
+
+def aim_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, b, pose, trap, time) -> Aim`: where a trap is, and whether it reaches a body."""
+    trap_command = trap_command_term(f)
+    reach_of = reach_term(f)
+
+    @wp.func
+    def aim(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        world: int,
+        b: int,
+        pose: Pose,
+        trap: int,
+        time: wp.float64,
+    ) -> Aim:
+        """A trap that is dark or too far to reach any sphere of the body costs one distance."""
+        command = trap_command(model, control, state, world, trap, time)
+        anchor = anchor_of(model, trap, command)
+        reach = reach_of(model, world, trap, model.body.largest[b])
+        near = reach + model.body.bound[b]
+        away2 = wp.length_sq(pose.position - anchor)
+        return Aim(anchor, command[3], wp.where(away2 < near * near and command[3] > 0.0, reach * reach, 0.0))
+
+    return aim
+
+
+def sphere_force_term(f: Features) -> wp.Function:
+    """`(model, world, aim, trap, place, radius, kind) -> force` of one trap on one sphere [pN]."""
+    _, prepare, trap_force, _ = trap_force_term(f.trap_models)
+
+    @wp.func
+    def sphere_force(
+        model: ModelData, world: int, aim: Aim, trap: int, place: wp.vec3, radius: float, kind: int
+    ) -> wp.vec3:
+        """Nothing beyond the trap's reach, for the price of a distance."""
+        force = wp.vec3(0.0)
+        away = place - aim.anchor
+        if wp.length_sq(away) < aim.reach2:
+            law = prepare(model.traps, world, trap, radius, kind)
+            force = aim.power * trap_force(model.traps, law, away)
+        return force
+
+    return sphere_force
+
+
+def keeps_aims(f: Features) -> bool:
+    """Whether where the traps are is known before a loop of steps: `RigidConstants` holds it then."""
+    return f.still_traps and 0 < f.traps <= KEPT_AIMS
+
+
+@wp.func
+def kept_aim(body: RigidConstants, trap: int) -> Aim:
+    """Of a trap that stays where it is; in an unrolled loop a read of registers."""
+    row = body.aims[trap]
+    return Aim(wp.vec3(row[0], row[1], row[2]), row[3], body.reaches[trap])
+
+
+def kept_aims_term(f: Features) -> wp.Function:
+    """`(model, control, world, b, body) -> RigidConstants` with the aims of all traps."""
+    reach_of = reach_term(f)
+
+    @wp.func
+    def kept_aims(model: ModelData, control: ControlData, world: int, b: int, body: RigidConstants) -> RigidConstants:
+        """Their equilibrium points, powers and squared reaches."""
+        for trap in range(wp.static(f.traps)):
+            command = commanded_still(model.traps, control, world, trap, wp.float64(0.0))
+            anchor = anchor_of(model, trap, command)
+            body.aims[trap] = wp.vec4(anchor[0], anchor[1], anchor[2], command[3])
+            reach = reach_of(model, world, trap, model.body.largest[b])
+            body.reaches[trap] = wp.where(command[3] > 0.0, reach * reach, 0.0)
+        return body
+
+    return kept_aims
+
+
+def blocked_table(f: Features) -> tuple[int, bool] | None:
+    """Layers of the tables, and whether all beams are upright, where a CPU has their forces from `table_block`."""
+    if not f.lanes or len(f.trap_models) != 1:
+        return None
+    names = {
+        table_name("bilinear", layers, upright): (layers, upright)
+        for layers in LAYER_NAMES
+        for upright in (False, True)
+    }
+    return names.get(f.trap_models[0])
+
+
+def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
+    """`trap_wrench_term` of bilinear tables in the lanes of a CPU."""
+    aim_at = aim_term(f)
+    aims_are_kept = keeps_aims(f)
+    table_wrench = table_wrench_term(f.traps, layers, upright)
+
+    @wp.func
+    def blocked_wrench(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> Wrench:
+        """Aims where they are kept, or as they are now."""
+        at = body.kept + wp.static(wp.uint64(4 * AIMS))
+        if wp.static(not aims_are_kept):
+            aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
+            traps = int(wp.static(f.traps))
+            for trap in range(traps):
+                aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+            at = address_of_aims(aims)
+        both = table_wrench(
+            body.kept + wp.static(wp.uint64(4 * SPHERES)),
+            at,
+            pose.position,
+            rotation_matrix(pose.rotation),
+            model.body.trapped,
+            model.body.trapped_kind,
+            model.body.trapped_start[b],
+            model.body.trapped_start[b + 1],
+            model.traps.axis,
+            model.traps.side,
+            model.traps.equilibrium,
+            model.traps.table,
+            model.traps.finest,
+            model.traps.tables.node,
+            model.traps.tables.level_start,
+            model.traps.tables.level,
+        )
+        return Wrench(wp.vec3(both[0], both[1], both[2]), wp.vec3(both[3], both[4], both[5]))
+
+    return blocked_wrench
+
+
+def trap_wrench_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> Wrench` of all traps (the sum of MSDM, eq. 2)."""
+    blocked = blocked_table(f)
+    if blocked is not None:
+        return blocked_wrench_term(f, *blocked)
+    aim_at = aim_term(f)
+    force_on = sphere_force_term(f)
+    aims_are_kept, unrolled = keeps_aims(f), f.traps <= KEPT_AIMS
+
+    @wp.func
+    def trap_wrench(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> Wrench:
+        """Sphere by sphere, because where a sphere is takes longer to find than where a trap is."""
+        total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
+        aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
+        if wp.static(aims_are_kept):
+            for trap in range(wp.static(f.traps)):
+                aims[trap] = kept_aim(body, trap)
+        else:
+            traps = int(wp.static(f.traps))
+            for trap in range(traps):
+                aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+        turn = rotation_matrix(pose.rotation)
+        for element in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
+            sphere = model.body.trapped[element]
+            kind = model.body.trapped_kind[element]
+            arm = turn * wp.vec3(sphere[0], sphere[1], sphere[2])
+            place = pose.position + arm
+            force = wp.vec3(0.0)
+            if wp.static(unrolled):
+                for trap in range(wp.static(f.traps)):
+                    force += force_on(model, world, aims[trap], trap, place, sphere[3], kind)
+            else:
+                many = int(wp.static(f.traps))
+                for trap in range(many):
+                    force += force_on(model, world, aims[trap], trap, place, sphere[3], kind)
+            total.force += force
+            total.torque += wp.cross(arm, force)
+        return total
+
+    return trap_wrench
+
+
+def wrench_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> Wrench`: all forces on a body that are not contact."""
+    trap_wrench = trap_wrench_term(f) if f.trap_models else None
+
+    @wp.func
+    def wrench(
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        body: RigidConstants,
+        world: int,
+        b: int,
+        pose: Pose,
+        time: wp.float64,
+    ) -> Wrench:
+        """Traps, then weight, which acts at the centroid."""
+        total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
+        if wp.static(bool(f.trap_models)):
+            total = trap_wrench(model, control, state, body, world, b, pose, time)
+        if wp.static(f.gravity):
+            load = wp.vec3(0.0, 0.0, -model.body.weight[b])
+            total.force += load
+            total.torque += wp.cross(wp.quat_rotate(pose.rotation, model.body.weight_arm[b]), load)
+        return total
+
+    return wrench
+
+
+@wp.func
+def cross_matrix(a: wp.vec3) -> wp.mat33:
+    """[a]×, with [a]× v = a × v."""
+    return wp.mat33(0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
+
+
+def wrench_stiffness_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, b, pose, time) -> (6, 6)` symmetric part of −∂(F, T)/∂(x, θ) by the traps.
+
+    Of a sphere at the arm a that feels the force F and the stiffness K: Jᵀ K J with J = (1, −[a]×), and of the force
+    turned along with the arm (a·F) 1 − ½(a Fᵀ + F aᵀ) on the rotations.
+    """
+    _, prepare, trap_force, trap_stiffness = trap_force_term(f.trap_models)
+    aim_at = aim_term(f)
+
+    @wp.func
+    def add_sphere(total: mat66, arm: wp.vec3, force: wp.vec3, k: wp.mat33) -> mat66:
+        """Total and the share of one sphere in one trap."""
+        lever = cross_matrix(arm)
+        mixed = -k * lever
+        turning = -lever * k * lever
+        turning += wp.dot(arm, force) * wp.identity(n=3, dtype=float)
+        turning -= 0.5 * (wp.outer(arm, force) + wp.outer(force, arm))
+        for i in range(3):
+            for j in range(3):
+                total[i, j] += k[i, j]
+                total[i, j + 3] += mixed[i, j]
+                total[j + 3, i] += mixed[i, j]
+                total[i + 3, j + 3] += turning[i, j]
+        return total
+
+    @wp.func
+    def wrench_stiffness(
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
+    ) -> mat66:
+        """Sum over traps and trapped spheres."""
+        total = mat66(0.0)
+        traps = int(wp.static(f.traps))
+        for trap in range(traps):
+            aim = aim_at(model, control, state, world, b, pose, trap, time)
+            for element in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
+                sphere = model.body.trapped[element]
+                arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+                away = pose.position + arm - aim.anchor
+                if wp.length_sq(away) < aim.reach2:
+                    law = prepare(model.traps, world, trap, sphere[3], model.body.trapped_kind[element])
+                    force = aim.power * trap_force(model.traps, law, away)
+                    total = add_sphere(total, arm, force, aim.power * trap_stiffness(model.traps, law, away))
+        return total
+
+    return wrench_stiffness

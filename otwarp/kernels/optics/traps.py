@@ -1,0 +1,253 @@
+"""Optical traps: where they are, and the force each exerts on a sphere.
+
+A force model is three functions: `prepare(traps, world, trap, radius, kind) -> TrapConstants` gathers what stays the
+same over a run, `force(traps, law, displacement) -> force per mW` evaluates it, and `stiffness(traps, law,
+displacement) -> mat33 per mW` is the symmetric part of −∂F/∂x there, for the exponential integrator. `displacement` is
+the vector from the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is
+such a triple and one line of `TRAP_TERMS`.
+"""
+
+import functools
+from typing import NamedTuple
+
+import warp as wp
+
+from otwarp.kernels.core.keyframes import find_key, key_weight
+from otwarp.kernels.core.types import ControlData, TrapConstants, TrapData, world_row
+from otwarp.kernels.optics.exact import exact_force_term
+from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
+from otwarp.kernels.optics.trap_laws import (
+    beam_frame,
+    harmonic_isotropic,
+    harmonic_isotropic_stiffness,
+    harmonic_split,
+    harmonic_split_stiffness,
+    piecewise_isotropic,
+    piecewise_isotropic_stiffness,
+    piecewise_split,
+    piecewise_split_stiffness,
+    prepare_law,
+)
+
+
+class TrapTerm(NamedTuple):
+    """A force model: the key stored in `TrapData.model`, and its three functions."""
+
+    key: int
+    prepare: wp.Function
+    force: wp.Function
+    stiffness: wp.Function
+
+
+@wp.func
+def prepare_table(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+    """The table of the trap's beam and the sphere's kind."""
+    law = beam_frame(traps, trap)
+    law.table = traps.table[trap, kind]
+    law.finest = traps.finest[trap, kind]
+    return law
+
+
+def tabulated_term(interpolation: str, layers: int, upright: bool) -> wp.Function:
+    """The force of a table, with z measured from the focus along the beam.
+
+    Args:
+        interpolation, layers: As `table_term`.
+        upright: The beam's frame is the world's.
+    """
+    force_at = table_term(interpolation, layers)
+
+    @wp.func
+    def tabulated(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Into the beam's frame, which is the world's up to a rotation, and back."""
+        z = wp.dot(displacement, law.axis) + law.equilibrium
+        x = wp.dot(displacement, law.side)
+        y = wp.dot(displacement, law.up)
+        f = force_at(traps.tables, law.table, law.finest, x, y, z)
+        return f[0] * law.side + f[1] * law.up + f[2] * law.axis
+
+    @wp.func
+    def tabulated_upright(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Without a rotation, which would cost a third as much as a bilinear table."""
+        z = displacement[2] + law.equilibrium
+        return force_at(traps.tables, law.table, law.finest, displacement[0], displacement[1], z)
+
+    return tabulated_upright if upright else tabulated
+
+
+def tabulated_stiffness_term(interpolation: str, layers: int) -> wp.Function:
+    """The stiffness of a table, in world axes; arguments as `table_term`."""
+    stiffness_at = table_stiffness_term(interpolation, layers)
+
+    @wp.func
+    def tabulated_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """Into the beam's frame and back."""
+        frame = wp.matrix_from_rows(law.side, law.up, law.axis)
+        place = frame * displacement + wp.vec3(0.0, 0.0, law.equilibrium)
+        k = stiffness_at(traps.tables, law.table, place)
+        return wp.transpose(frame) * k * frame
+
+    return tabulated_stiffness
+
+
+@functools.lru_cache(maxsize=16)
+def exact_term(orders: int, nodes: int) -> wp.Function:
+    """The exact force of the trap's beam on the sphere's kind, in float64; it ends as the tables do.
+
+    Args:
+        orders, nodes: Capacities of `exact_force_term`.
+    """
+    force_at = exact_force_term(orders, nodes)
+
+    @wp.func
+    def exact(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Into the beam's frame and back; zero from the cutoff of the pair's table on."""
+        z = wp.dot(displacement, law.axis) + law.equilibrium
+        x = wp.dot(displacement, law.side)
+        y = wp.dot(displacement, law.up)
+        cutoff = traps.tables.level[traps.tables.level_start[law.table + 1] - 1].radius
+        d2 = x * x + y * y + z * z
+        force = wp.vec3(0.0)
+        if d2 < cutoff * cutoff:
+            q = force_at(traps.exact[law.table], wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)))
+            w = traps.exact_scale[law.table] * (1.0 - blend_weight(d2, cutoff))
+            force = w * (wp.float32(q[0]) * law.side + wp.float32(q[1]) * law.up + wp.float32(q[2]) * law.axis)
+        return force
+
+    return exact
+
+
+LAYER_NAMES = {1: "", 2: "_polarized", 3: "_vortex"}
+"""What the key of a table's term says about its layers."""
+
+TABLE_KEY = 10
+"""First key of the tabulated models."""
+
+
+def table_name(interpolation: str, layers: int, upright: bool) -> str:
+    """Name of a tabulated model; `upright` where the frame of the beam is the world's."""
+    return f"table_{interpolation}{LAYER_NAMES[layers]}{'_upright' if upright else ''}"
+
+
+TRAP_TERMS: dict[str, TrapTerm] = {
+    "harmonic_isotropic": TrapTerm(
+        0, prepare_law(branches=False, split=False), harmonic_isotropic, harmonic_isotropic_stiffness
+    ),
+    "harmonic_split": TrapTerm(1, prepare_law(branches=False, split=True), harmonic_split, harmonic_split_stiffness),
+    "piecewise_isotropic": TrapTerm(
+        2, prepare_law(branches=True, split=False), piecewise_isotropic, piecewise_isotropic_stiffness
+    ),
+    "piecewise_split": TrapTerm(3, prepare_law(branches=True, split=True), piecewise_split, piecewise_split_stiffness),
+    **{
+        table_name(interpolation, layers, upright): TrapTerm(
+            TABLE_KEY + 6 * cubic + 2 * layers + upright,
+            prepare_table,
+            tabulated_term(interpolation, layers, upright),
+            tabulated_stiffness_term(interpolation, layers),
+        )
+        for cubic, interpolation in enumerate(("bilinear", "bicubic"))
+        for layers in LAYER_NAMES
+        for upright in (False, True)
+    },
+}
+"""Force models by name."""
+
+EXACT_KEY = 40
+"""First key of the exact models, whose terms depend on the room their spheres and reach need."""
+
+
+def exact_name(orders: int, nodes: int, interpolation: str, layers: int) -> str:
+    """Name of the exact model with these capacities; the rest describes the tables beside it."""
+    return f"exact_{orders}_{nodes}_{interpolation}_{layers}"
+
+
+def trap_term(name: str) -> TrapTerm:
+    """The model of this name: of `TRAP_TERMS`, or the exact one by `exact_name`.
+
+    An exact force has a table beside it, which knows how far it reaches and how stiff it is.
+    """
+    if name.startswith("exact_"):
+        orders, nodes, interpolation, layers = name.split("_")[1:]
+        key = EXACT_KEY + 3 * (interpolation == "bicubic") + int(layers) - 1
+        stiffness = tabulated_stiffness_term(interpolation, int(layers))
+        return TrapTerm(key, prepare_table, exact_term(int(orders), int(nodes)), stiffness)
+    return TRAP_TERMS[name]
+
+
+def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
+    """The functions for the models a scene uses: those of the only one, or a branch on the trap's model."""
+    head = trap_term(models[0])
+    if len(models) == 1:
+        return head
+    rest = trap_force_term(models[1:])
+    key, prepare_head, force_head, stiffness_head = head
+    _, prepare_rest, force_rest, stiffness_rest = rest
+
+    @wp.func
+    def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
+        """This model's constants, or those of one of the rest."""
+        law = TrapConstants()
+        if traps.model[trap] == wp.static(key):
+            law = prepare_head(traps, world, trap, radius, kind)
+        else:
+            law = prepare_rest(traps, world, trap, radius, kind)
+        return law
+
+    @wp.func
+    def force(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """This model's force, or that of one of the rest."""
+        f = wp.vec3(0.0)
+        if law.model == wp.static(key):
+            f = force_head(traps, law, displacement)
+        else:
+            f = force_rest(traps, law, displacement)
+        return f
+
+    @wp.func
+    def stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """This model's stiffness, or that of one of the rest."""
+        k = wp.mat33(0.0)
+        if law.model == wp.static(key):
+            k = stiffness_head(traps, law, displacement)
+        else:
+            k = stiffness_rest(traps, law, displacement)
+        return k
+
+    return TrapTerm(key, prepare, force, stiffness)
+
+
+@wp.func
+def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """Commanded focus [µm] and power [mW] of a trap that only the control moves."""
+    p = control.trap_position[world_row(control.trap_position.shape[0], world), trap]
+    return wp.vec4(p[0], p[1], p[2], control.trap_power[world_row(control.trap_power.shape[0], world), trap])
+
+
+@wp.func
+def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """Commanded focus [µm] and power [mW] of a trap, from the scene's key frames where `follow` says so."""
+    command = commanded_still(traps, control, world, trap, time)
+    follow = control.follow[trap]
+    first = traps.key_start[trap]
+    last = traps.key_start[trap + 1] - 1
+    if follow != 0 and last > first:
+        key = find_key(traps.key_time, first, last, time)
+        w = key_weight(traps.key_time, key, time)
+        value = (1.0 - w) * traps.key_value[key] + w * traps.key_value[key + 1]
+        if (follow & 1) != 0:
+            command = wp.vec4(value[0], value[1], value[2], command[3])
+        if (follow & 2) != 0:
+            command = wp.vec4(command[0], command[1], command[2], value[3])
+    return command
+
+
+@wp.func
+def limited_focus(traps: TrapData, world: int, trap: int, now: wp.vec3, wanted: wp.vec3, dt: float) -> wp.vec3:
+    """Focus after one step towards `wanted`, no faster than the trap's speed limit."""
+    limit = traps.speed_limit[world_row(traps.speed_limit.shape[0], world), trap] * dt
+    way = wanted - now
+    distance = wp.length(way)
+    result = wanted
+    if distance > limit:
+        result = now + (limit / distance) * way
+    return result

@@ -1,0 +1,334 @@
+"""Contacts of rods on the device against float64 twins: with rods, spheres and every shape of obstacle."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
+from otwarp.kernels.contact.obstacles import SHAPES
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
+from otwarp.scene.description import Body, Obstacle, Rod, Scene, Sphere, Track
+from otwarp.simulation.arrays import device_array
+from otwarp.simulation.model import Model
+from otwarp.simulation.state import Readout
+from tests.kernels.contact.test_obstacles import icosphere
+from tests.kernels.samples import quaternions
+from tests.reference import obstacles as twin
+from tests.reference.rotations import matrix
+from tests.reference.segments import along_segment, point_segment, segment_segment
+
+ROUNDING = 5e-6
+"""Overlaps from float32 coordinates of up to 10 µm (spacing 1e-6), with the rotation of an arm in between."""
+
+START, END, RADIUS = np.array([-2.0, 0.0, 0.5]), np.array([3.0, 0.0, 0.5]), 0.3
+"""The rod of both bodies, in their frames."""
+
+BALL = 0.7
+"""Radius of the sphere of both bodies, at their origins."""
+
+SIZE = (1.5, 0.7, 2.0)
+ROOM = 16
+
+
+def rod_body(name: str, **more) -> Body:
+    ball = Sphere(prim=f"/World/{name}/S", radius=BALL, collides=False)
+    rod = Rod(prim=f"/World/{name}/R", start=tuple(START), end=tuple(END), radius=RADIUS)
+    return Body(prim=f"/World/{name}", spheres=(ball,), rods=(rod,), **more)
+
+
+def sphere_body(name: str) -> Body:
+    return Body(prim=f"/World/{name}", spheres=(Sphere(prim=f"/World/{name}/S", radius=BALL),))
+
+
+BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+
+
+def still(shape: str, at: tuple[float, float, float] = (0.0, 0.0, 0.0), **more) -> Obstacle:
+    if shape == "mesh":
+        more = {"vertices": BOX_CORNERS, "triangles": BOX_FACES} | more
+    place, turn = Track.constant(at), Track.constant((0.0, 0.0, 0.0, 1.0))
+    return Obstacle(prim=f"/World/{shape}", shape=shape, position=place, orientation=turn, **more)
+
+
+def alone(shape: str, **more) -> Scene:
+    """A rod and one obstacle at the origin; one of every other shape far below, so that all tests share a kernel."""
+    others = [still(other, (0.0, 0.0, -900.0), size=SIZE) for other in SHAPES if other != shape]
+    return Scene(bodies=(rod_body("A"),), obstacles=(still(shape, **more), *others))
+
+
+@functools.lru_cache(maxsize=8)
+def probe(features: Features, obstacle: bool) -> wp.Kernel:
+    """Kernel that lists the contacts of a pair of bodies, or of body 0 with the obstacles, for poses as given."""
+    pairs = None if obstacle else pair_contacts_term(features)
+    walls = obstacle_contacts_term(features) if obstacle else None
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def list_contacts(
+        model: ModelData,
+        readout: ReadoutData,
+        position: wp.array2d(dtype=wp.vec3),
+        rotation: wp.array2d(dtype=wp.quat),
+        ahead: float,
+        count: wp.array(dtype=int),
+        found: wp.array2d(dtype=wp.vec4),
+        arms: wp.array3d(dtype=wp.vec3),
+    ):
+        i = wp.tid()
+        contacts = wp.zeros(shape=(ROOM,), dtype=Contact)
+        first = Pose(position[i, 0], rotation[i, 0])
+        rest = Move(wp.vec3(0.0), wp.vec3(0.0))
+        n = 0
+        if wp.static(obstacle):
+            n = walls(model, readout, 0, 0, first, rest, ahead, contacts, 0, wp.int64(0), wp.float64(0.0))
+        else:
+            second = Pose(position[i, 1], rotation[i, 1])
+            n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, ahead, contacts, 0, wp.int64(0))
+        count[i] = n
+        for k in range(n):
+            c = contacts[k]
+            found[i, k] = wp.vec4(c.normal[0], c.normal[1], c.normal[2], c.overlap)
+            arms[i, k, 0] = c.arm_a
+            arms[i, k, 1] = c.arm_b
+
+    return list_contacts
+
+
+class Found:
+    """Contacts of n arrangements.
+
+    Attributes:
+        count: (n,) contacts.
+        normal: (n, ROOM, 3).
+        overlap: (n, ROOM) [µm], −inf where there is none.
+        arm: (n, ROOM, 2, 3) [µm].
+    """
+
+    def __init__(self, scene: Scene, position: np.ndarray, rotation: np.ndarray, device: str, ahead: float = 0.0):
+        model = Model.build(scene, device=device)
+        assert model.features.rods
+        n = len(position)
+        self.count = wp.zeros(n, dtype=int, device=device)
+        found, arms = (
+            wp.zeros((n, ROOM), dtype=wp.vec4, device=device),
+            wp.zeros((n, ROOM, 2), dtype=wp.vec3, device=device),
+        )
+        readout = Readout.empty(model)
+        inputs = [
+            model.data,
+            readout.data(),
+            device_array(position, wp.vec3, device, ndim=2),
+            device_array(rotation, wp.quat, device, ndim=2),
+            ahead,
+        ]
+        kernel = probe(model.features, bool(scene.obstacles))
+        wp.launch(kernel, dim=n, inputs=inputs, outputs=[self.count, found, arms], device=device)
+        self.count = self.count.numpy()
+        self.normal = found.numpy()[..., :3].astype(float)
+        listed = np.arange(ROOM) < self.count[:, None]
+        self.overlap = np.where(listed, found.numpy()[..., 3].astype(float), -np.inf)
+        self.arm = arms.numpy().astype(float)
+        self.reference = model.reference
+
+
+def ends(position: np.ndarray, rotation: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of a body's rod in the world, its reference point being at `position`."""
+    turn = matrix(rotation.astype(float))
+    return position + turn @ (START - reference), position + turn @ (END - reference)
+
+
+def poses(seed: int, n: int, spread: float) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 2, 3) positions and (n, 2, 4) rotations of two bodies that are near each other, far from the origin."""
+    rng = np.random.default_rng(seed)
+    position = np.array([4.0, -3.0, 2.0]) + rng.uniform(-spread, spread, (n, 2, 3))
+    return position.astype(np.float32), quaternions(rng, 2 * n).reshape(n, 2, 4)
+
+
+def test_rods_touch_where_they_are_nearest(device):
+    """The deepest contact is that of the nearest points of the axes, listed if within reach; the arms meet there."""
+    bodies, n, ahead = (rod_body("A"), rod_body("B")), 1500, 0.2
+    position, rotation = poses(0, n, 1.0)
+    got = Found(Scene(bodies=bodies), position, rotation, device, ahead)
+    touching = 0
+    for i in range(n):
+        (a0, a1), (b0, b1) = (ends(position[i, k], rotation[i, k], got.reference[k]) for k in (0, 1))
+        overlap = 2 * RADIUS - segment_segment(a0, a1, b0, b1)
+        if overlap < -ahead - ROUNDING:
+            assert got.count[i] == 0
+            continue
+        if overlap < -ahead + ROUNDING:
+            continue
+        touching += 1
+        assert got.overlap[i].max() == pytest.approx(overlap, abs=ROUNDING)
+        for k in range(got.count[i]):
+            point, near = (position[i, j] + got.arm[i, k, j] for j in (0, 1))
+            assert point_segment(point, a0, a1)[0] < ROUNDING
+            distance, s = point_segment(point, b0, b1)
+            np.testing.assert_allclose(near, b0 + s * (b1 - b0), atol=1e-4)
+            np.testing.assert_allclose(got.normal[i, k] * distance, point - near, atol=ROUNDING)
+    assert touching > 200
+
+
+def test_a_rod_and_a_sphere_touch_once(device):
+    """In either order of the bodies; along the side, and at the rounded ends."""
+    for order in ((0, 1), (1, 0)):
+        bodies = tuple((rod_body("R"), sphere_body("S"))[k] for k in order)
+        position, rotation = poses(1, 400, 2.0)
+        got = Found(Scene(bodies=bodies), position, rotation, device)
+        rod, ball = order.index(0), order.index(1)
+        inside = 0
+        for i in range(len(position)):
+            a, b = ends(position[i, rod], rotation[i, rod], got.reference[rod])
+            distance, s = point_segment(position[i, ball].astype(float), a, b)
+            overlap = RADIUS + BALL - distance
+            if abs(overlap) > ROUNDING:
+                assert got.count[i] == (overlap > 0.0)
+            if overlap > ROUNDING:
+                assert got.overlap[i, 0] == pytest.approx(overlap, abs=ROUNDING)
+                inside += 0.0 < s < 1.0
+        assert inside > 30
+
+
+def test_parallel_rods_touch_at_both_ends_of_where_they_meet(device):
+    """Shifted along each other: contacts at the ends of the common part, whichever body they belong to; a tilt of less
+    than the valley's slope leaves both, a larger one the deeper."""
+    bodies = (rod_body("A"), rod_body("B"))
+    length, gap = float(END[0] - START[0]), 0.55
+    shifts = np.array([0.0, 1.0, -1.7, 3.0, 4.9])
+    position = np.zeros((len(shifts), 2, 3))
+    position[:, 1, 0], position[:, 1, 2] = shifts, gap
+    rotation = np.tile([0.0, 0.0, 0.0, 1.0], (len(shifts), 2, 1))
+    got = Found(Scene(bodies=bodies), position, rotation, device)
+    for i, shift in enumerate(shifts):
+        common = length - abs(shift)
+        assert got.count[i] == (2 if common > 0.5 * RADIUS else 1)
+        np.testing.assert_allclose(got.overlap[i, : got.count[i]], 2 * RADIUS - gap, atol=ROUNDING)
+        if got.count[i] == 2:
+            assert np.ptp(got.arm[i, :2, 0, 0]) == pytest.approx(common, abs=1e-4)
+    # turned by 0.05 and 0.2 about the middle of the lower rod's end, so that one end of the upper comes nearer
+    for tilt, contacts in ((0.05, 2), (0.2, 1)):
+        turned = np.array([[[0, 0, 0, 1.0], [0, np.sin(tilt / 2), 0, np.cos(tilt / 2)]]])
+        at = np.array([[[0, 0, 0], [0, 0, gap]]], dtype=float)
+        high = Found(Scene(bodies=bodies), at, turned, device, ahead=1.0)
+        assert high.count[0] == contacts
+        (a0, a1), (b0, b1) = (ends(at[0, k], turned[0, k], high.reference[k]) for k in (0, 1))
+        assert high.overlap[0].max() == pytest.approx(2 * RADIUS - segment_segment(a0, a1, b0, b1), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("shape", [s for s in SHAPES if s != "mesh"])
+def test_rods_touch_obstacles_where_they_are_nearest(shape, device):
+    """The deepest contact has the least distance along the rod, as dense samples of the float64 twin find it."""
+    n = 150
+    rng = np.random.default_rng(2)
+    position = rng.normal(size=(n, 1, 3)).astype(np.float32) * 1.5
+    rotation = quaternions(rng, n).reshape(n, 1, 4)
+    got = Found(alone(shape, size=SIZE), position, rotation, device)
+    distance = functools.partial(twin.SHAPES[shape], size=np.array(SIZE))
+    touching = 0
+    for i in range(n):
+        a, b = ends(position[i, 0], rotation[i, 0], got.reference[0])
+        least, _ = along_segment(lambda p: distance(p)[0], a, b)
+        overlap = RADIUS - least
+        if overlap > ROUNDING:
+            touching += 1
+            assert got.overlap[i].max() == pytest.approx(overlap, abs=ROUNDING)
+        elif overlap < -ROUNDING:
+            assert got.count[i] == 0
+    assert touching > 20
+
+
+def test_rods_touch_meshes_where_they_are_nearest(device):
+    """A polyhedron near the unit sphere: contacts lie on the segment, none deeper than the sphere says, the deepest no
+    shallower than its facets allow."""
+    vertices, triangles = icosphere(3)
+    n, depth = 200, 0.02
+    rng = np.random.default_rng(3)
+    position = rng.normal(size=(n, 1, 3)).astype(np.float32)
+    rotation = quaternions(rng, n).reshape(n, 1, 4)
+    got = Found(alone("mesh", vertices=vertices, triangles=triangles), position, rotation, device)
+    touching = 0
+    for i in range(n):
+        a, b = ends(position[i, 0], rotation[i, 0], got.reference[0])
+        overlap = RADIUS + 1.0 - point_segment(np.zeros(3), a, b)[0]
+        if overlap > depth:
+            touching += 1
+            assert overlap - depth < got.overlap[i].max() < overlap + ROUNDING
+        elif overlap < 0.0:
+            assert got.count[i] == 0
+    assert touching > 50
+
+
+def lying(
+    shape: str, at: tuple[float, float, float], device: str, tilt: float = 0.0, **more
+) -> tuple[Found, np.ndarray]:
+    """Contacts of a rod along x at `at` (its middle), tilted nose down, and their places along x."""
+    turn = np.array([[[0.0, np.sin(tilt / 2), 0.0, np.cos(tilt / 2)]]])
+    body = rod_body("A")
+    reference = Model.build(Scene(bodies=(body,)), device=device).reference[0]
+    middle = matrix(turn[0, 0]) @ (0.5 * (START + END) - reference)
+    position = np.array([[np.array(at) - middle]])
+    got = Found(alone(shape, **more), position, turn, device, ahead=0.2)
+    return got, position[0, 0, 0] + got.arm[0, : got.count[0], 0, 0]
+
+
+def test_a_rod_lies_flat_on_its_ends(device):
+    """On a plane, and inside the edges of a box: two contacts, equally deep."""
+    for shape, top in (("plane", 0.0), ("box", 4.0)):
+        got, place = lying(shape, (0.2, 0.1, top + 0.28), device, size=(9.0, 9.0, 4.0))
+        assert got.count[0] == 2
+        np.testing.assert_allclose(np.sort(place), [0.2 - 2.5, 0.2 + 2.5], atol=1e-5)
+        np.testing.assert_allclose(got.overlap[0, :2], 0.02, atol=ROUNDING)
+
+
+def test_a_rod_that_lies_over_an_edge_is_held_by_the_edge(device):
+    """Its far end hangs in the air: contacts at both edges, and none beyond, also when it is tilted a little."""
+    for tilt in (0.0, 0.03, -0.03):
+        got, place = lying("box", (0.2, 0.1, 4.28), device, tilt=tilt, size=(1.0, 9.0, 4.0))
+        assert got.count[0] == 2
+        # the feet of the perpendiculars from the edges on the axis
+        along = np.array([np.cos(tilt), -np.sin(tilt)])
+        edges = np.array([[-1.0, 4.0], [1.0, 4.0]]) - [0.2, 4.28]
+        feet = (edges @ along)[:, None] * along
+        order = np.argsort(place)
+        np.testing.assert_allclose(place[order], 0.2 + feet[:, 0], atol=2e-4)
+        depth = RADIUS - np.linalg.norm(edges - feet, axis=1)
+        assert got.overlap[0].max() == pytest.approx(depth.max(), abs=ROUNDING)
+        # above the higher edge the face is a little nearer than the edge, by the square of the tilt
+        np.testing.assert_allclose(got.overlap[0, order], depth, atol=0.5 * tilt**2 * 0.4 + ROUNDING)
+
+
+def test_a_tilted_rod_over_an_edge_touches_at_the_edge(device):
+    """Steep enough that neither end is near: one contact, with the normal across the rod."""
+    got, place = lying("box", (1.0 + 0.0, 0.1, 4.25), device, tilt=0.5, size=(1.0, 9.0, 4.0))
+    assert got.count[0] == 1
+    np.testing.assert_allclose(got.normal[0, 0], [np.sin(0.5), 0.0, np.cos(0.5)], atol=1e-4)
+    # the axis passes 0.25·cos(0.5) from the edge
+    assert got.overlap[0, 0] == pytest.approx(RADIUS - 0.25 * np.cos(0.5), abs=ROUNDING)
+    assert place[0] == pytest.approx(1.0 + 0.25 * np.cos(0.5) * np.sin(0.5), abs=1e-3)
+
+
+def test_a_long_rod_finds_a_small_obstacle(device):
+    """A ball of a tenth of the rod's radius under its middle, between all sample points there might be."""
+    for x in np.linspace(-2.3, 2.3, 7):
+        got, place = lying("sphere", (x, 0.0, 0.32), device, size=(0.03, 0.0, 0.0))
+        assert got.count[0] >= 1
+        k = int(np.argmax(got.overlap[0]))
+        assert got.overlap[0, k] == pytest.approx(0.01, abs=ROUNDING)
+        assert place[k] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_rod_lies_along_a_mesh_on_its_ends(device):
+    """The triangles of a box: the same two contacts as on the box itself, found piece by piece."""
+    got, place = lying("mesh", (0.2, 0.1, 4.28), device, vertices=BOX_CORNERS * [9.0, 9.0, 4.0])
+    assert got.count[0] == 2
+    np.testing.assert_allclose(np.sort(place), [0.2 - 2.5, 0.2 + 2.5], atol=1e-4)
+    np.testing.assert_allclose(got.overlap[0, :2], 0.02, atol=ROUNDING)

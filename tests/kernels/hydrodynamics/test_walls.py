@@ -1,0 +1,262 @@
+"""Terms of hydrodynamic walls against their float64 twins: fits, noise, thermal drift and flow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from otwarp.hydrodynamics import body_mobility
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import Pose, WallData, mat66, vec6
+from otwarp.kernels.hydrodynamics.walls import (
+    entrained_excess,
+    normal_excess,
+    sliding_excess,
+    sphere_flow_term,
+    sphere_mobility_term,
+    sphere_noise_term,
+)
+from otwarp.kernels.hydrodynamics.walls_rigid import (
+    body_noise_term,
+    body_root_term,
+    coupling_excess,
+    parallel_excess,
+    roll_excess,
+    shear_force_excess,
+    shear_torque_lack,
+    spin_excess,
+)
+from otwarp.simulation.arrays import device_array
+from otwarp.wall_fits import (
+    CONTACT_GAP,
+    COUPLING,
+    ENTRAINED,
+    GAP_FAR,
+    NORMAL,
+    PARALLEL,
+    ROLL,
+    SHEAR_FORCE,
+    SHEAR_TORQUE,
+    SLIDING,
+    SPIN,
+)
+from tests.reference import walls as reference
+
+ROUNDING = 2e-5
+"""Of float32: a few roundings of 6e-8, amplified by 100 for gaps of 1e-2 radii that are differences of coordinates."""
+
+KINDS = {
+    "normal": (NORMAL, normal_excess), "sliding": (SLIDING, sliding_excess), "parallel": (PARALLEL, parallel_excess),
+    "roll": (ROLL, roll_excess), "spin": (SPIN, spin_excess), "coupling": (COUPLING, coupling_excess),
+    "shear force": (SHEAR_FORCE, shear_force_excess), "shear torque": (SHEAR_TORQUE, shear_torque_lack),
+    "entrained": (ENTRAINED, entrained_excess),
+}  # fmt: skip
+
+FLOOR = (np.array([[0.0, 0.0, 1.0]]), np.array([-1.5]))
+CORNER = (np.array([[0.0, 0.0, 1.0], [0.6, 0.0, -0.8], [0.0, -0.6, 0.8]]), np.array([-1.5, -6.0, -2.5]))
+"""Three walls that meet at an angle."""
+
+SPHERES = np.array([[0.0, 0.0, 0.0, 1.0], [1.9, 0.0, 0.3, 0.8], [-1.7, 0.4, 0.2, 0.7]])
+"""Offsets from the prim and radii of a body of unequal, overlapping spheres [µm]."""
+PLACE = np.array([0.3, 0.2, 0.35])
+TURN = np.array([0.2, -0.3, 0.1, 0.9]) / np.linalg.norm([0.2, -0.3, 0.1, 0.9])
+
+
+def walls_on(device: str, walls: reference.Walls, spheres: np.ndarray, resistance: np.ndarray) -> WallData:
+    """One body near `walls`."""
+    data = WallData()
+    data.normal = device_array(walls[0], wp.vec3, device)
+    data.offset = device_array(walls[1], wp.float32, device)
+    data.start = device_array([0, len(spheres)], wp.int32, device)
+    data.sphere = device_array(spheres, wp.vec4, device)
+    data.turned_back = device_array([0] * len(spheres), wp.int32, device)
+    data.resistance = device_array(resistance, mat66, device)
+    return data
+
+
+def launch(kernel: wp.Kernel, n: int, inputs: list, outputs: list, device: str) -> list[np.ndarray]:
+    """Run n threads; float64 results."""
+    out = [wp.empty(n, dtype=dtype, device=device) for dtype in outputs]
+    wp.launch(kernel, dim=n, inputs=[*inputs, *out], device=device)
+    return [o.numpy().astype(float) for o in out]
+
+
+@wp.kernel(enable_backward=False)
+def all_fits(gap: wp.array(dtype=float), out: wp.array2d(dtype=wp.vec2)):
+    i = wp.tid()
+    g = gap[i]
+    out[0, i] = normal_excess(g)
+    out[1, i] = sliding_excess(g)
+    out[2, i] = parallel_excess(g)
+    out[3, i] = roll_excess(g)
+    out[4, i] = spin_excess(g)
+    out[5, i] = coupling_excess(g)
+    out[6, i] = shear_force_excess(g)
+    out[7, i] = shear_torque_lack(g)
+    out[8, i] = entrained_excess(g)
+
+
+def test_fits(device):
+    """The kernel's values and slopes are those of float64, from inside a wall to a place far from it."""
+    gap = np.concatenate([[-3.0, 0.0, 5e-5], np.geomspace(1.01 * CONTACT_GAP, 1e3, 60), [2.0 * GAP_FAR, 1e20]])
+    gap = gap.astype(np.float32).astype(float)
+    out = wp.empty((len(KINDS), len(gap)), dtype=wp.vec2, device=device)
+    wp.launch(all_fits, dim=len(gap), inputs=[device_array(gap, wp.float32, device), out], device=device)
+    for row, (fit, _) in zip(out.numpy(), KINDS.values(), strict=True):
+        value, slope = fit(gap)
+        np.testing.assert_allclose(row[:, 0], value, rtol=3e-6)
+        np.testing.assert_allclose(row[:, 1], slope, rtol=2e-4, atol=1e-30)
+
+
+def sphere_kernel(walls: int) -> Any:
+    """Mobility, noise with drift, and flow of lone spheres near one wall or several."""
+    f = Features(walls=walls)
+    mobility_of, noise_of, carried = sphere_mobility_term(f), sphere_noise_term(f), sphere_flow_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def evaluate_sphere(
+        data: WallData,
+        position: wp.array(dtype=wp.vec3),
+        kick: wp.array(dtype=wp.vec3),
+        fourth: wp.array(dtype=float),
+        mobility: wp.array(dtype=wp.mat33),
+        move: wp.array(dtype=wp.vec3),
+        flow: wp.array(dtype=wp.vec3),
+    ):
+        i = wp.tid()
+        radius = data.sphere[0][3]
+        mobility[i] = mobility_of(data, position[i], radius)
+        move[i] = noise_of(data, position[i], radius, 0.1, kick[i], fourth[i])
+        flow[i] = carried(data, position[i], radius, mobility[i], wp.vec3(3.0, 1.0, 0.0))
+
+    return evaluate_sphere
+
+
+def evaluate_spheres(walls: reference.Walls, place, kick, fourth, device: str) -> list[np.ndarray]:
+    data = walls_on(device, walls, np.array([[0.0, 0.0, 0.0, 0.8]]), np.zeros((0, 6, 6)))
+    arrays = [device_array(v, t, device) for v, t in ((place, wp.vec3), (kick, wp.vec3), (fourth, wp.float32))]
+    kernel = sphere_kernel(min(len(walls[0]), 2))
+    return launch(kernel, len(place), [data, *arrays], [wp.mat33, wp.vec3, wp.vec3], device)
+
+
+@pytest.mark.parametrize("walls", [FLOOR, CORNER], ids=["one", "three"])
+def test_lone_sphere(walls, device):
+    """Mobility and flow; the noise's covariance and the mean drift, both exact for deviates of unit covariance.
+
+    The drift is even in the deviates and quadratic, the noise odd and linear: six points ±√3 e_k have the moments of
+    the normal distribution that they need.
+    """
+    places = np.array([[0.3, 0.2, -0.65], [0.0, 0.5, 0.4], [1.0, 1.0, 2.0]])
+    kicks = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
+    place = np.repeat(places, 6, axis=0)
+    mobility, move, flow = evaluate_spheres(walls, place, np.tile(kicks, (3, 1)), np.ones(18), device)
+    move = move.reshape(3, 6, 3)
+    for i, p in enumerate(places):
+        expected = reference.sphere_mobility(p, 0.8, walls)
+        np.testing.assert_allclose(mobility[6 * i], expected, atol=ROUNDING)
+        noise = 0.5 * (move[i, :3] - move[i, 3:])
+        np.testing.assert_allclose(noise.T @ noise / 3.0, 0.01 * expected, atol=0.01 * ROUNDING)
+        drift = move[i].mean(axis=0)
+        divergence = reference.sphere_divergence(p, 0.8, walls)
+        np.testing.assert_allclose(drift, 0.005 * divergence, atol=0.005 * 20.0 * ROUNDING)
+        pull = reference.sphere_carried(p, 0.8, walls, np.array([3.0, 1.0, 0.0]))
+        np.testing.assert_allclose(flow[6 * i], pull, atol=3.0 * ROUNDING)
+
+
+def test_every_deviate_of_a_lone_sphere(device):
+    """Near one wall the step is the twin's for any deviates, not only in the mean."""
+    rng = np.random.default_rng(3)
+    place = np.array([0.0, 0.0, -0.7]) + np.abs(rng.normal(size=(20, 3)))
+    kick, fourth = rng.normal(size=(20, 3)), rng.normal(size=20)
+    _, move, _ = evaluate_spheres(FLOOR, place, kick, fourth, device)
+    expected = [reference.sphere_move(p, 0.8, FLOOR, 0.1, k, z) for p, k, z in zip(place, kick, fourth, strict=True)]
+    np.testing.assert_allclose(move, expected, atol=0.1 * ROUNDING)
+
+
+@pytest.mark.parametrize("fourth", [0.0, 1.0])
+def test_one_step_cannot_cross_a_wall(fourth, device):
+    """In the range of lubrication the worst deviate takes the gap to no less than nothing: (√g + sξ)² + s²ζ²."""
+    gap = np.repeat(np.geomspace(2e-3, 0.02, 20), 200)
+    place = np.zeros((len(gap), 3))
+    place[:, 2] = -1.5 + 0.8 * (1.0 + gap)
+    kick = np.zeros_like(place)
+    kick[:, 2] = np.tile(np.linspace(-6.0, 6.0, 200), 20)
+    _, move, _ = evaluate_spheres(FLOOR, place, kick, np.full(len(gap), fourth), device)
+    after = gap + move[:, 2] / 0.8
+    # mobility bends down from g by 0.2 g² ln g: what the straight line misses
+    assert after.min() > -3.0 * (gap**2 * -np.log(gap)).max()
+    assert (after < 0.3 * gap).any()
+
+
+@pytest.fixture(scope="module")
+def body() -> tuple[np.ndarray, np.ndarray]:
+    """Spheres about the centre of diffusion, and R_free."""
+    free = body_mobility(SPHERES[:, :3], SPHERES[:, 3])
+    return SPHERES - np.append(free.reference, 0.0), free.resistance
+
+
+@pytest.fixture(scope="module")
+def body_kernel() -> Any:
+    f = Features(walls=1, rigid=True, spheres=False)
+    root_of, noise_of = body_root_term(f), body_noise_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def evaluate_body(
+        data: WallData,
+        position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat),
+        kick: wp.array(dtype=vec6),
+        seventh: wp.array(dtype=float),
+        mobility: wp.array(dtype=mat66),
+        move: wp.array(dtype=vec6),
+    ):
+        i = wp.tid()
+        pose = Pose(position[i], rotation[i])
+        root = root_of(data, 0, 0, pose)
+        mobility[i] = wp.transpose(root) * root
+        move[i] = noise_of(data, 0, pose, root, 0.1, kick[i], seventh[i])
+
+    return evaluate_body
+
+
+@pytest.mark.parametrize("walls", [FLOOR, CORNER], ids=["one", "three"])
+def test_rigid_body(walls, body, body_kernel, device):
+    """Mobility; the noise's covariance and the mean drift, the divergence of the mobility on the group of motions.
+
+    Twelve points ±√6 e_k have the moments of normal deviates that linear and quadratic terms need.
+    """
+    spheres, free = body
+    kicks = np.sqrt(6.0) * np.concatenate([np.eye(6), -np.eye(6)])
+    rows = [(np.tile(PLACE, (12, 1)), wp.vec3), (np.tile(TURN, (12, 1)), wp.quat), (kicks, vec6)]
+    inputs = [device_array(v, t, device) for v, t in [*rows, (np.ones(12), wp.float32)]]
+    data = walls_on(device, walls, spheres, free[None])
+    mobility, move = launch(body_kernel, 12, [data, *inputs], [mat66, vec6], device)
+    expected = reference.body_mobility(free, spheres, PLACE, TURN, walls)
+    largest = np.abs(expected).max()
+    np.testing.assert_allclose(mobility[0], expected, atol=ROUNDING * largest)
+    noise = 0.5 * (move[:6] - move[6:])
+    np.testing.assert_allclose(noise.T @ noise / 6.0, 0.01 * expected, atol=0.01 * ROUNDING * largest)
+    divergence = reference.body_divergence(free, spheres, PLACE, TURN, walls)
+    assert np.abs(divergence).min() > 50.0 * ROUNDING * np.abs(divergence).max()
+    np.testing.assert_allclose(
+        move.mean(axis=0), 0.005 * divergence, atol=0.005 * 10.0 * ROUNDING * np.abs(divergence).max()
+    )
+
+
+def test_a_body_of_one_sphere_is_a_sphere(body_kernel, device):
+    """Its 6×6 step, over all turns, moves like the lone sphere's 3×3 one: mobility and drift agree with the fits."""
+    radius, gap = 0.8, 0.05
+    free = body_mobility(np.zeros((1, 3)), np.array([radius])).resistance
+    place = np.array([[0.0, 0.0, -1.5 + radius * (1.0 + gap)]])
+    rows = [(place, wp.vec3), (TURN[None], wp.quat), (np.zeros((1, 6)), vec6), (np.array([np.sqrt(2.0)]), wp.float32)]
+    inputs = [device_array(v, t, device) for v, t in rows]
+    data = walls_on(device, FLOOR, np.array([[0.0, 0.0, 0.0, radius]]), free[None])
+    _, move = launch(body_kernel, 1, [data, *inputs], [mat66, vec6], device)
+    divergence = reference.sphere_divergence(place[0], radius, FLOOR) / (6.0 * np.pi * radius)
+    # in the body's axes; ξ = 0 and ζ² = 2 have the mean factor
+    normal = reference.matrix(TURN).T @ np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(move[0, :3], 0.005 * divergence[2] * normal, atol=0.005 * ROUNDING)
+    np.testing.assert_allclose(move[0, 3:], 0.0, atol=0.005 * ROUNDING)
