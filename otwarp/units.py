@@ -58,6 +58,26 @@ SI_SYMBOL: dict[str, str] = {
 }
 """Dimension → SI symbol, for error messages and documentation."""
 
+INTERNAL_SYMBOL: dict[str, str] = {
+    "none": "",
+    "angle": "rad",
+    "length": "µm",
+    "inverse_length": "1/µm",
+    "time": "s",
+    "rate": "1/s",
+    "speed": "µm/s",
+    "temperature": "K",
+    "power": "mW",
+    "force": "pN",
+    "stiffness": "pN/µm",
+    "force_area": "pN·µm²",
+    "pressure": "Pa",
+    "viscosity": "Pa·s",
+    "density": "pN·s²/µm⁴",
+    "surface_energy": "pN/µm",
+}
+"""Dimension → symbol of its internal unit."""
+
 
 def from_si(value: float, dimension: str) -> float:
     """Return `value`, given in the SI unit of `dimension`, in internal units."""

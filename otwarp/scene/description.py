@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -203,6 +204,8 @@ class Body:
             prim's frame at unit viscosity [1/µm, 1/µm², 1/µm³], or None.
         mobility_accuracy: Wanted relative error of the computed mobility; 0 for the RPY tensors of its spheres alone.
         warning_force: Contact force above which the user is warned [pN], inf for none.
+        forces: What else acts on it: parameter of a force → number or vector in internal units, as its row in
+            `otwarp.scene.vocabulary.forces` says; only those that are authored.
     """
 
     prim: str
@@ -217,6 +220,7 @@ class Body:
     mobility: tuple[float, ...] | None = None
     mobility_accuracy: float = 0.01
     warning_force: float = float("inf")
+    forces: Mapping[str, float | Vec3] = field(default_factory=dict, hash=False)
 
     @property
     def name(self) -> str:

@@ -4,59 +4,80 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+from otwarp.scene import vocabulary
+from otwarp.scene.description import Scene
+from otwarp.scene.vocabulary import Attribute, Schema
+from otwarp.scene.vocabulary.values import internal, to_field
+from otwarp.units import INTERNAL_SYMBOL
+
+Of = Literal["", "traps", "bodies"]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of the medium, the flow (one number per world) or the traps (one per world and trap).
+    """A parameter of the medium or the flow (one number per world), of the traps or of the bodies.
 
     Attributes:
-        per_trap: Whether it has one value per trap.
+        of: What it has one value for, besides the world: each trap, each body, or nothing more.
         width: Components of one value.
         low: Least allowed value; `strict` excludes it.
         infinite: Whether inf is a value: no limit.
         unit: Internal unit, for messages and help.
+        longest: Greatest length of a vector, in its internal unit.
     """
 
-    per_trap: bool
+    of: Of = ""
     width: int = 1
     low: float = -np.inf
     strict: bool = False
     infinite: bool = False
     unit: str = ""
+    longest: float = np.inf
+
+
+def _parameter(schema: Schema, row: Attribute) -> Parameter:
+    of: Of = schema.of if schema.of in ("traps", "bodies") else ""
+    return Parameter(
+        of,
+        width=3 if row.vector else 1,
+        low=-np.inf if row.vector else internal(row.interval.low, row.dimension),
+        strict=row.interval.low_open and np.isfinite(row.interval.low),
+        infinite=row.interval.infinite,
+        unit=row.per_world_unit or INTERNAL_SYMBOL[row.dimension],
+        longest=internal(row.interval.high, row.dimension) if row.vector else np.inf,
+    )
+
+
+def _of_vocabulary(*schemas: Schema) -> dict[str, Parameter]:
+    """The parameters that the rows of schemas name: all their first names, then all their second ones."""
+    rows = [(schema, row) for schema in schemas for row in schema.attributes]
+    return {
+        row.per_world[place]: _parameter(schema, row)
+        for place in range(2)
+        for schema, row in rows
+        if place < len(row.per_world)
+    }
 
 
 PARAMETERS: dict[str, Parameter] = {
-    "medium_viscosity": Parameter(False, low=0.0, strict=True, unit="Pa·s"),
-    "medium_temperature": Parameter(False, low=0.0, unit="K"),
-    "flow_speed": Parameter(False, unit="µm/s"),
-    "flow_shear_rate": Parameter(False, unit="1/s"),
-    "trap_position": Parameter(True, width=3, unit="µm"),
-    "trap_power": Parameter(True, low=0.0, unit="mW"),
-    "trap_speed_limit": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm/s"),
-    "trap_stiffness": Parameter(True, low=0.0, unit="pN/µm per mW"),
-    "trap_threshold": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
-    "trap_inverse_square": Parameter(True, unit="pN·µm² per mW"),
-    "trap_offset": Parameter(True, unit="pN per mW"),
-    "trap_cutoff": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
-    "trap_axial_stiffness": Parameter(True, low=0.0, unit="pN/µm per mW"),
-    "trap_axial_threshold": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
-    "trap_axial_inverse_square": Parameter(True, unit="pN·µm² per mW"),
-    "trap_axial_offset": Parameter(True, unit="pN per mW"),
-    "trap_axial_cutoff": Parameter(True, low=0.0, strict=True, infinite=True, unit="µm"),
+    **_of_vocabulary(vocabulary.SCENE, vocabulary.FLOW),
+    "trap_position": Parameter("traps", width=3, unit="µm"),  # a transform of the prim, not an attribute
+    **_of_vocabulary(vocabulary.TRAP, vocabulary.TRAP_LAW),
+    **_of_vocabulary(vocabulary.BODY, vocabulary.CELL),
 }
-"""Everything that `Simulation(..., parameters={name: values})` accepts."""
+"""Everything that `Simulation(..., parameters={name: values})` accepts: what the scene vocabulary says is per world."""
 
 
-def expand(name: str, values: ArrayLike, *, worlds: int, traps: int) -> np.ndarray:
-    """Return `values` as a float64 array of shape (1|W,), (1|W, T) or (1|W, T, 3).
+def expand(name: str, values: ArrayLike, *, worlds: int, traps: int, bodies: int = 0) -> np.ndarray:
+    """Return `values` as a float64 array of shape (1|W,), (1|W, n) or (1|W, n, 3), n traps or bodies.
 
-    A scalar serves all worlds and traps; (T,) serves all worlds; (W, 1) or (W,) (medium and flow) all traps.
+    A scalar serves all worlds and traps (or bodies); (n,) serves all worlds; (W, 1) or (W,) (medium and flow) all n.
 
     Raises:
         InputError: Unknown name, wrong shape, a value that is not finite or out of range.
@@ -68,26 +89,59 @@ def expand(name: str, values: ArrayLike, *, worlds: int, traps: int) -> np.ndarr
     tail = (3,) if spec.width == 3 else ()
     lead = array.shape[: array.ndim - len(tail)]
     good_tail = array.shape[array.ndim - len(tail) :] == tail
-    if not spec.per_trap:
+    count = bodies if spec.of == "bodies" else traps
+    if not spec.of:
         good, shape = lead in ((), (1,), (worlds,)), (*(lead or (1,)),)
     else:
-        good = len(lead) <= 2 and all(n in (1, full) for n, full in zip(lead[::-1], (traps, worlds), strict=False))
-        shape = (lead[0] if len(lead) == 2 else 1, traps)
+        good = len(lead) <= 2 and all(n in (1, full) for n, full in zip(lead[::-1], (count, worlds), strict=False))
+        shape = (lead[0] if len(lead) == 2 else 1, count)
     if not (good and good_tail):
-        wanted = "scalar or (worlds,)" if not spec.per_trap else "scalar, (traps,), (worlds, 1) or (worlds, traps)"
+        wanted = f"scalar, ({spec.of},), (worlds, 1) or (worlds, {spec.of})" if spec.of else "scalar or (worlds,)"
         raise InputError(
             f"parameter {name} has shape {array.shape}; allowed: {wanted}{' followed by 3' if tail else ''} "
-            f"with worlds = {worlds}, traps = {traps}"
+            f"with worlds = {worlds}, {spec.of or 'traps'} = {count}"
         )
+    _check_range(name, spec, array)
+    return np.ascontiguousarray(np.broadcast_to(array.reshape(array.shape or (1,)), (*shape, *tail)))
+
+
+def _check_range(name: str, spec: Parameter, array: np.ndarray) -> None:
     outside = (array <= spec.low) if spec.strict else (array < spec.low)
     outside |= np.isnan(array) | (np.isinf(array) & (not spec.infinite))
     if np.any(outside):
         bound = f"{'>' if spec.strict else '≥'} {spec.low:g}" if np.isfinite(spec.low) else "finite"
         bound += "" if spec.infinite or bound == "finite" else ", finite"
         raise InputError(f"parameter {name} has the value {array[outside].ravel()[0]:g}; allowed: {bound} {spec.unit}")
-    return np.ascontiguousarray(np.broadcast_to(array.reshape(array.shape or (1,)), (*shape, *tail)))
+    if np.isfinite(spec.longest) and (length := np.linalg.norm(array, axis=-1).max(initial=0.0)) > spec.longest:
+        limit = f"≤ {spec.longest:g} {spec.unit}"
+        raise InputError(f"parameter {name} has a vector of length {length:g}; allowed: {limit}")
 
 
-def expand_all(parameters: Mapping[str, ArrayLike], *, worlds: int, traps: int) -> dict[str, np.ndarray]:
+def expand_all(
+    parameters: Mapping[str, ArrayLike], *, worlds: int, traps: int, bodies: int = 0
+) -> dict[str, np.ndarray]:
     """Every user parameter as a `(1|W, …)` array; see `expand`."""
-    return {name: expand(name, values, worlds=worlds, traps=traps) for name, values in parameters.items()}
+    return {n: expand(n, values, worlds=worlds, traps=traps, bodies=bodies) for n, values in parameters.items()}
+
+
+def scene_values(scene: Scene) -> dict[str, np.ndarray]:
+    """The parameters of medium, flow and bodies as the scene authors them, one row; those of traps move in time.
+
+    Returns:
+        Name → (1,) of the medium and the flow, (1, B) or (1, B, 3) of the bodies, in internal units.
+    """
+    values: dict[str, np.ndarray] = {}
+    for schema in (vocabulary.SCENE, vocabulary.FLOW, vocabulary.BODY):
+        owners = {"": [scene], "flow": [scene.flow], "bodies": scene.bodies}[schema.of]
+        for row in schema.attributes:
+            for name in row.per_world:
+                array = np.array([_field(owner, row) for owner in owners], dtype=float)
+                values[name] = array[None] if schema.of == "bodies" else array
+    return values
+
+
+def _field(owner: object, row: Attribute) -> object:
+    """What a part of the scene holds for an attribute, its default where there is no such part or no such entry."""
+    for name in row.field.split("."):
+        owner = owner.get(name) if isinstance(owner, Mapping) else getattr(owner, name, None)
+    return to_field(row, row.default) if owner is None else owner

@@ -18,7 +18,7 @@ from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.pack_traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.pack_walls import check_flow
-from otwarp.simulation.parameters import expand_all
+from otwarp.simulation.parameters import expand_all, scene_values
 from otwarp.simulation.relaxation import Neighbours, TrapRelaxation
 
 
@@ -61,7 +61,7 @@ class ResolvedScene:
             InputError: A parameter that does not apply or is out of range, or features that do not go together.
         """
         moves = mobilities(scene)
-        overrides = expand_all(parameters, worlds=worlds, traps=len(scene.traps))
+        overrides = expand_all(parameters, worlds=worlds, traps=len(scene.traps), bodies=len(scene.bodies))
         _check_laws(scene, overrides)
         optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], device)
         scene = optics.resolve(scene)
@@ -102,13 +102,7 @@ def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
 
 def _scene_values(scene: Scene) -> dict[str, np.ndarray]:
     """All parameters as the scene authors them, one row."""
-    return {
-        "medium_viscosity": np.array([scene.medium.viscosity]),
-        "medium_temperature": np.array([scene.medium.temperature]),
-        "flow_speed": np.array([scene.flow.speed if scene.flow else 0.0]),
-        "flow_shear_rate": np.array([scene.flow.shear_rate if scene.flow else 0.0]),
-        **trap_parameters(scene),
-    }
+    return {**scene_values(scene), **trap_parameters(scene)}
 
 
 def _held_range(scene: Scene, values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]) -> np.ndarray:

@@ -187,8 +187,8 @@ def test_instances_load_as_bodies() -> None:
 
 
 def test_every_attribute_is_authored() -> None:
-    from otwarp.scene.read.attributes import INSTANCE
     from otwarp.scene.vocabulary import SCHEMAS
+    from otwarp.scene.vocabulary.attribute import INSTANCE
 
     stage = full_builder().stage
     for schema in SCHEMAS:

@@ -12,7 +12,7 @@ from otwarp.errors import InputError
 from otwarp.optics.beam import APODIZATIONS, JONES, Beam
 from otwarp.scene import Scene, SceneBuilder, Track, Trap, TrapLaw, vocabulary
 from otwarp.scene.description import OPTICAL_MODELS
-from otwarp.scene.read.attributes import authored, internal
+from otwarp.scene.vocabulary.values import authored, internal
 from tests.scene.conftest import STAGE, StageFile
 
 APPLIED = '["OtTrapAPI", "OtTrapLawAPI:isotropic"]'

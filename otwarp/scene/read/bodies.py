@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Body, Material, Rod, Sphere
-from otwarp.scene.read.attributes import mobility_shift, read_values
+from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.obstacles import is_collider, round_size
 from otwarp.scene.read.source import Source, quat, vec3
 from otwarp.scene.transforms import rotate
@@ -21,7 +21,7 @@ def read_robot(source: Source, prim: Usd.Prim) -> Body:
     Raises:
         InputError: No sphere, a nested body, or a sphere or rod that is scaled unevenly.
     """
-    values = read_values(source.file, prim, vocabulary.BODY)
+    fields, _ = _fields(source, prim, vocabulary.BODY)
     position, rotation, scale = source.pose(prim)
     spheres, rods = [], []
     for child in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
@@ -35,17 +35,19 @@ def read_robot(source: Source, prim: Usd.Prim) -> Body:
         raise source.bad(prim, "OtSphereAPI", "(no sphere below)", "on at least one Sphere below the body")
     return Body(
         prim=str(prim.GetPath()),
-        kind="robot",
         position=vec3(position),
         orientation=quat(rotation),
         spheres=tuple(spheres),
         rods=tuple(rods),
-        density=values["density"],
-        material=Material(youngs_modulus=values["youngs_modulus"], poisson_ratio=values["poisson_ratio"]),
-        mobility=mobility_shift(tuple(values["mobility"]), -1) if len(values["mobility"]) else None,
-        mobility_accuracy=values["mobility_accuracy"],
-        warning_force=values["warning_force"],
+        **fields,
     )
+
+
+def _fields(source: Source, prim: Usd.Prim, schema: vocabulary.Schema) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the attributes of a robot or a cell say of the body, and what they say of a cell's one sphere."""
+    values = read_values(source.file, prim, schema)
+    parts = {"material": Material(**part(values, "material")), "forces": part(values, "forces")}
+    return part(values) | parts, part(values, "sphere")
 
 
 def _sphere(source: Source, prim: Usd.Prim, body: Usd.Prim, body_scale: np.ndarray) -> Sphere:
@@ -92,28 +94,21 @@ def read_cell(source: Source, prim: Usd.Prim) -> Body:
     """
     position, rotation, scale = source.pose(prim)
     radius = _cell_radius(source, prim) * source.uniform(prim, scale)
-    fields = _cell_fields(source, prim)
-    sphere = Sphere(prim=str(prim.GetPath()), radius=radius, **fields.pop("sphere"))
+    fields, surface = _fields(source, prim, vocabulary.CELL)
+    sphere = Sphere(prim=str(prim.GetPath()), radius=radius, **surface)
     return Body(
-        prim=str(prim.GetPath()), position=vec3(position), orientation=quat(rotation), spheres=(sphere,), **fields
+        prim=sphere.prim,
+        kind="cell",
+        position=vec3(position),
+        orientation=quat(rotation),
+        spheres=(sphere,),
+        **fields,
     )
 
 
 def _cell_radius(source: Source, prim: Usd.Prim) -> float:
     _require_sphere(source, prim, "OtCellAPI")
     return source.geometry(prim, "radius")
-
-
-def _cell_fields(source: Source, prim: Usd.Prim) -> dict[str, Any]:
-    values = read_values(source.file, prim, vocabulary.CELL)
-    names = ("youngs_modulus", "poisson_ratio", "adhesion", "adhesion_range")
-    return {
-        "kind": "cell",
-        "density": values["density"],
-        "warning_force": values["warning_force"],
-        "material": Material(**{name: values[name] for name in names}),
-        "sphere": {"refractive_index": values["refractive_index"], "trapped": bool(values["trapped"])},
-    }
 
 
 def _require_sphere(source: Source, prim: Usd.Prim, schema: str) -> None:
@@ -214,14 +209,19 @@ def _instances(
     worst = int(np.argmax((sizes.max(axis=1) - sizes.min(axis=1)) / sizes.max(axis=1)))
     source.uniform(instancer, scales[worst])
     radii = _cell_radius(source, cell) * sizes[:, 0]
-    fields = _cell_fields(source, cell)
-    surface = fields.pop("sphere")
+    fields, surface = _fields(source, cell, vocabulary.CELL)
     path, proto = str(instancer.GetPath()), str(cell.GetPath())
     spheres = {radius: (Sphere(prim=proto, radius=radius, **surface),) for radius in set(radii.tolist())}
     rows = zip(chosen.tolist(), positions.tolist(), rotations.tolist(), radii.tolist(), strict=True)
     return {
         index: Body(
-            prim=path, instance=index, position=vec3(place), orientation=quat(turn), spheres=spheres[radius], **fields
+            prim=path,
+            kind="cell",
+            instance=index,
+            position=vec3(place),
+            orientation=quat(turn),
+            spheres=spheres[radius],
+            **fields,
         )
         for index, place, turn, radius in rows
     }

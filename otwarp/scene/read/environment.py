@@ -9,15 +9,13 @@ from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Settings
-from otwarp.scene.read.attributes import read_values
+from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.source import Source, quat, vec3
 
 
 def read_medium(source: Source, root: Usd.Prim) -> Medium:
     """The liquid, from OtSceneAPI on the default prim."""
-    values = read_values(source.file, root, vocabulary.SCENE)
-    names = ("refractive_index", "viscosity", "temperature", "density")
-    return Medium(**{name: values[name] for name in names})
+    return Medium(**part(read_values(source.file, root, vocabulary.SCENE), "medium"))
 
 
 def read_settings(source: Source, root: Usd.Prim, duration: float | None) -> Settings:
@@ -38,17 +36,7 @@ def read_settings(source: Source, root: Usd.Prim, duration: float | None) -> Set
         duration = (stage.GetEndTimeCode() - source.start) / source.rate if authored else Settings.duration
         if not (math.isfinite(duration) and duration > 0.0):
             raise source.bad("/", "endTimeCode", stage.GetEndTimeCode(), f"in ({source.start:g}, inf)")
-    return Settings(
-        accuracy=values["accuracy"],
-        time_step=values["time_step"] or None,
-        integrator=values["integrator"],
-        noise=values["noise"],
-        brownian=bool(values["brownian"]),
-        gravity=bool(values["gravity"]),
-        coupling=bool(values["coupling"]),
-        duration=duration,
-        frames_per_second=frames,
-    )
+    return Settings(duration=duration, frames_per_second=frames, **part(values, "settings"))
 
 
 def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
@@ -99,8 +87,7 @@ def read_goal(source: Source, prims: Sequence[Usd.Prim], bodies: Sequence[Body])
     strangers = [path for path in values["robots"] if path not in robots]
     if strangers or not values["robots"]:
         raise source.bad(prim, "ot:goal:robots", ", ".join(strangers) or "(no target)", "prims with OtBodyAPI")
-    values |= {"cell": named[0], "robots": tuple(values["robots"])}
-    return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values)
+    return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values | {"cell": named[0]})
 
 
 def _at_most_one(source: Source, prims: Sequence[Usd.Prim], schema: str) -> Usd.Prim | None:

@@ -67,7 +67,7 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
 def _hydrodynamic(source: Source, prim: Usd.Prim) -> bool:
     if not source.has(prim, vocabulary.OBSTACLE.name):
         return False
-    hydrodynamic = bool(read_values(source.file, prim, vocabulary.OBSTACLE)["hydrodynamic"])
+    hydrodynamic = read_values(source.file, prim, vocabulary.OBSTACLE)["hydrodynamic"]
     if hydrodynamic and str(prim.GetTypeName()) != "Plane":
         raise source.bad(prim, "ot:obstacle:hydrodynamic", True, f"false on a {prim.GetTypeName()}, true on a Plane")
     return hydrodynamic

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from otwarp.scene.description import Body, Obstacle, Rod, Sphere
-from otwarp.scene.read.attributes import bad
 from otwarp.scene.read.mesh_overlap import inside_mesh, nearest_distance
 from otwarp.scene.transforms import rotation_matrix
+from otwarp.scene.vocabulary.values import bad
 
 OVERLAP_TOLERANCE = 0.1
 """Allowed overlap at the start, relative to the smaller radius."""

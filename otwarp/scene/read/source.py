@@ -13,9 +13,10 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from otwarp.errors import InputError
 from otwarp.scene.description import Track
-from otwarp.scene.read.attributes import applied_schemas, bad
+from otwarp.scene.read.attributes import applied_schemas
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import SHEAR_TOLERANCE, decompose
+from otwarp.scene.vocabulary.values import bad
 
 register()
 

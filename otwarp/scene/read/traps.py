@@ -10,9 +10,10 @@ from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
 from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap, TrapLaw
-from otwarp.scene.read.attributes import authored, check_value, internal, read_values
+from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.motion import motion
 from otwarp.scene.read.source import Source, quat, track
+from otwarp.scene.vocabulary.values import authored, check, internal
 
 TIME_SLACK = 1e-9
 """How far the samples of a moving trap may fall short of the run [s]: rounding of time codes."""
@@ -31,7 +32,6 @@ def read_trap(source: Source, prim: Usd.Prim, medium: Medium, duration: float) -
     if not prim.IsA(UsdGeom.Xformable):
         raise source.bad(prim, "apiSchemas", "OtTrapAPI", "on an Xform")
     values = read_values(source.file, prim, vocabulary.TRAP)
-    values["glass_index"] = values["glass_index"] or None
     _check_beam(source, prim, values, medium)
     held = values.pop("holds")
     if len(held) > 1:
@@ -87,10 +87,9 @@ def _power(source: Source, prim: Usd.Prim, constant: float) -> Track:
     codes = attribute.GetTimeSamples() if attribute else []
     if not codes:
         return Track.constant(constant)
-    entry = next(a for a in vocabulary.TRAP.attributes if a.name == name)
     samples = [attribute.Get(code) for code in codes]
     for sample in samples:
-        check_value(source.file, prim.GetPath(), name, entry, sample)
+        check(source.file, prim.GetPath(), name, vocabulary.TRAP["power"], sample)
     return track(source.seconds(np.array(codes)), np.array([[internal(sample, "power")] for sample in samples]))
 
 
@@ -117,7 +116,7 @@ def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw | None, T
 
 def _law(source: Source, prim: Usd.Prim, instance: str, model: str) -> TrapLaw:
     raw = read_values(source.file, prim, vocabulary.TRAP_LAW, instance=instance, si=True)
-    length, force = internal(raw["lengthUnit"], "length"), internal(raw["forceUnit"], "force")
+    length, force = internal(raw["length_unit"], "length"), internal(raw["force_unit"], "force")
     common = {
         "stiffness": raw["stiffness"] * force / length,
         "cutoff": raw["cutoff"] * length,

@@ -15,10 +15,10 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from otwarp.scene.description import Scene
-from otwarp.scene.read.attributes import authored
 from otwarp.scene.read.bodies import instance_orientations
 from otwarp.scene.read.source import Source
 from otwarp.scene.transforms import conjugate, decompose, multiply, rotate
+from otwarp.scene.vocabulary.values import authored
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame

@@ -10,34 +10,15 @@ from pathlib import Path
 
 from otwarp.scene.schema import SCHEMA_FOLDER
 from otwarp.scene.vocabulary import SCHEMAS, Attribute, Schema
-from otwarp.units import SI_SYMBOL
 
 DOCS = SCHEMA_FOLDER.parents[2] / "docs" / "scene.md"
 MARKER = "<!-- Below this line: written by `python -m otwarp.scene.schema` from otwarp.scene.vocabulary. -->"
-_LAW_UNITS = {
-    "stiffness": "forceUnit/lengthUnit",
-    "threshold": "lengthUnit",
-    "inverseSquare": "forceUnit·lengthUnit²",
-    "offset": "forceUnit",
-    "cutoff": "lengthUnit",
-    "radius": "lengthUnit",
-}
-
-
-def unit_text(attribute: Attribute) -> str:
-    """Unit of an attribute in USD, `1` for a pure number and an empty string where a unit has no meaning."""
-    last = attribute.name.rsplit(":", 1)[-1]
-    if attribute.name.startswith("ot:trapLaw:") and last in _LAW_UNITS:
-        return _LAW_UNITS[last]
-    if attribute.usd_type == "double[]":
-        return "1/m, 1/m², 1/m³"
-    return (SI_SYMBOL[attribute.dimension] or "1") if attribute.number else ""
 
 
 def documentation(attribute: Attribute) -> str:
     """The attribute's sentence, its unit and its range."""
-    unit = unit_text(attribute)
-    return f"{attribute.doc} {f'Unit: {unit}. ' if unit else ''}Range: {attribute.range_text()}."
+    unit = f"Unit: {attribute.unit}. " if attribute.unit else ""
+    return f"{attribute.doc} {unit}Range: {attribute.range_text()}."
 
 
 def _literal(attribute: Attribute) -> str:
@@ -48,7 +29,7 @@ def _literal(attribute: Attribute) -> str:
         return "true" if value else "false"
     if attribute.usd_type == "double[]":
         return "[]"
-    return repr(int(value) if attribute.usd_type == "int" else float(value))
+    return repr(value)
 
 
 def _property(attribute: Attribute) -> str:
@@ -99,7 +80,7 @@ def _row(attribute: Attribute) -> str:
     cells = [
         f"`{attribute.name}`",
         attribute.usd_type,
-        unit_text(attribute),
+        attribute.unit,
         default,
         attribute.range_text(),
         attribute.doc + sampled,

@@ -3,177 +3,118 @@
 from __future__ import annotations
 
 from otwarp.scene.vocabulary.attribute import INF, Attribute, Schema
-
-_MATERIAL = {"low": 1.0, "high": 1e13}
+from otwarp.scene.vocabulary.forces import FORCES, for_cells
 
 BODY = Schema(
     name="OtBodyAPI",
+    of="bodies",
     applies_to="Xform holding spheres (with PhysicsRigidBodyAPI)",
     doc="A rigid body made of the OtSphereAPI spheres and OtRodAPI rods below it.",
     attributes=(
+        Attribute("ot:body:density", 1190.0, "density", "[0, 30000]", doc="Mass density (used with gravity only)."),
         Attribute(
-            name="ot:body:density",
-            field="density",
-            dimension="density",
-            default=1190.0,
-            low=0.0,
-            high=3e4,
-            doc="Mass density (used with gravity only).",
-        ),
-        Attribute(
-            name="ot:body:youngsModulus",
-            field="youngs_modulus",
-            dimension="pressure",
-            default=1e6,
-            **_MATERIAL,
+            "ot:body:youngsModulus",
+            1e6,
+            "pressure",
+            "[1, 1e+13]",
+            field="material.youngs_modulus",
             doc="Young's modulus of the contact surface.",
         ),
         Attribute(
-            name="ot:body:poissonRatio",
-            field="poisson_ratio",
-            default=0.4,
-            low=0.0,
-            high=0.5,
+            "ot:body:poissonRatio",
+            0.4,
+            range="[0, 0.5]",
+            field="material.poisson_ratio",
             doc="Poisson ratio of the contact surface.",
         ),
         Attribute(
-            name="ot:body:mobility",
-            field="mobility",
-            usd_type="double[]",
-            default=(),
+            "ot:body:mobility",
+            (),
+            unit="1/m, 1/m², 1/m³",
             doc="Override of the geometric mobility: 36 numbers row by row about the prim's origin at unit viscosity"
             " [1/m, 1/m², 1/m³].",
         ),
         Attribute(
-            name="ot:body:mobilityAccuracy",
-            field="mobility_accuracy",
-            default=0.01,
-            low=0.0,
-            high=0.5,
+            "ot:body:mobilityAccuracy",
+            0.01,
+            range="[0, 0.5]",
             doc="Wanted relative error of the computed mobility; 0 for the pair mobilities of its spheres, without"
             " rods and a few percent off.",
         ),
         Attribute(
-            name="ot:body:warningForce",
-            field="warning_force",
-            dimension="force",
-            default=INF,
-            low=0.0,
-            infinite=True,
+            "ot:body:warningForce",
+            INF,
+            "force",
+            "[0, inf]",
             doc="Contact force above which the user is warned; inf for none.",
         ),
+        *FORCES,
     ),
 )
 
 SPHERE = Schema(
     name="OtSphereAPI",
+    of="bodies",
     applies_to="Sphere below an OtBodyAPI prim",
     doc="One sphere of a body and what acts on it.",
     attributes=(
-        Attribute(
-            name="ot:sphere:refractiveIndex",
-            field="refractive_index",
-            default=1.52,
-            low=1.0,
-            high=5.0,
-            doc="Refractive index.",
-        ),
-        Attribute(
-            name="ot:sphere:trapped", field="trapped", usd_type="bool", default=True, doc="Whether traps act on it."
-        ),
-        Attribute(
-            name="ot:sphere:collides", field="collides", usd_type="bool", default=True, doc="Whether it collides."
-        ),
-        Attribute(
-            name="ot:sphere:drag",
-            field="drag",
-            usd_type="bool",
-            default=True,
-            doc="Whether it counts in the mobility of its body.",
-        ),
+        Attribute("ot:sphere:refractiveIndex", 1.52, range="[1, 5]", doc="Refractive index."),
+        Attribute("ot:sphere:trapped", True, doc="Whether traps act on it."),
+        Attribute("ot:sphere:collides", True, doc="Whether it collides."),
+        Attribute("ot:sphere:drag", True, doc="Whether it counts in the mobility of its body."),
     ),
 )
 
 ROD = Schema(
     name="OtRodAPI",
+    of="bodies",
     applies_to="Capsule or Cylinder below an OtBodyAPI prim",
     doc="A rod of a body: a Capsule with its own radius, height and axis, or the Capsule that fills a Cylinder from end"
     " to end. Traps do not act on rods.",
     attributes=(
-        Attribute(name="ot:rod:collides", field="collides", usd_type="bool", default=True, doc="Whether it collides."),
-        Attribute(
-            name="ot:rod:drag",
-            field="drag",
-            usd_type="bool",
-            default=True,
-            doc="Whether it counts in the mobility of its body.",
-        ),
+        Attribute("ot:rod:collides", True, doc="Whether it collides."),
+        Attribute("ot:rod:drag", True, doc="Whether it counts in the mobility of its body."),
     ),
 )
 
 CELL = Schema(
     name="OtCellAPI",
+    of="bodies",
     applies_to="Sphere, or Sphere prototype of a PointInstancer",
     doc="A biological cell: an elastic, adhesive sphere.",
     attributes=(
         Attribute(
-            name="ot:cell:youngsModulus",
-            field="youngs_modulus",
-            dimension="pressure",
-            default=1e3,
-            **_MATERIAL,
+            "ot:cell:youngsModulus",
+            1e3,
+            "pressure",
+            "[1, 1e+13]",
+            field="material.youngs_modulus",
             doc="Young's modulus.",
         ),
+        Attribute("ot:cell:poissonRatio", 0.45, range="[0, 0.5]", field="material.poisson_ratio", doc="Poisson ratio."),
         Attribute(
-            name="ot:cell:poissonRatio", field="poisson_ratio", default=0.45, low=0.0, high=0.5, doc="Poisson ratio."
+            "ot:cell:adhesion", 0.0, "surface_energy", "[0, 1]", field="material.adhesion", doc="Work of adhesion."
         ),
         Attribute(
-            name="ot:cell:adhesion",
-            field="adhesion",
-            dimension="surface_energy",
-            default=0.0,
-            low=0.0,
-            high=1.0,
-            doc="Work of adhesion.",
-        ),
-        Attribute(
-            name="ot:cell:adhesionRange",
-            field="adhesion_range",
-            dimension="length",
-            default=1e-8,
-            low=0.0,
-            low_open=True,
-            high=1e-6,
+            "ot:cell:adhesionRange",
+            1e-8,
+            "length",
+            "(0, 1e-06]",
+            field="material.adhesion_range",
             doc="Gap over which the adhesion fades to zero.",
         ),
         Attribute(
-            name="ot:cell:refractiveIndex",
-            field="refractive_index",
-            default=1.38,
-            low=1.0,
-            high=5.0,
-            doc="Refractive index.",
+            "ot:cell:refractiveIndex", 1.38, range="[1, 5]", field="sphere.refractive_index", doc="Refractive index."
         ),
+        Attribute("ot:cell:trapped", False, field="sphere.trapped", doc="Whether traps act on it."),
+        Attribute("ot:cell:density", 1060.0, "density", "[0, 30000]", doc="Mass density (used with gravity only)."),
         Attribute(
-            name="ot:cell:trapped", field="trapped", usd_type="bool", default=False, doc="Whether traps act on it."
-        ),
-        Attribute(
-            name="ot:cell:density",
-            field="density",
-            dimension="density",
-            default=1060.0,
-            low=0.0,
-            high=3e4,
-            doc="Mass density (used with gravity only).",
-        ),
-        Attribute(
-            name="ot:cell:warningForce",
-            field="warning_force",
-            dimension="force",
-            default=1e-11,
-            low=0.0,
-            infinite=True,
+            "ot:cell:warningForce",
+            1e-11,
+            "force",
+            "[0, inf]",
             doc="Contact force above which the user is warned; inf for none.",
         ),
+        *for_cells(FORCES),
     ),
 )

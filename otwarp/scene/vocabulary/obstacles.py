@@ -6,14 +6,13 @@ from otwarp.scene.vocabulary.attribute import Attribute, Schema
 
 OBSTACLE = Schema(
     name="OtObstacleAPI",
+    of="obstacles",
     applies_to="an obstacle (with PhysicsCollisionAPI)",
     doc="What an obstacle does besides being in the way; one without it is rigid and lets the liquid pass.",
     attributes=(
         Attribute(
-            name="ot:obstacle:hydrodynamic",
-            field="hydrodynamic",
-            usd_type="bool",
-            default=False,
+            "ot:obstacle:hydrodynamic",
+            False,
             doc="Whether the liquid sticks to it, so that it hinders the motion and diffusion of spheres nearby; for a"
             " Plane at rest only.",
         ),

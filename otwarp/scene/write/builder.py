@@ -25,9 +25,10 @@ from otwarp.scene.description import (
     Trap,
     TrapLaw,
 )
-from otwarp.scene.read.attributes import author_values, authored, mobility_shift
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import align_z, look_at
+from otwarp.scene.vocabulary.values import authored
+from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
 from otwarp.scene.write.looks import Color, Looks, author_extent, draw_beam
 from otwarp.scene.write.obstacles import define_obstacle
@@ -42,7 +43,7 @@ _COLORS: dict[type, tuple[Color, float]] = {
     Obstacle: ((0.55, 0.58, 0.62), 1.0),
     Goal: ((0.20, 0.70, 0.30), 0.25),
 }
-_LAW_UNITS = {"lengthUnit": 1e-6, "forceUnit": 1e-12}
+_LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
@@ -74,8 +75,7 @@ class SceneBuilder:
         self._stage.SetTimeCodesPerSecond(self._rate)
         self._stage.SetStartTimeCode(0.0)
         self._stage.SetEndTimeCode(settings.duration * self._rate)
-        values = vars(medium) | vars(settings) | {"time_step": settings.time_step or 0.0}
-        author_values(world, vocabulary.SCENE, values)
+        author_values(world, vocabulary.SCENE, medium=medium, settings=settings)
 
     @property
     def stage(self) -> Usd.Stage:
@@ -288,7 +288,7 @@ class SceneBuilder:
         prim = UsdGeom.Xform.Define(self._stage, self._parents(trap.prim)).GetPrim()
         author_tracks(prim, self._rate, trap.position, trap.orientation)
         times, values = trap.power.times, trap.power.values[:, 0]
-        changed = {"power": values[0], "holds": [trap.holds] * bool(trap.holds), "glass_index": trap.glass_index or 0.0}
+        changed = {"power": values[0], "holds": [trap.holds] * bool(trap.holds)}
         author_values(prim, vocabulary.TRAP, vars(trap) | changed)
         if len(times) > 1:
             power = prim.GetAttribute("ot:trap:power")
@@ -310,8 +310,7 @@ class SceneBuilder:
         UsdPhysics.RigidBodyAPI.Apply(prim)
         if body.material.adhesion != 0.0:
             raise InputError(f"SceneBuilder: {body.prim}: adhesion = {body.material.adhesion:g}: must be 0 for a robot")
-        mobility = Vt.DoubleArray(mobility_shift(body.mobility, 1) if body.mobility else ())
-        author_values(prim, vocabulary.BODY, vars(body) | vars(body.material) | {"mobility": mobility})
+        author_values(prim, vocabulary.BODY, body)
         for sphere in body.spheres:
             self._sphere(body, sphere, color, opacity)
         for rod in body.rods:
@@ -325,14 +324,14 @@ class SceneBuilder:
         ball = UsdGeom.Sphere.Define(self._stage, self._parents(sphere.prim))
         ball.CreateRadiusAttr(float(sphere.radius))
         author_pose(ball.GetPrim(), sphere.offset, None)
-        author_values(ball.GetPrim(), vocabulary.SPHERE, vars(sphere))
+        author_values(ball.GetPrim(), vocabulary.SPHERE, sphere)
         self._look(ball.GetPrim(), color, opacity)
 
     def _rod(self, body: Body, rod: Rod, color: Color, opacity: float) -> None:
         if not rod.prim.startswith(body.prim + "/"):
             raise InputError(f"SceneBuilder: {rod.prim}: path = {rod.prim}: must be below its body {body.prim}")
         prim = self._capsule(rod.prim, rod.start, rod.end, rod.radius, color, opacity)
-        author_values(prim, vocabulary.ROD, vars(rod))
+        author_values(prim, vocabulary.ROD, rod)
 
     def _cell(self, path: str, body: Body, color: Color, opacity: float) -> Usd.Prim:
         sphere = body.spheres[0]
@@ -344,7 +343,7 @@ class SceneBuilder:
         ball = UsdGeom.Sphere.Define(self._stage, self._parents(path))
         ball.CreateRadiusAttr(float(sphere.radius))
         UsdPhysics.RigidBodyAPI.Apply(ball.GetPrim())
-        author_values(ball.GetPrim(), vocabulary.CELL, vars(body) | vars(body.material) | vars(sphere))
+        author_values(ball.GetPrim(), vocabulary.CELL, body, sphere=sphere)
         self._look(ball.GetPrim(), color, opacity)
         return ball.GetPrim()
 
@@ -359,7 +358,7 @@ class SceneBuilder:
             author_pose(prim, flow.origin, flow.orientation)
         elif any(flow.origin) or any(flow.orientation[:3]):
             raise InputError(f"SceneBuilder: {flow.prim}: origin = {flow.origin}: must be 0 on the default prim")
-        author_values(prim, vocabulary.FLOW, vars(flow))
+        author_values(prim, vocabulary.FLOW, flow)
         return prim
 
     def _camera(self, camera: Camera, color: Color, opacity: float) -> Usd.Prim:
@@ -374,14 +373,14 @@ class SceneBuilder:
                 orthographic=True,
             )
         prim = self._stage.GetPrimAtPath(camera.prim)
-        author_values(prim, vocabulary.CAMERA, vars(camera))
+        author_values(prim, vocabulary.CAMERA, camera)
         return prim
 
     def _goal(self, goal: Goal, color: Color, opacity: float) -> Usd.Prim:
         ball = UsdGeom.Sphere.Define(self._stage, self._parents(goal.prim))
         ball.CreateRadiusAttr(float(goal.tolerance))
         author_pose(ball.GetPrim(), goal.position, None)
-        author_values(ball.GetPrim(), vocabulary.GOAL, vars(goal) | {"cell": [goal.cell], "robots": goal.robots})
+        author_values(ball.GetPrim(), vocabulary.GOAL, vars(goal) | {"cell": [goal.cell]})
         self._look(ball.GetPrim(), color, opacity)
         return ball.GetPrim()
 

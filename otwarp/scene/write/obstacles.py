@@ -8,7 +8,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Obstacle
-from otwarp.scene.read.attributes import author_values
+from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.poses import author_tracks
 
 PLANE_WIDTH = 200.0
@@ -37,7 +37,7 @@ def define_obstacle(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle, rate: 
     author_tracks(prim, rate, obstacle.position, obstacle.orientation, scale)
     UsdPhysics.CollisionAPI.Apply(prim).CreateCollisionEnabledAttr(True)
     if obstacle.hydrodynamic:
-        author_values(prim, vocabulary.OBSTACLE, vars(obstacle))
+        author_values(prim, vocabulary.OBSTACLE, obstacle)
     if obstacle.position.animated or obstacle.orientation.animated:
         UsdPhysics.RigidBodyAPI.Apply(prim).CreateKinematicEnabledAttr(True)
     return prim
