@@ -25,7 +25,7 @@ CHAINS: dict[str, Callable[[float], tuple[float, float, float]]] = {
 DEFAULT = Settings().integrator
 """Integrator of a scene that names none."""
 
-OFFERED = next(a.allowed for a in SCENE.attributes if a.field == "integrator") or ()
+OFFERED = SCENE["settings.integrator"].allowed
 """Integrators that a scene may name."""
 
 
