@@ -14,8 +14,8 @@ from benchmarks.realtime import load
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
 from otwarp.scene.description import Scene
-from otwarp.teleop.budget.cost import SECONDS, measure_scene
 from otwarp.teleop.budget.reduce import Budget, reduce_scene
+from otwarp.teleop.budget.report import SECONDS, measure_scene
 
 CASES: tuple[tuple[str, tuple[Budget, ...]], ...] = (
     ("cell_delivery", ("auto", 0.03)),

@@ -215,7 +215,7 @@ def thermal_force_squared(scene: Scene) -> float:
 
 
 class Gauge:
-    """An outlet that keeps what each frame says of pace and servo."""
+    """An sink that keeps what each frame says of pace and servo."""
 
     interval = 0.0
 
@@ -224,20 +224,20 @@ class Gauge:
         self.lateness: list[float] = []
 
     def publish(self, frame: LiveFrame) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         self.busy.append(frame.pace.busy)
         if frame.servo is not None:
             self.lateness.append(frame.servo.lateness)
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`."""
+        """See `Sink`."""
         return ()
 
     def complain(self, line: str) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
 
     def close(self) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
 
 
 def run_session(name: str, device: str, *, seconds: float, record: Path | None = None) -> dict[str, Any]:
@@ -247,7 +247,7 @@ def run_session(name: str, device: str, *, seconds: float, record: Path | None =
     how = SessionOptions(
         devices=devices, arm=True, duration=seconds, device=device, record=str(record) if record else None
     )
-    session = Session(scene, how, outlets=(gauge,), say=lambda line: None)
+    session = Session(scene, how, sinks=(gauge,), say=lambda line: None)
     ticks = _timed(session.loop)
     report = session.run()
     p50, p99, worst = (float(v) for v in np.percentile(ticks, (50, 99, 100)))

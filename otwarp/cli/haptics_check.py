@@ -86,7 +86,7 @@ def _load(file: Path) -> Scene:
 
 def _scene_cost(scene: Scene, device: str | None, say: Callable[[str], None]) -> dict[str, Any]:
     """How fast a scene runs, read out as in a session."""
-    from otwarp.teleop.budget.cost import FRAME_RATE, measure_scene
+    from otwarp.teleop.budget.report import FRAME_RATE, measure_scene
 
     say(f"real-time factor of {scene.file} (new kernels are compiled first)")
     cost = measure_scene(scene, device=device)

@@ -27,9 +27,9 @@ def replay(take: Path, as_json: bool) -> int:
     compared up to the cut. Exit code 0: all that is there is equal; 1: a force differs, or there is nothing to compare;
     2: no take.
     """
-    from otwarp.teleop.recording.replay import replay_take
+    from otwarp.teleop.recording.replay import replay_recording
 
-    report = replay_take(take)
+    report = replay_recording(take)
     if as_json:
         click.echo(json.dumps(report.to_dict(), indent=2, ensure_ascii=False, allow_nan=False))
     else:

@@ -23,10 +23,8 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene.description import Scene
 from otwarp.simulation.composition import MAX_WORLD_BODIES
-from otwarp.teleop.budget.cost import FRAME_RATE, Cost, Measure, measure_scene
-from otwarp.teleop.budget.freeze import Thinned, thin_out
-from otwarp.teleop.budget.reach import SWEEP, Reach
-from otwarp.teleop.budget.report import BudgetReport
+from otwarp.teleop.budget.reach import SWEEP, Reach, Thinned, thin_out
+from otwarp.teleop.budget.report import FRAME_RATE, BudgetReport, Measure, SceneCost, measure_scene
 
 AUTO_SHARE = 0.7
 """Share of one core that `auto` gives the simulation. The rest is for what the loop does besides, and for bodies that
@@ -49,6 +47,7 @@ LONGER = 1.02
 
 Budget = Literal["auto", "off"] | float
 Progress = Callable[[str], None]
+_Candidate = tuple[Thinned, SceneCost]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -190,7 +189,7 @@ class _Search:
     say: Progress
     log: list[str] = dataclasses.field(default_factory=list)
 
-    def try_(self, scene: Scene, what: str) -> Cost:
+    def try_(self, scene: Scene, what: str) -> SceneCost:
         """Measure a candidate."""
         self.say(f"measuring {what} (kernels that are new to this machine are compiled first)")
         cost = self.measure(scene, device=self.device, speed=self.speed, rate=self.rate)
@@ -201,16 +200,13 @@ class _Search:
         )
         return cost
 
-    def load(self, cost: Cost) -> float:
+    def load(self, cost: SceneCost) -> float:
         """Share of a core at the wanted speed."""
         return cost.load(self.speed, self.rate)
 
-    def fits(self, cost: Cost) -> bool:
+    def fits(self, cost: SceneCost) -> bool:
         """Whether a candidate keeps the wanted speed within the budget."""
         return self.load(cost) <= self.share
-
-
-_Candidate = tuple[Thinned, Cost]
 
 
 def _fewer_bodies(search: _Search, scene: Scene, reach: Reach, everything: _Candidate) -> _Candidate:
@@ -295,7 +291,7 @@ def _bisect(
     return best
 
 
-def _coarser(search: _Search, scene: Scene, cost: Cost) -> tuple[Scene, Cost]:
+def _coarser(search: _Search, scene: Scene, cost: SceneCost) -> tuple[Scene, SceneCost]:
     """Step 3: the smallest error up to `WORST_ERROR` that fits; the largest that brings anything if none does."""
     wanted = scene.settings.accuracy
     if wanted >= WORST_ERROR:

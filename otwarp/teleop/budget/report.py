@@ -1,15 +1,142 @@
-"""What the budget did to a scene, as lines to print and as JSON."""
+"""What a scene costs on this machine, and what the budget did to it, as lines to print and as JSON.
+
+The cost is measured: the real simulation, run for a moment, frames read out as in a session.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import re
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from statistics import median
+from typing import Any, Protocol
 
+import numpy as np
+
+from otwarp.record.run import capture_frame
 from otwarp.scene.description import Scene
-from otwarp.teleop.budget.cost import FRAME_RATE, Cost
+from otwarp.simulation.simulation import Simulation
+
+FRAME_RATE = 120.0
+"""Frames per second of wall time that a session reads out, see `frame.PaceNow`."""
+
+SECONDS = 0.5
+"""Wall time that one measurement takes at least [s], start-up excepted."""
+
+BATCHES = 5
+"""Parts of a measurement, of whose means the median counts: new neighbour lists are part of every mean, and a neighbour
+on the machine that takes the core for a moment is not part of the median."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneCost:
+    """What one scene costs.
+
+    Attributes:
+        bodies: How many move.
+        driver: Of the step, see `Features`.
+        time_step: [s].
+        largest_stable: Largest stable step [s].
+        error: Larger of the predicted relative errors of variances and of relaxation rates, in the stiffest mode.
+        chosen_by: What decided the time step.
+        step: Wall time of a step [s].
+        frame: Wall time of reading out a frame [s].
+        ready: Wall time until the first frame was read: model, and kernels that were not in the cache [s].
+    """
+
+    bodies: int
+    driver: str
+    time_step: float
+    largest_stable: float
+    error: float
+    chosen_by: str
+    step: float
+    frame: float
+    ready: float = 0.0
+
+    def load(self, speed: float, rate: float = FRAME_RATE) -> float:
+        """Share of one core's time at `speed` simulated seconds per second and at most `rate` frames per second."""
+        steps = speed / self.time_step
+        return steps * self.step + min(rate, steps) * self.frame
+
+    def speed(self, share: float, rate: float = FRAME_RATE) -> float:
+        """Simulated seconds per second of wall time that a share of a core carries."""
+        every_step = share / (self.step + self.frame)
+        steps = every_step if every_step <= rate else (share - rate * self.frame) / self.step
+        return steps * self.time_step
+
+
+class Measure(Protocol):
+    """Whatever says what a scene costs."""
+
+    def __call__(self, scene: Scene, *, device: str | None, speed: float, rate: float) -> SceneCost:
+        """See `measure_scene`."""
+        ...
+
+
+def measure_scene(
+    scene: Scene,
+    *,
+    device: str | None = None,
+    speed: float = 1.0,
+    rate: float = FRAME_RATE,
+    glide: float | None = None,
+    seconds: float = SECONDS,
+    clock: Callable[[], float] = time.perf_counter,
+) -> SceneCost:
+    """Run a scene from its start for a moment, on one thread, one world.
+
+    What changes in the course of a session is not foreseen: bodies that come to touch each other later cost more.
+
+    Args:
+        speed: Simulated seconds per second that the session wants; decides how many steps lie between two frames.
+        rate: Frames per second of wall time.
+        glide: Simulated seconds after which traps are put anew, as moving hands do; None for traps that nobody moves.
+        seconds: How long to measure [s].
+        clock: Seconds, for tests.
+
+    Raises:
+        InputError: No simulation can be made of the scene.
+        SimulationError: Its state did not stay physical.
+    """
+    begun = clock()
+    sim = Simulation(scene, device=device, threads=1)
+    steps = max(1, round(speed / rate / sim.time_step))
+    moving = glide is not None and len(scene.traps) > 0
+    part = max(1, round(glide / sim.time_step)) if glide is not None and moving else steps
+    place = np.array([trap.position.at(0.0) for trap in scene.traps])
+    sim.step()
+    capture_frame(sim)
+    ready = clock() - begun
+    means: list[tuple[float, float]] = []
+    for _ in range(BATCHES):
+        stepping = reading = 0.0
+        frames = 0
+        while frames == 0 or stepping + reading < seconds / BATCHES:
+            before = clock()
+            for done in range(0, steps, part):
+                if moving:
+                    sim.control.set(trap_position=place)
+                sim.step(min(part, steps - done))
+            between = clock()
+            capture_frame(sim)
+            stepping, reading, frames = stepping + between - before, reading + clock() - between, frames + 1
+        means.append((stepping / (frames * steps), reading / frames))
+    scales = sim.model.scales
+    return SceneCost(
+        bodies=len(scene.bodies),
+        driver=sim.model.features.driver,
+        time_step=sim.time_step,
+        largest_stable=scales.largest_stable,
+        error=max(abs(scales.variance_error), abs(scales.rate_error)),
+        chosen_by=scales.chosen_by,
+        step=median(m[0] for m in means),
+        frame=median(m[1] for m in means),
+        ready=ready,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +153,7 @@ class BudgetReport:
         kept: How many of them move.
         frozen: Names of those that became obstacles.
         left: Names of those that are not there any more.
-        before, after: Cost of the scene as loaded, and as it will run; None where nothing was measured.
+        before, after: SceneCost of the scene as loaded, and as it will run; None where nothing was measured.
         accuracy: Wanted error before and after [1].
         reach: What counted as within reach: `anchor`, and `sweep` [µm], `carried` [µm], `horizon` [s].
         nearest: How far beyond reach the nearest body is that moves no more [µm].
@@ -42,8 +169,8 @@ class BudgetReport:
     kept: int
     frozen: tuple[str, ...]
     left: tuple[str, ...]
-    before: Cost | None
-    after: Cost | None
+    before: SceneCost | None
+    after: SceneCost | None
     accuracy: tuple[float, float]
     reach: dict[str, float | str] | None
     nearest: float | None
@@ -106,7 +233,7 @@ class BudgetReport:
             )
         return found
 
-    def _cost_line(self, cost: Cost, speed: float) -> str:
+    def _cost_line(self, cost: SceneCost, speed: float) -> str:
         return (
             f"{cost.bodies} moving, {100.0 * cost.load(speed, self.rate):.3g} % of a core at {speed:g}× speed; a whole "
             f"core would reach {cost.speed(1.0, self.rate):.3g}× real time"

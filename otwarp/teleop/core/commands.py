@@ -1,11 +1,16 @@
-"""What may be asked of the live loop, by the page, by ROS, or by a program; each is checked where it is carried out."""
+"""What may be asked of the live loop, and who asks: commands, and `Sink`, which is shown frames and gives them.
+
+Each command is checked where it is carried out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from otwarp.haptics.core.types import Vec3
+from otwarp.teleop.core.frame import LiveFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,3 +105,28 @@ class Stop:
 
 
 Command = MoveTraps | ShiftTraps | SetPower | SetGains | SetSpeed | Pause | Reset | Record | Arm | Disarm | Stop
+
+
+class Sink(Protocol):
+    """All calls come from the loop's thread and must not block: what cannot be sent now is dropped."""
+
+    @property
+    def interval(self) -> float:
+        """Least time between two frames that it wants [s]; 0 for every frame."""
+        ...
+
+    def publish(self, live: LiveFrame) -> None:
+        """Take a frame."""
+        ...
+
+    def commands(self) -> Sequence[Command]:
+        """What was asked since the last call, in order."""
+        ...
+
+    def complain(self, line: str) -> None:
+        """A command was refused, or something else went wrong that its user should read."""
+        ...
+
+    def close(self) -> None:
+        """The session ends; may be called more than once."""
+        ...

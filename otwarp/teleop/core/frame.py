@@ -12,7 +12,7 @@ from otwarp.haptics.servo.link import ServoStatus
 from otwarp.record.frame import Frame
 
 HANDS = ("left", "right")
-"""Order of `LiveFrame.hand_force`, as the simulation's readout has it."""
+"""PageOrder of `LiveFrame.hand_force`, as the simulation's readout has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

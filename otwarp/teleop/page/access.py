@@ -13,10 +13,12 @@ viser checks nobody. Every request, websocket handshakes included, is judged her
 
 from __future__ import annotations
 
+import errno
 import hmac
 import ipaddress
 import re
 import secrets
+import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
 from urllib.parse import parse_qs, quote
@@ -37,11 +39,14 @@ others, should a link have got past the rules; and the token stays."""
 QUERY = re.compile(r"token|fixedDpr|showStats|logCamera|darkMode|initialCamera\w*")
 """Names that a query may hold."""
 
+USUAL_PORT, TRIES = 8080, 20
+"""Port that is tried first when none was asked for, and how many from there on."""
+
 Fields = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class AccessVerdict:
     """HTTP status (200 lets pass), why not, and the cookie to set."""
 
     status: int
@@ -73,7 +78,7 @@ class Access:
         """Name of the cookie that holds the token."""
         return f"otwarp-{self.port}"
 
-    def judge(self, target: str, headers: Fields) -> Verdict:
+    def judge(self, target: str, headers: Fields) -> AccessVerdict:
         """Judge a request.
 
         Args:
@@ -82,24 +87,24 @@ class Access:
         """
         hosts = _values(headers, "host")
         if len(hosts) != 1:
-            return Verdict(400, "one Host, please")
+            return AccessVerdict(400, "one Host, please")
         if self.loopback and not is_loopback_name(_hostname(hosts[0])):
-            return Verdict(403, "this page answers to loopback names alone")
+            return AccessVerdict(403, "this page answers to loopback names alone")
         origins = _values(headers, "origin")
         if origins and (len(origins) > 1 or not _same_origin(origins[0], hosts[0])):
-            return Verdict(403, "this page takes no orders from other pages")
+            return AccessVerdict(403, "this page takes no orders from other pages")
         query = parse_qs(target.partition("?")[2], keep_blank_values=True)
         if not all(QUERY.fullmatch(name) for name in query):
-            return Verdict(403, "this page may not be told such things by its address")
+            return AccessVerdict(403, "this page may not be told such things by its address")
         if self.token is None:
-            return Verdict(200)
+            return AccessVerdict(200)
         given = query.get("token", [])
         if len(given) == 1 and _equal(given[0], self.token):
             cookie = f"{self.cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
-            return Verdict(200, cookie=cookie)
+            return AccessVerdict(200, cookie=cookie)
         if any(_equal(value, self.token) for value in _cookies(headers, self.cookie_name)):
-            return Verdict(200)
-        return Verdict(403, "open the address that otwarp printed, with its token")
+            return AccessVerdict(200)
+        return AccessVerdict(403, "open the address that otwarp printed, with its token")
 
 
 def choose_token(token: str | None, loopback: bool) -> str | None:
@@ -115,6 +120,45 @@ def choose_token(token: str | None, loopback: bool) -> str | None:
             f"token = {'*' * len(token)!r}: must be {SHORTEST_TOKEN} or more letters, digits, '-', '.', '_' or '~'"
         )
     return token
+
+
+def listen(host: str, port: int | None) -> socket.socket:
+    """A listening socket.
+
+    Args:
+        host: Name or number of the interface; a name means the first of its addresses, IPv4 first.
+        port: 0 for any; None for the first free one from `USUAL_PORT` on.
+
+    Raises:
+        InputError: A host that is none of this machine's, or a port that is taken or not allowed.
+    """
+    if port is not None and not 0 <= port <= 65535:
+        raise InputError(f"port = {port!r}: must be from 0 to 65535")
+    try:
+        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE) if host.strip() else []
+    except (OSError, UnicodeError):
+        found = []
+    if not found:
+        raise InputError(f"host = {host!r}: must be a name or an address of this machine")
+    family, _, _, _, place = min(found, key=lambda row: row[0] != socket.AF_INET)
+    ports = [port] if port is not None else [*range(USUAL_PORT, USUAL_PORT + TRIES), 0]
+    for candidate in ports:
+        try:
+            return socket.create_server((place[0], candidate), family=family, backlog=64)
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE and port is None:
+                continue
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"host = {host!r}: must be a name or an address of this machine") from None
+            raise InputError(f"port = {port!r}: {error.strerror}; must be a free one, or none for the next") from None
+    raise InputError(f"port = {port!r}: none is free")  # pragma: no cover - any free port was asked for last
+
+
+def access_for(listening: socket.socket, token: str | None) -> Access:
+    """The rules of a page on this socket, with a token wherever others could reach it."""
+    number, port = listening.getsockname()[:2]
+    loopback = ipaddress.ip_address(number.partition("%")[0]).is_loopback
+    return Access(loopback, choose_token(token, loopback), port)
 
 
 def address(host: str, port: int, token: str | None) -> str:

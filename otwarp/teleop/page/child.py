@@ -28,26 +28,24 @@ from otwarp.haptics.core.platform import ordinary
 from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.teleop.core.commands import Command
+from otwarp.teleop.page.access import access_for, listen
 from otwarp.teleop.page.controls import Controls, gizmo_position
-from otwarp.teleop.page.gizmos import Gizmos
-from otwarp.teleop.page.latency import Latency
-from otwarp.teleop.page.listening import access_for, guarded_server, listen
-from otwarp.teleop.page.messages import (
+from otwarp.teleop.page.gizmos import Gizmos, Pointer
+from otwarp.teleop.page.protocol import (
     Asked,
     Complaint,
     Failed,
-    Order,
     PageFrame,
+    PageOrder,
     Ready,
     Shown,
     Visitors,
     receive,
     send,
 )
-from otwarp.teleop.page.plots import Plots
-from otwarp.teleop.page.pointer import Pointer
-from otwarp.teleop.page.readout import News
+from otwarp.teleop.page.readout import News, Plots
 from otwarp.teleop.page.scene_view import BACKGROUND, SceneView
+from otwarp.teleop.page.viser_internals import guarded_server
 
 if TYPE_CHECKING:
     import viser
@@ -62,8 +60,57 @@ RATE_OVER = 2.0
 """Seconds over which the page's frame rate is counted."""
 MOST_FAILURES = 5
 """Failures of a picture that are written to stderr."""
+ECHO_EVERY, ECHO_WITHIN = 1.0, 2.0
+"""Seconds between two questions to a browser, and for which one waits for its answer: a hidden window sleeps."""
+ECHO_KEY = "otwarp-echo"
+"""Of the browser's local storage; nothing is kept there."""
 PICTURE = 2000
 """Most pixels of a side of a screenshot."""
+
+
+class BrowserLatency:
+    """How old the state is that a browser shows: from the session's `publish` to an answer of the browser that has it.
+
+    Asks one browser after the other, in a thread of its own. A browser answers a request that it takes from the same
+    connection, after the messages of the frame. The way back is in the figure, and the drawing after it is not: an
+    upper bound of the arrival, not of the light on the screen.
+
+    Attributes:
+        delay: The latest answer [s], None without one.
+    """
+
+    def __init__(self, server: viser.ViserServer, clock: Callable[[], float]):
+        self._server, self._clock = server, clock
+        self._stamp: float | None = None
+        self._asked = threading.Event()
+        self._turn = 0
+        self.delay: float | None = None
+        threading.Thread(target=self._run, daemon=True, name="page-latency").start()
+
+    def shown(self, stamp: float) -> None:
+        """A frame of this time was handed to the connections just now; asks if it is time to."""
+        if not self._asked.is_set():
+            self._stamp = stamp
+            self._asked.set()
+
+    def _run(self) -> None:
+        while True:
+            self._asked.wait()
+            self._measure()
+            time.sleep(ECHO_EVERY)
+            self._asked.clear()
+
+    def _measure(self) -> None:
+        clients, stamp = list(self._server.get_clients().values()), self._stamp
+        if not clients or stamp is None:
+            self.delay = None
+            return
+        self._turn += 1
+        try:
+            clients[self._turn % len(clients)].local_storage.get_item(ECHO_KEY, timeout=ECHO_WITHIN)
+            self.delay = self._clock() - stamp
+        except (RuntimeError, TimeoutError):
+            self.delay = None
 
 
 class Page:
@@ -75,7 +122,7 @@ class Page:
         tell: Sends a message to the session.
     """
 
-    def __init__(self, server: viser.ViserServer, order: Order, tell: Callable[[object], None]):
+    def __init__(self, server: viser.ViserServer, order: PageOrder, tell: Callable[[object], None]):
         self._server, self._tell = server, tell
         self._inbox: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._clients: set[int] = set()
@@ -107,7 +154,7 @@ class Page:
         side.dock_left()
         side.set_width(310)
         self._plots = Plots(gui, side.add_tab("Last 20 s"), drawing)
-        self._latency = Latency(server, time.monotonic)
+        self._latency = BrowserLatency(server, time.monotonic)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
@@ -258,7 +305,7 @@ def child() -> None:
             return
 
     try:
-        order: Order = receive(pipe)
+        order: PageOrder = receive(pipe)
     except EOFError:
         return  # the parent died before it had said anything
     try:

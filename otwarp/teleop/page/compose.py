@@ -11,7 +11,7 @@ import numpy as np
 from otwarp.scene.description import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
-from otwarp.teleop.page.drawing import (
+from otwarp.teleop.page.protocol import (
     BallGroup,
     BodyDrawing,
     CameraDrawing,

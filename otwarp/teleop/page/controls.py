@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from otwarp.haptics.core.types import Vec3
 from otwarp.teleop.core.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
 from otwarp.teleop.core.frame import HANDS, HandFrame
-from otwarp.teleop.page.drawing import Drawing
 from otwarp.teleop.page.gizmos import MODES, Gizmos
-from otwarp.teleop.page.messages import PageFrame
+from otwarp.teleop.page.protocol import Drawing, PageFrame
 from otwarp.teleop.page.readout import banner, figures, hand_text
 from otwarp.teleop.page.scene_view import SceneView
 

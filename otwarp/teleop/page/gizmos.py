@@ -3,6 +3,8 @@
 While somebody drags, the server leaves that handle alone; after letting go it waits `HOLD_OFF` for the commands to come
 back in a frame. So a handle never fights the mouse. Whenever nobody holds it, it shows where its traps are, or where
 they are going: drags move them gently, so they may come after it.
+
+A hand without a device is a `Pointer`: its handle writes where the hand is into the mailbox of the servo's `mouse`.
 """
 
 from __future__ import annotations
@@ -13,17 +15,64 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core.fields import Matrix
+from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.teleop.core.commands import Command, MoveTraps
 from otwarp.teleop.core.frame import HANDS, HandFrame
-from otwarp.teleop.page.drawing import TrapDrawing
-from otwarp.teleop.page.messages import PageFrame
-from otwarp.teleop.page.pointer import Pointer
+from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
+POINTER_EVERY = 0.1
+"""Seconds between two words to the mailbox; the device takes `mouse.SILENCE` = 0.5 s of silence for a release."""
+DEAD_MAN = 1
+"""Button 0, held while the page lives."""
 HOLD_OFF = 0.3
 """Seconds after a drag in which a handle stays where it was put."""
 MODES = ("hands", "traps", "both", "none")
 """Which handles are shown."""
+
+
+class Pointer:
+    """Where one hand is told to be.
+
+    Args:
+        write: Puts (x, y, z, buttons) [m] into the mailbox.
+        axis_map: A, orthogonal, scene = A·device.
+    """
+
+    def __init__(self, write: Callable[[tuple[float, float, float, int]], None], axis_map: Matrix):
+        self._write, self._axes = write, axis_map
+        self._target: Vec3 = ZERO
+        self._base: Vec3 = ZERO
+        self._written = float("-inf")
+
+    @property
+    def target(self) -> Vec3:
+        """In the device's frame [m]."""
+        return self._target
+
+    def take(self, hand: Vec3 | None) -> None:
+        """The gizmo is taken while the hand is there [m]; None if nobody knows, for where it was told to be."""
+        self._base = self._target if hand is None else hand
+
+    def move(self, shift: Vec3, gain: float) -> None:
+        """The gizmo is at this distance from where it was taken.
+
+        target = base + Aᵀ·shift / gain
+
+        Args:
+            shift: In the scene's frame [µm].
+            gain: Motion gain [µm/m].
+        """
+        a, (x, y, z) = self._axes, self._base
+        dx, dy, dz = (sum(a[row][column] * shift[row] for row in range(3)) / gain for column in range(3))
+        self._target = (x + dx, y + dy, z + dz)
+        self._written = float("-inf")
+
+    def tick(self, now: float, watched: bool) -> None:
+        """Write if it is time to, and only while somebody watches: silence lets go of the dead-man switch."""
+        if watched and now - self._written >= POINTER_EVERY:
+            self._written = now
+            self._write((*self._target, DEAD_MAN))
 
 
 class Handle(Protocol):

@@ -1,4 +1,4 @@
-"""`PageProcess`: the page as its session sees it, an outlet whose browser side runs in a process of its own.
+"""`PageProcess`: the page as its session sees it, an sink whose browser side runs in a process of its own.
 
 The child is a fresh interpreter (viser's threads would otherwise share ours with the stepping). Frames go down its
 stdin, what its users ask comes up its stdout. A frame is sent only when the child has shown the one before, by a thread
@@ -26,18 +26,19 @@ from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 from otwarp.teleop.page.access import address, choose_token
 from otwarp.teleop.page.compose import compose
-from otwarp.teleop.page.messages import (
+from otwarp.teleop.page.protocol import (
     Asked,
     Complaint,
     Failed,
-    Order,
     PageFrame,
+    PageOrder,
     Ready,
     Shown,
     Visitors,
     receive,
     send,
 )
+from otwarp.teleop.page.viser_internals import without_override
 
 RATES = (1.0, 120.0)
 START_WITHIN = 60.0
@@ -49,7 +50,7 @@ MOST_LINES = 64
 
 
 class PageProcess:
-    """An `Outlet` in a browser, from `start` to `close`; used by one thread.
+    """An `Sink` in a browser, from `start` to `close`; used by one thread.
 
     Args:
         scene: What is shown.
@@ -91,7 +92,7 @@ class PageProcess:
         if importlib.util.find_spec("viser") is None:
             raise InputError("page: needs viser; install otwarp[teleop], or run without the page")
         maps = {hand: axis_maps.get(hand, FACING_USER) for hand in HANDS}
-        self._order = Order(
+        self._order = PageOrder(
             drawing=compose(scene), host=host, port=port, token=token, pointers=dict(pointers), axis_maps=maps
         )
         self._interval = 1.0 / rate
@@ -112,7 +113,7 @@ class PageProcess:
 
     @property
     def interval(self) -> float:
-        """See `Outlet`."""
+        """See `Sink`."""
         return self._interval
 
     @property
@@ -137,7 +138,7 @@ class PageProcess:
 
     @property
     def delay(self) -> float | None:
-        """Time from `publish` to the latest answer of a browser, see `latency.Latency` [s]; None without one."""
+        """Time from `publish` to the latest answer of a browser, see `child.BrowserLatency` [s]; None without one."""
         return self._delay
 
     @property
@@ -158,8 +159,8 @@ class PageProcess:
         """
         if self._process is not None or self._over:
             raise InputError("page: start may be called once, before close")
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        environment.pop("_VISER_PORT_OVERRIDE", None)
+        paths = os.pathsep.join(path for path in sys.path if path)
+        environment = without_override(os.environ | {"PYTHONPATH": paths})
         command = [sys.executable, "-c", "from otwarp.teleop.page.child import child; child()"]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=-1
@@ -184,7 +185,7 @@ class PageProcess:
         return self._url
 
     def publish(self, live: LiveFrame) -> None:
-        """See `Outlet`; dropped unless the page has shown the frame before."""
+        """See `Sink`; dropped unless the page has shown the frame before."""
         self._tell_end()
         if not self.alive:
             return
@@ -198,7 +199,7 @@ class PageProcess:
             self._wake.notify()
 
     def commands(self) -> Sequence[Command]:
-        """See `Outlet`."""
+        """See `Sink`."""
         self._tell_end()
         asked = []
         while self._asked:
@@ -206,13 +207,13 @@ class PageProcess:
         return asked
 
     def complain(self, line: str) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         with self._wake:
             self._lines.append(line)
             self._wake.notify()
 
     def close(self) -> None:
-        """See `Outlet`."""
+        """See `Sink`."""
         with self._wake:
             if self._over:
                 return

@@ -1,13 +1,24 @@
-"""Texts of the page: task and warnings, the state of each hand, the figures of the loop. HTML, all escaped."""
+"""What the page says of a session: texts (HTML, all escaped), and plots of the last seconds.
+
+Texts are task and warnings, the state of each hand, the figures of the loop.
+"""
 
 from __future__ import annotations
 
 import html
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from otwarp.teleop.core.frame import HandFrame, PaceNow
-from otwarp.teleop.page.messages import PageFrame
+from otwarp.teleop.page.protocol import Drawing, PageFrame
+
+if TYPE_CHECKING:
+    import viser
 
 QUIET = 6.0
 """Seconds after which the same warning, whatever its numbers, is notified again if it had gone meanwhile."""
@@ -18,6 +29,16 @@ KEEPS_UP = 0.95
 """Share of the wanted pace below which the figures turn amber."""
 _RED, _AMBER, _GREEN, _GREY = "#ff405c", "#ffc24a", "#4ade80", "#8ea2b8"
 STATE_COLOURS = {"armed": _GREEN, "ramping": _AMBER, "decaying": _AMBER, "fault": _RED, "disarmed": _GREY}
+SPAN, BIN = 20.0, 1.0 / 15.0
+"""Seconds that a plot shows, and that one of its points stands for."""
+PUSH = 0.2
+"""Seconds between two pushes of a plot to the browsers."""
+MOST_CURVES = 8
+"""Traps or bodies that get a curve each; above that the largest of them makes one."""
+HAND_COLOURS = {"left": "#ff7a5c", "right": "#45d0ff"}
+CURVES = ("#ff7a5c", "#ffb35c", "#ffe27a", "#45d0ff", "#5c9dff", "#b18cff", "#6ee7a8", "#f28cc8")
+WARNING = "#ff405c"
+CAUTION = "#ffc24a"
 
 
 def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None, task: str = "") -> str:
@@ -137,3 +158,185 @@ def _last(path: str) -> str:
 
 def _escape(text: object) -> str:
     return html.escape(str(text))
+
+
+class History:
+    """The largest value of each column in each of the last bins.
+
+    Args:
+        columns: Number of curves.
+        span, bin: Seconds remembered, and per point.
+    """
+
+    def __init__(self, columns: int, span: float = SPAN, bin: float = BIN):
+        self._bin, self._many = bin, max(2, round(span / bin))
+        self._values = np.full((self._many, columns), np.nan)
+        self._latest: int | None = None
+
+    def add(self, time: float, values: Sequence[float]) -> None:
+        """Note values at a time [s]; a bin without any stays nan, and so does one that is not finite."""
+        slot = math.floor(time / self._bin)
+        if self._latest is None or slot < self._latest or slot - self._latest >= self._many:
+            self._values[:] = np.nan
+        else:
+            for gone in range(self._latest + 1, slot + 1):
+                self._values[gone % self._many] = np.nan
+        self._latest = slot
+        row, new = self._values[slot % self._many], np.asarray(values, dtype=float)
+        self._values[slot % self._many] = np.fmax(row, np.where(np.isfinite(new), new, np.nan))
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) seconds before the latest bin, rising to 0, and (columns, n) values."""
+        last = self._many - 1 if self._latest is None else self._latest % self._many
+        return (np.arange(self._many) - (self._many - 1)) * self._bin, np.roll(self._values, -last - 1, axis=0).T
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A plot: title, curves (label, colour), lines (label, height, colour), and what a frame adds to the curves."""
+
+    title: str
+    curves: tuple[tuple[str, str], ...]
+    lines: tuple[tuple[str, float, str], ...]
+    read: Callable[[PageFrame], Sequence[float]]
+
+
+def panels(drawing: Drawing, hands: Sequence[str]) -> list[Panel]:
+    """The plots of a scene with devices on these hands."""
+    chosen = [_force(hands) if hands or drawing.traps else None, _contact(drawing), _distance(drawing)]
+    if hands:
+        curves = tuple((f"{hand} [mJ]", HAND_COLOURS[hand]) for hand in hands)
+        chosen.append(Panel("Passivity energy [mJ]", curves, (), lambda f: _energy(f, hands)))
+    return [panel for panel in chosen if panel is not None]
+
+
+def _force(hands: Sequence[str]) -> Panel:
+    if hands:
+        curves = tuple((f"{hand} [N]", HAND_COLOURS[hand]) for hand in hands)
+        return Panel("Force on the hand [N]", curves, (), lambda f: _hand_forces(f, hands))
+    curves = tuple((f"{hand} [pN]", HAND_COLOURS[hand]) for hand in ("left", "right"))
+    return Panel("Force of each hand's traps [pN]", curves, (), lambda f: np.linalg.norm(f.hand_force, axis=1).tolist())
+
+
+def _hand_forces(frame: PageFrame, hands: Sequence[str]) -> list[float]:
+    force = {hand.name: math.hypot(*hand.force) for hand in frame.hands}
+    return [force.get(hand, math.nan) for hand in hands]
+
+
+def _energy(frame: PageFrame, hands: Sequence[str]) -> list[float]:
+    energy = {hand.name: 1e3 * hand.now.energy for hand in frame.hands if hand.now is not None}
+    return [energy.get(hand, math.nan) for hand in hands]
+
+
+def _contact(drawing: Drawing) -> Panel | None:
+    if not drawing.names:
+        return None
+    many = len(drawing.names)
+    lowest = float(np.min(drawing.warning_force))
+    lines = ((f"warning {lowest:g} pN", lowest, WARNING),) if math.isfinite(lowest) else ()
+    if many <= MOST_CURVES:
+        curves = tuple(zip(drawing.names, CURVES, strict=False))
+        return Panel("Contact load [pN]", curves, lines, lambda f: f.contact_load.tolist())
+    robots = np.flatnonzero(drawing.robots)[: MOST_CURVES - 1]
+    others = np.setdiff1d(np.arange(many), robots)
+    curves = tuple(zip([*(drawing.names[i] for i in robots), "largest of the others"], CURVES, strict=False))
+
+    def read(frame: PageFrame) -> list[float]:
+        """Load of each robot, and the largest of all else."""
+        return [*frame.contact_load[robots].tolist(), float(np.max(frame.contact_load[others], initial=0.0))]
+
+    return Panel("Contact load [pN]", curves, lines, read)
+
+
+def _distance(drawing: Drawing) -> Panel | None:
+    traps = [k for k, trap in enumerate(drawing.traps) if trap.held >= 0]
+    if not traps:
+        return None
+    reach = min(drawing.traps[k].reach for k in traps)
+    lines = [(f"reach {reach:.3g} µm", reach, WARNING)] if math.isfinite(reach) else []
+    if math.isfinite(drawing.distance_warning):
+        lines.append((f"warning {drawing.distance_warning:g} µm", drawing.distance_warning, CAUTION))
+    if len(traps) <= MOST_CURVES:
+        curves = tuple((drawing.traps[k].name, CURVES[i]) for i, k in enumerate(traps))
+        return Panel("Trap to sphere [µm]", curves, tuple(lines), lambda f: f.trap_distance[traps].tolist())
+
+    def read(frame: PageFrame) -> list[float]:
+        """The largest of all traps."""
+        return [float(np.max(np.nan_to_num(frame.trap_distance[traps]), initial=0.0))]
+
+    return Panel("Trap to sphere [µm]", ((f"largest of {len(traps)}", CURVES[0]),), tuple(lines), read)
+
+
+class Plots:
+    """The plots of a page, in a container of viser's GUI; rebuilt when other hands have devices."""
+
+    def __init__(self, gui: viser.GuiApi, place: Any, drawing: Drawing, height: int = 150):
+        self._gui, self._place, self._drawing, self._height = gui, place, drawing, height
+        self._hands: tuple[str, ...] | None = None
+        self._charts: list[tuple[Panel, History, Any]] = []
+        self._pushed = -math.inf
+
+    def update(self, frame: PageFrame, now: float) -> None:
+        """Note a frame; push it to the browsers when it is time to."""
+        hands = tuple(hand.name for hand in frame.hands)
+        if hands != self._hands:
+            self._build(hands)
+        for panel, history, _ in self._charts:
+            history.add(now, panel.read(frame))
+        if now - self._pushed >= PUSH:
+            self._pushed = now
+            for panel, history, chart in self._charts:
+                chart.data = series_data(panel, history)
+
+    def _build(self, hands: tuple[str, ...]) -> None:
+        for _, _, chart in self._charts:
+            chart.remove()
+        self._hands, self._charts = hands, []
+        with self._place:
+            for panel in panels(self._drawing, hands):
+                history = History(len(panel.curves))
+                chart = self._gui.add_uplot(
+                    series_data(panel, history), series=styles(panel), **layout(panel, self._height)
+                )
+                self._charts.append((panel, history, chart))
+
+
+def series_data(panel: Panel, history: History) -> tuple[np.ndarray, ...]:
+    """Arrays for viser: time, curves, lines; from the first value on, a gap filled with the value before it.
+
+    uPlot takes a nan for a number and loses the scale of its axis; a gap that it knows cannot be told in an array.
+    """
+    time, values = history.arrays()
+    known = np.isfinite(values)
+    first = int(np.argmax(known.any(axis=0))) if known.any() else len(time) - 1
+    last = np.maximum.accumulate(np.where(known, np.arange(len(time)), 0), axis=1)
+    filled = np.nan_to_num(np.take_along_axis(values, last, axis=1))
+    time, values = time[first:], filled[:, first:]
+    return (time, *values, *(np.full(len(time), height) for _, height, _ in panel.lines))
+
+
+def styles(panel: Panel) -> tuple[Any, ...]:
+    """Series of uPlot: curves solid, lines dashed."""
+    curves = [
+        {"label": label, "stroke": colour, "width": 1.5, "points": {"show": False}} for label, colour in panel.curves
+    ]
+    lines = [
+        {"label": label, "stroke": colour, "width": 1.25, "dash": (6, 4), "points": {"show": False}}
+        for label, _, colour in panel.lines
+    ]
+    return ({"label": "s"}, *curves, *lines)
+
+
+def layout(panel: Panel, height: int) -> dict[str, Any]:
+    """Options of a chart on the dark page."""
+    grey, faint = "#9fb0c4", "rgba(160,180,205,0.13)"
+    axis = {"stroke": grey, "grid": {"stroke": faint, "width": 1}, "ticks": {"stroke": faint, "size": 4}}
+    low = {"time": False, "range": (-SPAN, 0.0)}
+    return {
+        "title": panel.title,
+        "scales": {"x": low},
+        "axes": ({**axis, "size": 26}, {**axis, "size": 46}),
+        "legend": {"show": True, "live": False},
+        "height": height,
+        "padding": (6, 10, 0, 0),
+    }

@@ -1,11 +1,20 @@
-"""The file of a take: its topics, and how a moment of a session is told in ROS 2 messages; runs beside the loop."""
+"""The file of a recording: its topics, its messages of ROS 2, and the force laws in it, written and read bit for bit.
+
+A frame is some twenty messages of a few hundred numbers. Built from message objects they took 0.5 ms of an interpreter
+that the live loop shares; a `Template` is laid out once by CDR and takes a tenth of it.
+"""
 
 from __future__ import annotations
 
+import base64
+import dataclasses
 import importlib.util
 import os
 import shutil
-from collections.abc import Sequence
+import struct
+import sys
+from array import array
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -13,13 +22,17 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneFrame
+from otwarp.haptics.core.types import SceneFrame, TrapLaw
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
+from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.recording.mcap import SUFFIX, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.frame import HANDS, LiveFrame
-from otwarp.teleop.recording.templates import Template, array_of, pose, transforms, wrench
 
+FORMAT = 1
+"""Version of what a recording holds."""
+UNITS = "scene: um, s, pN, mW; hands: m, N; frames in /tf are in um"
 COMMANDS, PACE, END, SCENE = "/otwarp/commands", "/otwarp/pace", "/otwarp/end", "/otwarp/scene"
 CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
 """Followed by the name of the hand."""
@@ -33,8 +46,12 @@ TEXT, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64MultiArray"
 POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped", "tf2_msgs/msg/TFMessage"
 
 
+HEAD = b"\x00\x01\x00\x00"
+"""CDR, little-endian; what follows is aligned from its own beginning."""
+
+
 def load_writer() -> None:
-    """Import what writes takes, if it is installed: it takes 0.2 s, which a loop that runs already would feel."""
+    """Import what writes recordings, if it is installed: it takes 0.2 s, which a loop that runs already would feel."""
     if importlib.util.find_spec("rosbags") is not None:
         from rosbags.rosbag2 import Writer  # noqa: F401
         from rosbags.typesys import Stores, get_typestore
@@ -43,7 +60,7 @@ def load_writer() -> None:
 
 
 def check_place(path: str | Path) -> Path:
-    """A place for a new take; nothing is left there.
+    """A place for a new recording; nothing is left there.
 
     Raises:
         InputError: A file that is there already or cannot be made, another ending, or no `rosbags`.
@@ -68,7 +85,7 @@ def check_place(path: str | Path) -> Path:
     return path
 
 
-class TakeFile:
+class RecordingFile:
     """An MCAP file that is being written, by one thread.
 
     Args:
@@ -176,3 +193,176 @@ class TakeFile:
         if template is None:
             template = self._arrays[topic, values.shape] = array_of(axes, values.shape)
         self._write(topic, NUMBERS, time, template.fill(time, values.ravel()))
+
+
+class Template:
+    """A message with a stamp that it may have several times, and float64 numbers; all else is fixed.
+
+    The parts are added in the order of the message's definition.
+    """
+
+    def __init__(self) -> None:
+        self._fixed = bytearray()
+        self._seconds: list[int] = []
+        self._numbers: list[int] = []
+        self._body = np.zeros(0, dtype=np.uint8)
+
+    def text(self, value: str) -> Template:
+        """A string."""
+        data = value.encode() + b"\0"
+        self.count(len(data))
+        self._fixed += data
+        return self
+
+    def count(self, value: int) -> Template:
+        """A uint32, such as the length of a sequence."""
+        self._align(4)
+        self._fixed += struct.pack("<I", value)
+        return self
+
+    def header(self, frame: str) -> Template:
+        """A `std_msgs/Header`."""
+        self._align(4)
+        self._seconds.append(len(self._fixed) // 4)
+        self._fixed += bytes(8)
+        return self.text(frame)
+
+    def numbers(self, count: int) -> Template:
+        """That many float64."""
+        if count:
+            self._align(8)
+            first = len(self._fixed) // 8
+            self._numbers += range(first, first + count)
+            self._fixed += bytes(8 * count)
+        return self
+
+    def fill(self, time: int, numbers: np.ndarray | Sequence[float]) -> bytes:
+        """The message at a time [ns since 1970]; `numbers` are all of them, in order."""
+        if not len(self._body):
+            self._finish()
+        self._words[self._at] = time // 10**9
+        self._words[self._at + 1] = time % 10**9
+        self._floats[self._where] = numbers
+        return HEAD + self._body.tobytes()[: len(self._fixed)]
+
+    def _finish(self) -> None:
+        self._body = np.zeros(-(-len(self._fixed) // 8) * 8, dtype=np.uint8)
+        self._body[: len(self._fixed)] = np.frombuffer(self._fixed, dtype=np.uint8)
+        self._words, self._floats = self._body.view("<u4"), self._body.view("<f8")
+        self._at, self._where = np.array(self._seconds, dtype=int), np.array(self._numbers, dtype=int)
+
+    def _align(self, size: int) -> None:
+        self._fixed += bytes(-len(self._fixed) % size)
+
+
+def transforms(frame: str, names: Sequence[str]) -> Template:
+    """`tf2_msgs/TFMessage`; numbers are place and turn (x, y, z, w) of each."""
+    template = Template().count(len(names))
+    for name in names:
+        template.header(frame).text(name).numbers(7)
+    return template
+
+
+def pose(frame: str) -> Template:
+    """`geometry_msgs/PoseStamped`; numbers are place and turn."""
+    return Template().header(frame).numbers(7)
+
+
+def wrench(frame: str) -> Template:
+    """`geometry_msgs/WrenchStamped`; numbers are force and torque."""
+    return Template().header(frame).numbers(6)
+
+
+def array_of(axes: Sequence[str], shape: Sequence[int]) -> Template:
+    """`std_msgs/Float64MultiArray` whose layout says what its axes are."""
+    template = Template().count(len(axes))
+    for n, axis in enumerate(axes):
+        template.text(axis).count(shape[n]).count(int(np.prod(shape[n:])))
+    size = int(np.prod(shape))
+    return template.count(0).count(size).numbers(size)
+
+
+def laws_to_dict(laws: Mapping[int, Sequence[Law]]) -> dict[str, Any]:
+    """Laws of traps, each law once: `laws`, a list, and `traps`, for each trap the indices of its laws.
+
+    Raises:
+        InputError: A law of another kind.
+    """
+    found: list[Law] = []
+    traps: dict[str, list[int]] = {}
+    for trap, choices in laws.items():
+        row = traps[str(trap)] = []
+        for law in choices:
+            same = next((n for n, other in enumerate(found) if other is law or other == law), None)
+            if same is None:
+                same = len(found)
+                found.append(law)
+            row.append(same)
+    return {"laws": [_law(law) for law in found], "traps": traps}
+
+
+def laws_from_dict(data: Any) -> dict[int, tuple[Law, ...]]:
+    """The laws that `laws_to_dict` wrote.
+
+    Raises:
+        InputError: They are none.
+    """
+    try:
+        laws = [_read(item) for item in data["laws"]]
+        return {int(trap): tuple(laws[n] for n in row) for trap, row in data["traps"].items()}
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise InputError(f"force laws: cannot be read ({error!r}); allowed: as a recording has them") from None
+
+
+def _law(law: Law) -> dict[str, Any]:
+    if isinstance(law, IsotropicLaw):
+        curves = {"curve": dataclasses.asdict(law.curve)}
+        return {"kind": "isotropic", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
+    if isinstance(law, SplitLaw):
+        curves = {"radial": dataclasses.asdict(law.radial), "axial": dataclasses.asdict(law.axial)}
+        return {"kind": "split", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
+    if isinstance(law, TableLaw):
+        grids = [
+            {"spacing": g.spacing, "radius": g.radius, "end": g.end, "columns": g.columns, "node": _encoded(g.node)}
+            for g in law.grids
+        ]
+        same = ("layers", "cubic", "scale", "side", "axis")
+        return {"kind": "table", "grids": grids, **{name: getattr(law, name) for name in same}}
+    raise InputError(f"force law is {type(law).__name__}; allowed in a recording: isotropic, split or tabulated")
+
+
+def _read(data: Mapping[str, Any]) -> Law:
+    values = {key: value for key, value in data.items() if key != "kind"}
+    for name in ("axis", "side"):
+        if name in values:
+            x, y, z = values[name]
+            values[name] = (x, y, z)
+    for name in ("curve", "radial", "axial"):
+        if name in values:
+            values[name] = TrapLaw(**values[name])
+    if data["kind"] == "isotropic":
+        return IsotropicLaw(**values)
+    if data["kind"] == "split":
+        return SplitLaw(**values)
+    if data["kind"] == "table":
+        values["grids"] = tuple(ForceGrid(**grid | {"node": _decoded(grid["node"])}) for grid in values["grids"])
+        return TableLaw(**values)
+    raise ValueError(data["kind"])
+
+
+def _encoded(node: array[float]) -> str:
+    """float32 numbers, little-endian, as base64."""
+    return base64.b64encode(_little(node).tobytes()).decode()
+
+
+def _decoded(text: str) -> array[float]:
+    node = array("f")
+    node.frombytes(base64.b64decode(text, validate=True))
+    return _little(node)
+
+
+def _little(node: array[float]) -> array[float]:
+    if sys.byteorder == "big":
+        node = array("f", node)
+        node.byteswap()
+    return node

@@ -1,4 +1,4 @@
-"""A take, felt again: the same chains, given the recorded samples, states and orders, must send the same forces.
+"""A recording, felt again: the same chains, given the recorded samples, states and orders, must send the same forces.
 
 Bit for bit: every force, what was asked of safety, the energy, the state and the motion of the traps are compared as
 the bytes of their floats.
@@ -41,9 +41,7 @@ from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, McapFile
 from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
-from otwarp.teleop.recording.file import CYCLES, END, SCENE, START
-from otwarp.teleop.recording.laws import laws_from_dict
-from otwarp.teleop.recording.writer import FORMAT
+from otwarp.teleop.recording.file import CYCLES, END, FORMAT, SCENE, START, laws_from_dict
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +55,7 @@ class HandReplay:
         mismatches: Of which anything differed.
         first: The first that differed, one line, or "".
         gaps: How often cycles are missing between two.
-        missing: Cycles between the first and the last that are not in the take.
+        missing: Cycles between the first and the last that are not in the recording.
         skipped: Cycles that could not be run again: after a gap, or without their state, until a chain was made anew.
     """
 
@@ -73,10 +71,10 @@ class HandReplay:
 
 @dataclass(frozen=True, slots=True)
 class ReplayReport:
-    """How the forces of a take compare with those of its replay.
+    """How the forces of a recording compare with those of its replay.
 
     Attributes:
-        file: The take.
+        file: The recording.
         complete: Whether it was finished; a killed session's ends where it was killed, a cut one at the cut.
         seconds: Of the session that could be read, from the beginning to the last message [s].
         recorded: By which version of otwarp.
@@ -117,28 +115,30 @@ class ReplayReport:
         return dataclasses.asdict(self) | {"equal": self.equal, "verdict": self.verdict}
 
 
-def replay_take(path: str | Path) -> ReplayReport:
-    """Run the chains of a take again and compare.
+def replay_recording(path: str | Path) -> ReplayReport:
+    """Run the chains of a recording again and compare.
 
     Args:
-        path: The take, one that is cut short, or the folder `FILE.mcap.part` that a killed session left.
+        path: The recording, one that is cut short, or the folder `FILE.mcap.part` that a killed session left.
 
     Raises:
-        InputError: It cannot be read, is no take, or one of a newer otwarp.
+        InputError: It cannot be read, is no recording, or one of a newer otwarp.
     """
     with McapFile(path) as file:
         try:
-            take = _Take(file)
-            hands = tuple(take.replay(hand) for hand in take.config.hands)
+            recording = _Recording(file)
+            hands = tuple(recording.replay(hand) for hand in recording.config.hands)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"{path}: cannot be replayed; it is damaged ({error!r})") from None
-        return ReplayReport(str(path), take.complete, take.seconds, take.version, len(take.states), hands)
+        return ReplayReport(
+            str(path), recording.complete, recording.seconds, recording.version, len(recording.states), hands
+        )
 
 
-class _Take:
-    """What a replay needs of a take."""
+class _Recording:
+    """What a replay needs of a recording."""
 
     def __init__(self, file: McapFile) -> None:
         where = file.path
@@ -148,7 +148,7 @@ class _Take:
         self.starts: dict[str, Mapping[str, Any]] = {}
         self.complete, first, last = False, math.inf, -math.inf
         for message in file.messages():
-            if message.topic != END:  # told when the disk was done
+            if message.topic != END:  # written when the disk was done
                 first, last = min(first, message.time), max(last, message.time)
             if message.topic == CONFIG:
                 about = _json(where, CONFIG, message.data)
@@ -164,9 +164,9 @@ class _Take:
                 self.complete = True
         self.complete = self.complete and file.complete
         if not isinstance(about, dict):
-            raise InputError(f"{where}: is no take of otwarp, or too little of one; it has no {CONFIG}")
+            raise InputError(f"{where}: is no recording of otwarp, or too little of one; it has no {CONFIG}")
         if about.get("format") != FORMAT:
-            raise InputError(f"{where}: is a take of format {about.get('format')!r}; allowed: {FORMAT}")
+            raise InputError(f"{where}: is a recording of format {about.get('format')!r}; allowed: {FORMAT}")
         self.where, self.version = where, str(about.get("otwarp"))
         self.seconds = 1e-9 * (last - first)  # there was a message: the configuration
         self.config: HapticsConfig = from_dict(HapticsConfig, about.get("haptics"), f"{where}: haptics")
@@ -184,7 +184,7 @@ class _Take:
         return hand.report()
 
     def state(self, beat: int) -> SceneFrame | None:
-        """The state of a beat, None if the take lacks it."""
+        """The state of a beat, None if the recording lacks it."""
         data = self.states.get(beat)
         return None if data is None else unpack_scene(data)
 
@@ -192,9 +192,9 @@ class _Take:
 class _Hand:
     """One hand that lives through its cycles again."""
 
-    def __init__(self, take: _Take, config: HandConfig, start: Mapping[str, Any] | None) -> None:
-        self._take, self._name = take, config.name
-        self._rendering = Rendering(partial(make_chain, config, take.laws, take.kinds))
+    def __init__(self, recording: _Recording, config: HandConfig, start: Mapping[str, Any] | None) -> None:
+        self._recording, self._name = recording, config.name
+        self._rendering = Rendering(partial(make_chain, config, recording.laws, recording.kinds))
         self._known = False
         self._tick: int | None = None
         self._scene: SceneFrame | None = None
@@ -246,7 +246,9 @@ class _Hand:
         rendering = self._rendering
         for action in actions_of(cycle.actions):
             if action not in ACTIONS:
-                raise InputError(f"{self._take.where}: cycle {cycle.tick} has the action {action}; allowed: {ACTIONS}")
+                raise InputError(
+                    f"{self._recording.where}: cycle {cycle.tick} has the action {action}; allowed: {ACTIONS}"
+                )
             if action == MADE:
                 rendering.make(self._device(cycle))
                 self._known = True
@@ -268,7 +270,7 @@ class _Hand:
     def _state(self, beat: int) -> SceneFrame | None:
         """The state of a beat; consecutive cycles share one."""
         if self._scene is None or self._scene.beat != beat:
-            self._scene = self._take.state(beat)
+            self._scene = self._recording.state(beat)
         return self._scene
 
     def _forget(self) -> None:
@@ -300,7 +302,7 @@ class _Hand:
             again = self._rendering.chain.asked if self._rendering.chain is not None else ZERO
             self._first = self._first or (
                 f"hand {self._name}, cycle {cycle.tick} at {cycle.time:.6f} s: {', '.join(different)}; "
-                f"recorded force {_told(cycle.force)} N, asked {_told(cycle.asked)}, again {_told(again)}"
+                f"recorded force {_digits(cycle.force)} N, asked {_digits(cycle.asked)}, again {_digits(again)}"
             )
 
 
@@ -309,7 +311,7 @@ def _bits(values: Sequence[float]) -> bytes:
     return struct.pack(f"<{len(values)}d", *(math.nan if v != v else v for v in values))
 
 
-def _told(v: Vec3) -> str:
+def _digits(v: Vec3) -> str:
     return "({:.9g}, {:.9g}, {:.9g})".format(*v)
 
 

@@ -1,7 +1,8 @@
-"""A session on disk: what hands did, what the simulation was, what was felt, and all that feeling it again needs.
+"""A recording that is being written: what the hands did, what the simulation was, what was felt, and all else that a
+replay needs.
 
-The loop hands over references and goes on; a thread writes them into an MCAP file. Nothing here blocks the loop: what
-the disk does not take in time is dropped, counted and told.
+The loop hands over references and goes on; a thread writes them into an MCAP file (`file.RecordingFile`). Nothing here
+blocks the loop: what the disk does not take in time is dropped, counted and reported.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import otwarp
 from otwarp.errors import InputError
@@ -29,25 +30,28 @@ from otwarp.haptics.servo.link import Cycles
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import LiveFrame, PaceNow
-from otwarp.teleop.recording.file import COMMANDS, END, PACE, START, TakeFile, check_place
-from otwarp.teleop.recording.laws import laws_to_dict
-
-if TYPE_CHECKING:
-    from otwarp.teleop.session.live import LiveLoop
+from otwarp.teleop.recording.file import (
+    COMMANDS,
+    END,
+    FORMAT,
+    PACE,
+    START,
+    UNITS,
+    RecordingFile,
+    check_place,
+    laws_to_dict,
+)
 
 PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
-FORMAT = 1
-"""Version of what a take holds."""
 ROOM, FRAMES = 4096, 1024
 """Messages that may wait for the disk, and how many before frames are dropped: a replay cannot do without cycles and
 states, frames are for the eye. 1024 are about 2 s of a session with two hands."""
 CLOSE_WITHIN = 60.0
 """Seconds that the disk has for what is left at the end."""
-UNITS = "scene: um, s, pN, mW; hands: m, N; frames in /tf are in um"
 
 
-class TakeWriter:
-    """A take that is being written.
+class RecordingWriter:
+    """The recording of a session in a file.
 
     Args:
         path: `.mcap`; must not exist yet.
@@ -100,8 +104,8 @@ class TakeWriter:
         self._starts: dict[str, Any] = {}
         self._beats: deque[int] = deque(maxlen=4 * FRAMES)
         self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
-        self._ending = self._told = self._closed = self._unwanted = False
-        self._thread = threading.Thread(target=self._run, args=(scene, about), name="take", daemon=True)
+        self._ending = self._ended = self._closed = self._unwanted = False
+        self._thread = threading.Thread(target=self._run, args=(scene, about), name="recording", daemon=True)
         self._thread.start()
 
     def frame(self, live: LiveFrame, scene: SceneFrame | None = None) -> None:
@@ -117,7 +121,7 @@ class TakeWriter:
         """A state that was published to the servo at a time of the loop's clock [s]; one that is known is ignored."""
         if scene.beat not in self._beats:
             self._beats.append(scene.beat)
-            self._put(TakeFile.scene, scene, self._stamp(wall))
+            self._put(RecordingFile.scene, scene, self._stamp(wall))
 
     def cycles(self, hand: str, cycles: Cycles) -> None:
         """What `ServoProcess.drain` gave of a hand.
@@ -135,27 +139,27 @@ class TakeWriter:
         if cycles.start is not None and self._starts.get(hand) != cycles.start:
             self._starts[hand] = cycles.start
             text = json.dumps({"tick": cycles.start.tick, "chain": json.loads(cycles.start.text or "null")})
-            self._put(TakeFile.text, START + hand, stamp, text)
+            self._put(RecordingFile.text, START + hand, stamp, text)
         if cycles.lost > self._lost[hand]:
             self._lost[hand] = cycles.lost
             self.complaint = f"recording {self.file}: {cycles.lost} cycles of hand {hand} were lost"
         if records:
-            self._put(TakeFile.cycles, hand, stamp, cycles.lost, records)
+            self._put(RecordingFile.cycles, hand, stamp, cycles.lost, records)
 
     def command(self, command: Command, wall: float) -> None:
         """A command that was carried out, at a time of the loop's clock [s]."""
-        told = {"time": wall, "command": type(command).__name__, **dataclasses.asdict(command)}
-        self._put(TakeFile.text, COMMANDS, self._stamp(wall), json.dumps(told))
+        line = {"time": wall, "command": type(command).__name__, **dataclasses.asdict(command)}
+        self._put(RecordingFile.text, COMMANDS, self._stamp(wall), json.dumps(line))
 
     def end(self) -> bool:
         """Take no more, and finish the file behind the caller's back; whether that is done. May be called again."""
         self._ending = True
-        if not self._told:
+        if not self._ended:
             try:
                 self._waiting.put_nowait(None)
-            except queue.Full:  # the disk is slow: told at the next call
+            except queue.Full:  # the disk is slow: said at the next call
                 return False
-            self._told = True
+            self._ended = True
         return not self._thread.is_alive()
 
     def discard(self) -> None:
@@ -171,8 +175,8 @@ class TakeWriter:
         if self._closed:
             return
         self._closed = True
-        if not self.end() and not self._told:
-            self._told = True
+        if not self.end() and not self._ended:
+            self._ended = True
             self._waiting.put(None)
         self._thread.join(CLOSE_WITHIN)
         if self._thread.is_alive():
@@ -180,7 +184,7 @@ class TakeWriter:
         if part_of(self.file).exists() if self._unwanted else not self.file.exists():
             raise OSError(self.complaint)
 
-    def __enter__(self) -> TakeWriter:
+    def __enter__(self) -> RecordingWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -202,9 +206,9 @@ class TakeWriter:
 
     def _run(self, scene: Scene, about: dict[str, Any]) -> None:
         """The thread: writes until it is told to end; after an error it only takes what is handed over."""
-        file: TakeFile | None = None
+        file: RecordingFile | None = None
         try:
-            file = TakeFile(self.file, scene)
+            file = RecordingFile(self.file, scene)
             # the digest of a large scene takes 0.1 s
             file.text(CONFIG, self._epoch, json.dumps(about | {"scene": _about(scene)}))
             while (item := self._waiting.get()) is not None:
@@ -225,7 +229,7 @@ class TakeWriter:
                 shutil.rmtree(part_of(self.file), ignore_errors=True)  # `close` says if it is still there
 
 
-def _frame(file: TakeFile, live: LiveFrame, stamp: int) -> None:
+def _frame(file: RecordingFile, live: LiveFrame, stamp: int) -> None:
     """A frame, and how time goes."""
     file.frame(live, stamp)
     pace = {"beat": live.beat, "wall": live.wall, "step": live.frame.step, "simulated": live.frame.time}
@@ -257,16 +261,16 @@ class Recordable(Protocol):
         ...
 
 
-class LiveTake:
-    """The take of a live loop: fetches the servo's cycles with every frame.
+class LiveRecording:
+    """The recording of a live loop: fetches the servo's cycles with every frame.
 
     Args:
-        writer: The take.
+        writer: Of the file.
         servo: The loop's, or None for hands that cannot be replayed.
         hands: Their names, in the servo's order.
     """
 
-    def __init__(self, writer: TakeWriter, servo: Recordable | None, hands: Sequence[str]):
+    def __init__(self, writer: RecordingWriter, servo: Recordable | None, hands: Sequence[str]):
         self._writer, self._servo, self._hands = writer, servo, tuple(hands)
         self._begun = False
         if servo is not None:
@@ -293,7 +297,7 @@ class LiveTake:
         self._writer.command(command, wall)
 
     def end(self) -> bool:
-        """Take the last cycles, then as `TakeWriter.end`; of a session that never came to a frame nothing is left."""
+        """Take the last cycles, then as `RecordingWriter.end`; of a session without a frame nothing is left."""
         if not self._begun:
             self._writer.discard()
         if self._servo is not None:
@@ -306,7 +310,7 @@ class LiveTake:
         """Finish the file.
 
         Raises:
-            OSError: As `TakeWriter.close`.
+            OSError: As `RecordingWriter.close`.
         """
         self.end()
         self._writer.close()
@@ -317,26 +321,54 @@ class LiveTake:
                 self._writer.cycles(hand, self._servo.drain(n))
 
 
-def open_take(file: str | None, loop: LiveLoop) -> LiveTake:
-    """Begin the take of a session, now; it is replayed from this moment on.
+class Recordings:
+    """At most one recording that is written, and those that have ended and are still being finished.
 
-    Args:
-        file: `.mcap`, or None for one named by the time, in this folder.
-        loop: The session.
-
-    Raises:
-        InputError: As `TakeWriter`.
+    Attributes:
+        current: The one that is written, None between two.
     """
-    path = file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap"
-    writer = TakeWriter(
-        path,
-        config=HapticsConfig(hands=tuple(plan.config for plan in loop.plans)),
-        devices={plan.name: plan.device for plan in loop.plans},
-        laws=loop.local.laws,
-        kinds=loop.local.kinds,
-        scene=loop.sim.scene,
-        settings={"seed": loop.sim.model.seed, "time_step": loop.sim.time_step, "device": loop.sim.model.device.alias},
-        clock=loop.clock.now,
-    )
-    servo = loop.hands.servo
-    return LiveTake(writer, servo if isinstance(servo, Recordable) else None, [plan.name for plan in loop.plans])
+
+    def __init__(self) -> None:
+        self.current: LiveRecording | None = None
+        self._ending: list[LiveRecording] = []
+
+    @property
+    def file(self) -> Path | None:
+        """File of the one that is written."""
+        return self.current.file if self.current else None
+
+    @property
+    def complaint(self) -> str:
+        """One line about what is missing in it, or ""."""
+        return self.current.complaint if self.current else ""
+
+    def end(self) -> None:
+        """No more comes; to wait for the disk here would be a stall that disarms the hands."""
+        ended, self.current = self.current, None
+        if ended is not None:
+            ended.end()
+            self._ending.append(ended)
+
+    def finished(self) -> list[OSError]:
+        """Let go of those that are finished; why some could not be."""
+        return self._close([ended for ended in self._ending if ended.end()])
+
+    def close(self) -> None:
+        """Finish all, and wait for them.
+
+        Raises:
+            OSError: One could not be finished.
+        """
+        self.end()
+        for error in self._close(tuple(self._ending)):
+            raise error
+
+    def _close(self, recordings: Sequence[LiveRecording]) -> list[OSError]:
+        errors: list[OSError] = []
+        for recording in recordings:
+            self._ending.remove(recording)
+            try:
+                recording.close()
+            except OSError as error:
+                errors.append(error)
+        return errors

@@ -1,6 +1,6 @@
 """The live loop: hands and pages command traps, the simulation follows the wall's time, everybody is told.
 
-One tick: commands → hands → traps → as many steps as are due → readout → servo → outlets. The servo is a process of its
+One tick: commands → hands → traps → as many steps as are due → readout → servo → sinks. The servo is a process of its
 own and does not wait for the loop; a loop that dies or stalls is a simulation that stands still, and its watchdog acts.
 """
 
@@ -21,15 +21,15 @@ from otwarp.record.run import capture_frame
 from otwarp.scene.description import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.core import commands as c
+from otwarp.teleop.core.commands import Sink
 from otwarp.teleop.core.frame import LiveFrame
-from otwarp.teleop.core.monitor import Watch
 from otwarp.teleop.core.pace import Pace
-from otwarp.teleop.core.sink import Outlet
 from otwarp.teleop.operators.hand_plan import HandPlan
-from otwarp.teleop.operators.hands import Hands, ServoFactory
 from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.servo import Hands, ServoFactory
 from otwarp.teleop.operators.trap_commands import TrapCommands
-from otwarp.teleop.recording.recordings import Recordings, Take
+from otwarp.teleop.recording.writer import LiveRecording, Recordings
+from otwarp.teleop.session.monitor import SessionMonitor
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -45,7 +45,7 @@ A leap each frame would let its spheres catch up, and the force at the end of th
 spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
 
 
-TakeFactory = Callable[[str | None, "LiveLoop"], Take]
+RecordingFactory = Callable[[str | None, "LiveLoop"], LiveRecording]
 """Begins a recording in a file, or in one named by the time."""
 
 
@@ -55,9 +55,9 @@ class LiveLoop:
     Args:
         scene: What is simulated.
         plans: Hands with a device.
-        outlets: Who watches and commands.
+        sinks: Who watches and commands.
         make_servo: Makes the servo of the hands.
-        make_take: Begins a recording; None refuses to record.
+        make_recording: Begins a recording; None refuses to record.
         notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
         clock: Of the loop; the servo's must show the same time.
         rate: Frames per second [1/s].
@@ -84,9 +84,9 @@ class LiveLoop:
         scene: Scene,
         plans: Sequence[HandPlan] = (),
         *,
-        outlets: Sequence[Outlet] = (),
+        sinks: Sequence[Sink] = (),
         make_servo: ServoFactory | None = None,
-        make_take: TakeFactory | None = None,
+        make_recording: RecordingFactory | None = None,
         notice: Callable[[str], None] | None = None,
         clock: Clock | None = None,
         rate: float = 120.0,
@@ -106,12 +106,12 @@ class LiveLoop:
         self.plans = tuple(plans)
         self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
-        self._outlets: list[Outlet] = []
+        self._sinks: list[Sink] = []
         self._due: list[float] = []
-        self._make_take, self._notice = make_take, notice
+        self._make_recording, self._notice = make_recording, notice
         self._told = [""] * len(self.plans)
-        for outlet in outlets:
-            self.add(outlet)
+        for sink in sinks:
+            self.add(sink)
         self.sim = self._make_sim()
         moved = [trap for plan in plans for trap in plan.config.traps]
         self.local = LocalScene.of(self.sim.model, moved)
@@ -136,9 +136,9 @@ class LiveLoop:
         """File that is being written."""
         return self._recordings.file
 
-    def add(self, outlet: Outlet) -> None:
+    def add(self, sink: Sink) -> None:
         """One more who watches and commands; closed with the session."""
-        self._outlets.append(outlet)
+        self._sinks.append(sink)
         self._due.append(-np.inf)
 
     def start(self, *, arm: bool = False) -> None:
@@ -205,17 +205,17 @@ class LiveLoop:
             self.monitor.update(frame)
         self._arm_when_held()
         live = self._live(frame)
-        if self._recordings.take is not None:
-            self._recordings.take.frame(live, state)
-        for n, outlet in enumerate(self._outlets):
+        if self._recordings.current is not None:
+            self._recordings.current.frame(live, state)
+        for n, sink in enumerate(self._sinks):
             if begun >= self._due[n]:
-                self._due[n] = begun + outlet.interval
-                outlet.publish(live)
+                self._due[n] = begun + sink.interval
+                sink.publish(live)
         self.pace.worked(self._clock.now() - begun)
         return live
 
     def close(self) -> None:
-        """Zero forces, finish the recording, close the outlets; may be called more than once.
+        """Zero forces, finish the recording, close the sinks; may be called more than once.
 
         Raises:
             OSError: A recording could not be finished.
@@ -229,8 +229,8 @@ class LiveLoop:
             try:
                 self._recordings.close()
             finally:
-                for outlet in self._outlets:
-                    outlet.close()
+                for sink in self._sinks:
+                    sink.close()
 
     def _step(self, now: float) -> int:
         """Take the steps that are due while the traps glide to where they are commanded; how many."""
@@ -238,7 +238,7 @@ class LiveLoop:
         try:
             self._advance(steps)
         except SimulationError as error:
-            if not self._outlets:
+            if not self._sinks:
                 raise
             self.failure = str(error)
             self._let_go()
@@ -261,13 +261,13 @@ class LiveLoop:
             self._traps.write(self.sim)
 
     def _capture(self) -> Frame:
-        """The present state, in arrays of its own: outlets may keep them."""
+        """The present state, in arrays of its own: sinks may keep them."""
         frame = capture_frame(self.sim)
         return dataclasses.replace(frame, **{name: np.array(getattr(frame, name)) for name in SHAPES})
 
-    def _watchers(self) -> tuple[Watch, Monitor]:
+    def _watchers(self) -> tuple[SessionMonitor, Monitor]:
         model = self.sim.model
-        return Watch(model), Monitor(model.scene, model.held, 1)
+        return SessionMonitor(model), Monitor(model.scene, model.held, 1)
 
     def _task(self, frame: Frame) -> str:
         """Decided and why, or how far the cell is from where it is wanted."""
@@ -320,9 +320,9 @@ class LiveLoop:
             self.hands.arm()
 
     def _obey(self) -> None:
-        """Carry out what was asked; a refusal is told to all outlets, and the session goes on."""
-        for outlet in self._outlets:
-            for command in outlet.commands():
+        """Carry out what was asked; a refusal is told to all sinks, and the session goes on."""
+        for sink in self._sinks:
+            for command in sink.commands():
                 try:
                     self.do(command)
                 except (InputError, OSError) as error:
@@ -357,8 +357,8 @@ class LiveLoop:
                 self._let_go(hand)
             case c.Stop():
                 self.over = True
-        if self._recordings.take is not None:
-            self._recordings.take.command(command, self._clock.now())
+        if self._recordings.current is not None:
+            self._recordings.current.command(command, self._clock.now())
 
     def _arm(self, hand: str | None) -> None:
         if self.pace.paused or self.failure:
@@ -391,10 +391,10 @@ class LiveLoop:
     def _record(self, on: bool, file: str | None) -> None:
         self._recordings.end()
         if on:
-            if self._make_take is None:
+            if self._make_recording is None:
                 raise InputError("record: this session cannot; allowed: with the rosbags package")
-            self._recordings.take = self._make_take(file, self)
+            self._recordings.current = self._make_recording(file, self)
 
     def _complain(self, line: str) -> None:
-        for outlet in self._outlets:
-            outlet.complain(line)
+        for sink in self._sinks:
+            sink.complain(line)

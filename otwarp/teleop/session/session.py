@@ -6,6 +6,7 @@ import threading
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,14 @@ from otwarp.haptics.core.platform import favour
 from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.scene.description import Scene
-from otwarp.teleop.core.commands import Record
-from otwarp.teleop.core.sink import Outlet
+from otwarp.teleop.core.commands import Record, Sink
 from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, slowed
-from otwarp.teleop.operators.hands import ServoLike, servo_process
 from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.servo import ServoLike, servo_process
 from otwarp.teleop.recording.file import check_place, load_writer
-from otwarp.teleop.recording.recordings import Take
+from otwarp.teleop.recording.writer import LiveRecording, Recordable, RecordingWriter
 from otwarp.teleop.session.live import GLIDE, LiveLoop
-from otwarp.teleop.session.summary import summarize
+from otwarp.teleop.session.monitor import summarize
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -96,7 +96,7 @@ class Session:
     Args:
         scene: What is simulated.
         options: How.
-        outlets: More who watch and command, beside the page.
+        sinks: More who watch and command, beside the page.
         say: Takes lines for the user.
 
     Raises:
@@ -112,7 +112,7 @@ class Session:
         scene: Scene,
         options: SessionOptions,
         *,
-        outlets: Sequence[Outlet] = (),
+        sinks: Sequence[Sink] = (),
         say: Callable[[str], None] = print,
     ):
         o = self._options = options
@@ -142,13 +142,13 @@ class Session:
             scene, speed = self._reduced(scene, hands=bool(plans))
             plans = slowed(plans, speed)
             self._page = self._open_page(scene, plans)
-            watching = (*outlets, self._page) if self._page else tuple(outlets)
+            watching = (*sinks, self._page) if self._page else tuple(sinks)
             self.loop = LiveLoop(
                 scene,
                 plans,
-                outlets=watching,
+                sinks=watching,
                 make_servo=self._make_servo,
-                make_take=self._make_take,
+                make_recording=self._make_recording,
                 notice=say,
                 rate=o.rate,
                 speed=speed,
@@ -204,8 +204,8 @@ class Session:
     def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
         """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
         o = self._options
-        from otwarp.teleop.budget.cost import measure_scene
         from otwarp.teleop.budget.reduce import parse_budget, reduce_scene
+        from otwarp.teleop.budget.report import measure_scene
 
         if parse_budget(o.budget) == "off":
             return scene, o.speed
@@ -242,13 +242,36 @@ class Session:
         pointers = {name: box.name for name, box in self._boxes.items()}
         return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=self._options.servo_rate)
 
-    def _make_take(self, file: str | None, loop: LiveLoop) -> Take:
-        from otwarp.teleop.recording.writer import open_take
-
-        take = open_take(file, loop)
-        self._recorded = str(take.file)
-        return take
+    def _make_recording(self, file: str | None, loop: LiveLoop) -> LiveRecording:
+        recording = open_recording(file, loop)
+        self._recorded = str(recording.file)
+        return recording
 
     def _close_boxes(self) -> None:
         for box in self._boxes.values():
             box.close()
+
+
+def open_recording(file: str | None, loop: LiveLoop) -> LiveRecording:
+    """Begin the recording of a session, now; it is replayed from this moment on.
+
+    Args:
+        file: `.mcap`, or None for one named by the time, in this folder.
+        loop: The session.
+
+    Raises:
+        InputError: As `RecordingWriter`.
+    """
+    path = file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+    writer = RecordingWriter(
+        path,
+        config=HapticsConfig(hands=tuple(plan.config for plan in loop.plans)),
+        devices={plan.name: plan.device for plan in loop.plans},
+        laws=loop.local.laws,
+        kinds=loop.local.kinds,
+        scene=loop.sim.scene,
+        settings={"seed": loop.sim.model.seed, "time_step": loop.sim.time_step, "device": loop.sim.model.device.alias},
+        clock=loop.clock.now,
+    )
+    servo = loop.hands.servo
+    return LiveRecording(writer, servo if isinstance(servo, Recordable) else None, [plan.name for plan in loop.plans])

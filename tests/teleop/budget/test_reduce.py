@@ -25,11 +25,9 @@ from otwarp.scene.description import (
 )
 from otwarp.scene.track import Track
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.budget.cost import Cost, measure_scene
-from otwarp.teleop.budget.freeze import frozen_body, thin_out
-from otwarp.teleop.budget.reach import PATH_STEP, Reach, flow_velocity
+from otwarp.teleop.budget.reach import PATH_STEP, Reach, flow_velocity, frozen_body, thin_out
 from otwarp.teleop.budget.reduce import AUTO_SHARE, WORST_ERROR, parse_budget, reduce_scene, round_down
-from otwarp.teleop.budget.report import BudgetReport
+from otwarp.teleop.budget.report import BudgetReport, SceneCost, measure_scene
 
 SOFT = Material(youngs_modulus=1000.0, poisson_ratio=0.45)
 
@@ -65,11 +63,11 @@ class Machine:
         self.per_body, self.per_obstacle, self.limit, self.frame = per_body, per_obstacle, limit, frame
         self.seen: list[Scene] = []
 
-    def __call__(self, scene: Scene, *, device: str | None, speed: float, rate: float) -> Cost:
+    def __call__(self, scene: Scene, *, device: str | None, speed: float, rate: float) -> SceneCost:
         self.seen.append(scene)
         wanted = scene.settings.time_step or 1e-3 * math.sqrt(scene.settings.accuracy / 0.01)
         step = min(wanted, self.limit)
-        return Cost(
+        return SceneCost(
             bodies=len(scene.bodies),
             driver="grid" if len(scene.bodies) > 24 else "world",
             time_step=step,
@@ -293,7 +291,7 @@ class TestOrder:
 
     def test_fewer_bodies_that_bring_nothing_are_not_taken(self):
         class Obstinate(Machine):
-            def __call__(self, scene: Scene, *, device: str | None, speed: float, rate: float) -> Cost:
+            def __call__(self, scene: Scene, *, device: str | None, speed: float, rate: float) -> SceneCost:
                 found = super().__call__(scene, device=device, speed=speed, rate=rate)
                 return dataclasses.replace(found, step=2e-3)
 
@@ -398,7 +396,7 @@ class TestRealMeasurement:
         """A share that no machine keeps: every step of the order is taken, and what comes out can be stepped."""
         scene = line_of_cells(2, spacing=6.5)
 
-        def quick(scene: Scene, *, device: str | None, speed: float, rate: float) -> Cost:
+        def quick(scene: Scene, *, device: str | None, speed: float, rate: float) -> SceneCost:
             found = measure_scene(scene, device=device, speed=speed, rate=rate, seconds=0.02)
             # what the clock says is not for tests
             return dataclasses.replace(found, step=1e-5 * len(scene.bodies), frame=1e-5)

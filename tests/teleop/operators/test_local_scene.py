@@ -17,7 +17,7 @@ from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.operators.local_scene import LocalScene, reach_of
 from tests.teleop.scenes import three_beads
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SCENES = Path(__file__).resolve().parents[3] / "scenes"
 
 ROUNDING = 2e-5
 """Of the largest force: single precision of the simulation's law."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from otwarp.teleop.page.drawing import CameraDrawing
+from otwarp.teleop.page.protocol import CameraDrawing
 
 ARTIFACTS = Path(__file__).resolve().parents[3] / "out" / "test-artifacts"
 SIZE = {"width": 1280, "height": 720}

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.teleop.core.frame import PaceNow
-from otwarp.teleop.page.drawing import TrapDrawing
-from otwarp.teleop.page.messages import PageFrame
+from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
 
 def page_frame(traps: Any = (), bodies: int = 0, **more: Any) -> PageFrame:

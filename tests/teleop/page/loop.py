@@ -1,4 +1,4 @@
-"""A live loop for tests: a real simulation, steered by an outlet's commands as fast as the test asks."""
+"""A live loop for tests: a real simulation, steered by an sink's commands as fast as the test asks."""
 
 from __future__ import annotations
 

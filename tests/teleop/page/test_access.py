@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import socket
+
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.teleop.page.access import Access, address, choose_token
+from otwarp.teleop.page.access import Access, access_for, address, choose_token, listen
 
 TOKEN = "abcdefghijklmnop-1234"
 LOCAL = Access(loopback=True, token=None, port=8080)
@@ -126,3 +128,36 @@ def test_a_token_that_can_be_guessed_or_does_not_fit_is_refused(token: str):
     with pytest.raises(InputError, match="must be 16 or more") as error:
         choose_token(token, loopback=False)
     assert not token or token not in str(error.value)
+
+
+def test_a_port_that_was_asked_for_is_that_port_or_an_error():
+    with listen("127.0.0.1", 0) as first:
+        port = first.getsockname()[1]
+        with pytest.raises(InputError, match=f"port = {port}: .*must be a free one"):
+            listen("127.0.0.1", port)
+
+
+def test_without_a_port_the_next_free_one_serves(monkeypatch: pytest.MonkeyPatch):
+    with listen("127.0.0.1", 0) as first:
+        monkeypatch.setattr("otwarp.teleop.page.access.USUAL_PORT", first.getsockname()[1])
+        with listen("127.0.0.1", None) as second:
+            assert second.getsockname()[1] != first.getsockname()[1]
+
+
+@pytest.mark.parametrize("host", ["no.such.host.invalid", "", "192.0.2.1", "a" * 300])
+def test_a_host_that_is_not_here_is_one_clear_line(host: str):
+    with pytest.raises(InputError, match="host = ") as error:
+        listen(host, 0)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_a_port_out_of_range_is_refused(port: int):
+    with pytest.raises(InputError, match="must be from 0 to 65535"):
+        listen("127.0.0.1", port)
+
+
+def test_listening_everywhere_makes_a_token():
+    with listen("0.0.0.0", 0) as everywhere, socket.socket() as _:
+        access = access_for(everywhere, None)
+    assert not access.loopback and access.token is not None

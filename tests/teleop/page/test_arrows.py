@@ -7,10 +7,9 @@ import pytest
 
 import otwarp as ot
 from otwarp.scene.transforms import rotate
-from otwarp.teleop.page.arrows import MOST_CONTACTS, contact_arrows, trap_arrows
 from otwarp.teleop.page.compose import compose
-from otwarp.teleop.page.drawing import Drawing
-from otwarp.teleop.page.scene_view import instanced
+from otwarp.teleop.page.protocol import Drawing
+from otwarp.teleop.page.scene_view import MOST_CONTACTS, contact_arrows, instanced, trap_arrows
 from tests.teleop.page.frames import page_frame
 from tests.teleop.page.test_browser import SCENE
 

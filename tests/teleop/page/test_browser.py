@@ -16,7 +16,7 @@ from otwarp.teleop.core.commands import MoveTraps, Pause
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.child import HAND_HANDLE, TRAP_HANDLE
 from otwarp.teleop.page.compose import compose
-from otwarp.teleop.page.pointer import DEAD_MAN
+from otwarp.teleop.page.gizmos import DEAD_MAN
 from otwarp.teleop.page.process import PageProcess
 from tests.teleop.page.browser import ARTIFACTS, SIZE, browser, pixel
 from tests.teleop.page.loop import Loop

@@ -48,12 +48,12 @@ def session(*options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
             process.kill()
 
 
-def places(take: Path) -> dict[str, np.ndarray]:
+def places(recording: Path) -> dict[str, np.ndarray]:
     """Name of a frame of `/tf` → its (n, 3) places [µm]."""
     from rosbags.highlevel import AnyReader
 
     found: dict[str, list[Any]] = {}
-    with AnyReader([take]) as reader:
+    with AnyReader([recording]) as reader:
         for connection, _, data in reader.messages([c for c in reader.connections if c.topic == "/tf"]):
             for one in reader.deserialize(data, connection.msgtype).transforms:
                 place = one.transform.translation
@@ -62,11 +62,11 @@ def places(take: Path) -> dict[str, np.ndarray]:
 
 
 def test_a_drag_in_the_browser_moves_a_trap_and_the_robot_follows(tmp_path: Path, device: str):
-    scene, take = ot.Scene.load(SCENE), tmp_path / "take.mcap"
+    scene, recording = ot.Scene.load(SCENE), tmp_path / "take.mcap"
     camera = compose(scene).camera
     size = float(np.linalg.norm(np.subtract(camera.position, camera.look_at)))
     place = np.array([trap.position.at(0.0) for trap in scene.traps])
-    with browser() as chromium, session("--device", device, "--record", str(take)) as (url, process):
+    with browser() as chromium, session("--device", device, "--record", str(recording)) as (url, process):
         window = chromium.new_page(viewport=SIZE)
         errors: list[str] = []
         window.on("pageerror", lambda error: errors.append(str(error)))
@@ -98,7 +98,7 @@ def test_a_drag_in_the_browser_moves_a_trap_and_the_robot_follows(tmp_path: Path
         assert process.wait(PATIENCE / 1e3) == 0
         assert process.stdout is not None and "recorded" in process.stdout.read() and errors == []
 
-    path = places(take)
+    path = places(recording)
     traps = np.array([path[trap.prim.strip("/")] for trap in scene.traps])
     robot = path[scene.bodies[ROBOT].prim.strip("/")]
     way = traps - traps[:, :1]

@@ -11,8 +11,7 @@ from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
 from otwarp.teleop.core.commands import MoveTraps
 from otwarp.teleop.core.frame import HandFrame
-from otwarp.teleop.page.gizmos import HOLD_OFF, Gizmos
-from otwarp.teleop.page.pointer import INTERVAL, Pointer
+from otwarp.teleop.page.gizmos import HOLD_OFF, POINTER_EVERY, Gizmos, Pointer
 from tests.teleop.page.frames import page_frame, trap
 
 PLACES = [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 9.0, 2.0), (1.0, 1.0, 1.0)]
@@ -195,7 +194,7 @@ def test_the_pointer_falls_silent_when_nobody_looks():
     pointer = Pointer(words.append, FACING_USER)
     for k in range(100):
         pointer.tick(0.03 * k, watched=True)
-    assert 0.8 * 3.0 / INTERVAL < len(words) <= 3.0 / INTERVAL + 1
+    assert 0.8 * 3.0 / POINTER_EVERY < len(words) <= 3.0 / POINTER_EVERY + 1
     told = len(words)
     for k in range(100):
         pointer.tick(3.0 + 0.03 * k, watched=False)

@@ -10,8 +10,8 @@ import otwarp as ot
 from otwarp.haptics.core.types import ServoFrame
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.page.compose import compose
-from otwarp.teleop.page.drawing import Drawing
-from otwarp.teleop.page.plots import MOST_CURVES, SPAN, History, Panel, panels, series_data, styles
+from otwarp.teleop.page.protocol import Drawing
+from otwarp.teleop.page.readout import MOST_CURVES, SPAN, History, Panel, panels, series_data, styles
 from tests.teleop.page.frames import page_frame
 from tests.teleop.page.test_browser import SCENE
 

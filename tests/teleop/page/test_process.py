@@ -15,10 +15,10 @@ import pytest
 import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.haptics.core.fields import Matrix
-from otwarp.teleop.core.sink import Outlet
+from otwarp.teleop.core.commands import Sink
 from otwarp.teleop.page import process as module
-from otwarp.teleop.page.messages import Complaint, receive, send
 from otwarp.teleop.page.process import PageProcess
+from otwarp.teleop.page.protocol import Complaint, receive, send
 from tests.teleop.page.loop import Loop
 from tests.teleop.page.test_browser import SCENE
 
@@ -50,9 +50,9 @@ def bead() -> ot.Scene:
 
 def test_frames_wait_for_the_one_before_and_the_session_never(loop: Loop, bead: ot.Scene):
     with PageProcess(bead, port=0) as page:
-        outlet: Outlet = page
-        assert outlet.interval == pytest.approx(1.0 / 30.0) and page.alive and page.visitors == 0
-        outlet.publish(loop.frame())
+        sink: Sink = page
+        assert sink.interval == pytest.approx(1.0 / 30.0) and page.alive and page.visitors == 0
+        sink.publish(loop.frame())
         assert eventually(lambda: page._credit)
         page.complain("no such trap")
         pid = page.pid
@@ -60,13 +60,13 @@ def test_frames_wait_for_the_one_before_and_the_session_never(loop: Loop, bead: 
         os.kill(pid, signal.SIGSTOP)  # a child that hangs
         try:
             for _ in range(20):
-                outlet.publish(loop.frame())
-                assert list(outlet.commands()) == []
+                sink.publish(loop.frame())
+                assert list(sink.commands()) == []
             assert page.dropped == 19 and not page._credit
         finally:
             os.kill(pid, signal.SIGCONT)
         assert eventually(lambda: page._credit)
-        outlet.publish(loop.frame())
+        sink.publish(loop.frame())
         assert eventually(lambda: page._credit) and page.dropped == 19
     page.close()
     assert not page.alive

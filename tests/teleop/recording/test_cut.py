@@ -1,4 +1,4 @@
-"""Takes of sessions that were killed, that were cut, or in which nothing happened: what is said of them."""
+"""Recordings of sessions that were killed, that were cut, or in which nothing happened: what is said of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.recording.mcap import MAGIC, McapFile, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE
 from otwarp.teleop.recording import file as take_file
-from otwarp.teleop.recording.replay import HandReplay, ReplayReport, replay_take
+from otwarp.teleop.recording.replay import HandReplay, ReplayReport, replay_recording
 from tests.teleop.recording.test_replay import STABLE, one
 from tests.teleop.recording.test_writer import begin, cycles, frame
 
@@ -61,13 +61,13 @@ def opened(text):
 
 
 def test_a_cut_take_says_prominently_how_much_of_it_there_is(whole, cut, capfd):
-    report = replay_take(cut)
+    report = replay_recording(cut)
     assert not report.complete
     assert report.equal
     with McapFile(cut) as file:
         times = [message.time for message in file.messages()]
     assert report.seconds == pytest.approx(1e-9 * (max(times) - min(times)))
-    assert 0.0 < report.seconds < replay_take(whole[0]).seconds
+    assert 0.0 < report.seconds < replay_recording(whole[0]).seconds
     assert main(["haptics", "replay", str(cut)]) == 0
     lines = capfd.readouterr().out.splitlines()
     assert lines[1] == f"cut short: {report.seconds:.1f} s of it could be read"
@@ -94,7 +94,7 @@ def test_the_folder_of_a_killed_session_is_replayed_by_its_name(cut, killed, cap
     out = capfd.readouterr().out
     assert out.startswith(f"{killed}: ")
     assert "cut short: " in out
-    assert replay_take(killed).hands == replay_take(cut).hands
+    assert replay_recording(killed).hands == replay_recording(cut).hands
 
 
 def test_a_take_that_is_not_there_names_what_its_killed_session_left(killed, capfd):
@@ -106,34 +106,34 @@ def test_a_take_that_is_not_there_names_what_its_killed_session_left(killed, cap
     with pytest.raises(InputError, match=r"s3\.mcap: cannot be read .*s3\.mcap\.part exists"):
         opened(f"replay:{absent}")
     with pytest.raises(InputError, match=r"other\.mcap: cannot be read \(No such file or directory\)$"):
-        replay_take(killed.with_name("other.mcap"))
+        replay_recording(killed.with_name("other.mcap"))
 
 
 def test_a_folder_without_a_take_is_one_clear_line(tmp_path):
     part = tmp_path / "s3.mcap.part"
     part.mkdir()
-    for read in (replay_take, lambda path: opened(f"replay:{path}")):
+    for read in (replay_recording, lambda path: opened(f"replay:{path}")):
         with pytest.raises(InputError, match=r"s3\.mcap\.part: cannot be read \(No such file or directory\)$"):
             read(part)
     (part / "s3.mcap.part.mcap").touch()
     with pytest.raises(InputError, match=r"s3\.mcap\.part: cannot be read \(it is empty\)$"):
-        replay_take(part)
+        replay_recording(part)
 
 
-def test_a_file_with_only_the_magic_is_no_take(tmp_path, capfd):
+def test_a_file_with_only_the_magic_is_no_recording(tmp_path, capfd):
     path = tmp_path / "a.mcap"
     path.write_bytes(MAGIC + b"\x01\x02")
-    with pytest.raises(InputError, match=r"a\.mcap: is no take of otwarp") as error:
+    with pytest.raises(InputError, match=r"a\.mcap: is no \w+ of otwarp") as error:
         opened(f"replay:{path}")
     assert "\n" not in str(error.value)
     assert main(["haptics", "replay", str(path)]) == 2
-    assert "is no take of otwarp" in capfd.readouterr().err
+    assert "of otwarp, or too little of one" in capfd.readouterr().err
 
 
 def test_a_take_without_cycles_says_why_it_is_not_equal(tmp_path, capfd):
     path = tmp_path / "a.mcap"
-    with begin(path) as take:
-        take.frame(frame(1))
+    with begin(path) as recording:
+        recording.frame(frame(1))
     assert main(["haptics", "replay", str(path)]) == 1
     assert capfd.readouterr().out.endswith("\nnothing to compare: it has no cycles of any hand\n")
     assert main(["haptics", "replay", "--json", str(path)]) == 1
@@ -141,9 +141,9 @@ def test_a_take_without_cycles_says_why_it_is_not_equal(tmp_path, capfd):
     assert told["verdict"] == "nothing to compare: it has no cycles of any hand"
     assert (told["equal"], told["complete"]) == (False, True)
     away = tmp_path / "away.mcap"
-    with begin(away) as take:
-        take.cycles("left", cycles(1, 3))
-    found = replay_take(away)
+    with begin(away) as recording:
+        recording.cycles("left", cycles(1, 3))
+    found = replay_recording(away)
     assert found.hands[0].cycles == 3 and found.hands[0].compared == 0
 
 

@@ -15,7 +15,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.recording.mcap import McapFile
 from otwarp.haptics.recording.messages import unpack_text
 from otwarp.teleop.core import commands as c
-from otwarp.teleop.recording.replay import replay_take
+from otwarp.teleop.recording.replay import replay_recording
 from otwarp.teleop.session.session import Session, SessionOptions
 from tests.teleop.scenes import three_beads
 
@@ -26,7 +26,7 @@ HANDS = {
 
 
 class Script:
-    """An outlet that asks for things in order, one a frame, and waits where a step is a function until it says so."""
+    """An sink that asks for things in order, one a frame, and waits where a step is a function until it says so."""
 
     interval = 0.0
 
@@ -98,11 +98,11 @@ def test_a_session_with_pauses_resets_and_gains_is_recorded_twice_and_replays(tm
         ),
     )
     options = SessionOptions(devices=HANDS, record=str(first), arm=True, device="cpu")
-    report = Session(three_beads(), options, outlets=[script], say=lambda line: None).run()
+    report = Session(three_beads(), options, sinks=[script], say=lambda line: None).run()
     assert script.complaints == []
     assert report["recording"] == str(second)
     for path in (first, second):
-        found = replay_take(path)
+        found = replay_recording(path)
         assert found.complete
         assert [(hand.first, hand.gaps, hand.skipped) for hand in found.hands] == [("", 0, 0)] * 2
         assert found.equal
@@ -119,10 +119,8 @@ def test_a_session_with_pauses_resets_and_gains_is_recorded_twice_and_replays(tm
 def test_a_session_without_hands_is_recorded(tmp_path):
     path = tmp_path / "one.mcap"
     script = Script(after(5), c.MoveTraps({0: (-8.0, 0.5, 5.0)}), after(5))
-    Session(
-        three_beads(), SessionOptions(record=str(path), device="cpu"), outlets=[script], say=lambda line: None
-    ).run()
-    report = replay_take(path)
+    Session(three_beads(), SessionOptions(record=str(path), device="cpu"), sinks=[script], say=lambda line: None).run()
+    report = replay_recording(path)
     assert (report.complete, report.hands, report.equal) == (True, (), False)
     with McapFile(path) as file:
         assert sum(m.topic == "/tf" for m in file.messages()) > 5
@@ -131,15 +129,15 @@ def test_a_session_without_hands_is_recorded(tmp_path):
 def test_a_take_without_a_name_is_named_by_the_time(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     script = Script(after(2), c.Record(True), after(5))
-    Session(three_beads(), SessionOptions(device="cpu"), outlets=[script], say=lambda line: None).run()
+    Session(three_beads(), SessionOptions(device="cpu"), sinks=[script], say=lambda line: None).run()
     (file,) = tmp_path.iterdir()
     assert file.name.startswith("take-2") and file.suffix == ".mcap"
-    assert replay_take(file).complete
+    assert replay_recording(file).complete
 
 
 def test_a_recording_that_cannot_be_is_told_and_the_session_goes_on(tmp_path):
     script = Script(after(2), c.Record(True, str(tmp_path / "a.bag")), after(2))
-    Session(three_beads(), SessionOptions(device="cpu"), outlets=[script], say=lambda line: None).run()
+    Session(three_beads(), SessionOptions(device="cpu"), sinks=[script], say=lambda line: None).run()
     assert len(script.complaints) == 1
     assert "ends in .mcap" in script.complaints[0]
     with pytest.raises(InputError, match=r"ends in \.mcap"):
@@ -159,7 +157,7 @@ def test_a_session_that_never_began_leaves_nothing_and_may_be_tried_again(tmp_pa
             session.run()
         assert list(tmp_path.iterdir()) == []
     Session(three_beads(), SessionOptions(record=str(path), duration=0.1, device="cpu"), say=lambda line: None).run()
-    assert replay_take(path).complete
+    assert replay_recording(path).complete
 
 
 def test_a_session_that_is_stopped_before_its_first_frame_reports_no_recording(tmp_path, monkeypatch):
@@ -175,8 +173,8 @@ def test_a_session_that_is_stopped_before_its_first_frame_reports_no_recording(t
 
 
 def test_the_snippet_in_the_documentation_runs_as_it_stands(tmp_path):
-    root = Path(__file__).parents[2]
-    text = (root / "docs" / "takes.md").read_text(encoding="utf-8")
+    root = Path(__file__).parents[3]
+    text = (root / "docs" / "recordings.md").read_text(encoding="utf-8")
     (snippet,) = [part.partition("```")[0] for part in text.split("```python\n")[1:]]
     (tmp_path / "session.py").write_text(snippet)
     (tmp_path / "scenes").symlink_to(root / "scenes")
@@ -186,4 +184,4 @@ def test_the_snippet_in_the_documentation_runs_as_it_stands(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1].startswith("equal: ")
-    assert replay_take(tmp_path / "take1.mcap").hands[0].compared > 0
+    assert replay_recording(tmp_path / "take1.mcap").hands[0].compared > 0

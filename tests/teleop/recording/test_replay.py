@@ -1,4 +1,4 @@
-"""Takes of a real servo in wall time, replayed: the same forces to the last bit."""
+"""Recordings of a real servo in wall time, replayed: the same forces to the last bit."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
 from otwarp.haptics.recording.mcap import McapFile
 from otwarp.haptics.recording.messages import pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene
-from otwarp.teleop.recording.replay import replay_take
+from otwarp.teleop.recording.replay import replay_recording
 from tests.haptics.setups import hand_config
-from tests.teleop.recording.takes import LAWS, Session
+from tests.teleop.recording.recorded import LAWS, Session
 from tests.teleop.scenes import three_beads, trap
 
 SINE = "virtual:sine,amplitude=0.004,frequency=2,axis=x"
@@ -60,7 +60,7 @@ def seen(session, hand="right"):
 
 
 def replayed(session, path, hand="right"):
-    report = replay_take(path)
+    report = replay_recording(path)
     assert report.complete
     (found,) = (h for h in report.hands if h.hand == hand)
     assert found.first == ""
@@ -126,7 +126,7 @@ def test_two_hands_a_stall_and_a_second_recording(tmp_path):
         session.arm(1)
         session.servo.record(False)
         session.fetch()
-        session.take.close()
+        session.recording.close()
         first = dict(session.drained)
         session.drained = dict.fromkeys(first, b"")
         session.record(paths[1])
@@ -165,7 +165,7 @@ def test_a_device_that_is_lost_and_comes_back(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def take(tmp_path_factory):
+def recorded(tmp_path_factory):
     """(file, its cycles) of a short session in which a force was felt, and its gains changed."""
     path = tmp_path_factory.mktemp("take") / "take1.mcap"
     session = one(**STABLE)
@@ -174,12 +174,12 @@ def take(tmp_path_factory):
         session.arm()
         session.servo.set_gains(0, 120.0, 0.09)
         session.run(0.15)
-    assert replay_take(path).equal
+    assert replay_recording(path).equal
     return path, cycles_of(session.drained["right"])
 
 
 def edited(path, where, edit):
-    """A copy of a take in which the messages of a topic are others of the same length."""
+    """A copy of a recording in which the messages of a topic are others of the same length."""
     data = bytearray(path.read_bytes())
     with McapFile(path) as file:
         for message in file.messages():
@@ -210,42 +210,42 @@ def change_cycles(change):
 
 
 @pytest.mark.parametrize(("field", "name"), [(14, "force"), (17, "asked"), (20, "energy"), (22, "moved")])
-def test_one_bit_of_one_cycle_is_seen(take, field, name):
-    path, cycles = take
+def test_one_bit_of_one_cycle_is_seen(recorded, field, name):
+    path, cycles = recorded
     tick = max(cycles, key=lambda cycle: abs(cycle.force[0])).tick
 
     def change(fields):
         if fields[0] == tick:
             fields[field] = math.nextafter(fields[field], math.inf)
 
-    report = replay_take(edited(path, "/otwarp/cycles/right", change_cycles(change)))
+    report = replay_recording(edited(path, "/otwarp/cycles/right", change_cycles(change)))
     (hand,) = report.hands
     assert hand.mismatches == 1
     assert not report.equal
     assert f"cycle {tick} at" in hand.first and f" s: {name};" in hand.first
 
 
-def test_an_input_that_was_another_makes_other_forces(take):
-    path, cycles = take
+def test_an_input_that_was_another_makes_other_forces(recorded):
+    path, cycles = recorded
     tick = next(cycle.tick for cycle in cycles if abs(cycle.force[0]) > 1e-3)
 
     def change(fields):
         if fields[0] == tick:
             fields[3] += 1e-5
 
-    (hand,) = replay_take(edited(path, "/otwarp/cycles/right", change_cycles(change))).hands
+    (hand,) = replay_recording(edited(path, "/otwarp/cycles/right", change_cycles(change))).hands
     assert hand.mismatches > 1
     assert f"cycle {tick} at" in hand.first
 
 
-def test_what_is_missing_is_skipped_and_told(take):
-    path, cycles = take
+def test_what_is_missing_is_skipped_and_said(recorded):
+    path, cycles = recorded
     half = cycles[len(cycles) // 2]
 
     def later(fields):
         fields[0] += 5 * (fields[0] > half.tick)
 
-    (hand,) = replay_take(edited(path, "/otwarp/cycles/right", change_cycles(later))).hands
+    (hand,) = replay_recording(edited(path, "/otwarp/cycles/right", change_cycles(later))).hands
     assert (hand.gaps, hand.missing, hand.mismatches) == (1, 5, 0)
     assert hand.skipped == sum(cycle.tick > half.tick for cycle in cycles)
     assert hand.compared + hand.skipped == sum(cycle.flags & STEPPED > 0 for cycle in cycles)
@@ -254,20 +254,20 @@ def test_what_is_missing_is_skipped_and_told(take):
         state = unpack_scene(message)
         return pack_scene(dataclasses.replace(state, beat=state.beat + 10**6 * (state.beat == half.beat)))
 
-    (hand,) = replay_take(edited(path, "/otwarp/scene", another_beat)).hands
+    (hand,) = replay_recording(edited(path, "/otwarp/scene", another_beat)).hands
     assert (hand.gaps, hand.mismatches) == (0, 0)
     assert hand.skipped == sum(cycle.beat >= half.beat for cycle in cycles)
 
 
-def test_a_take_cut_anywhere_is_replayed_up_to_there_or_refused(take):
-    path, cycles = take
+def test_a_recording_cut_anywhere_is_replayed_up_to_there_or_refused(recorded):
+    path, cycles = recorded
     data = path.read_bytes()
     cut = path.with_name("cut.mcap")
     counts = []
     for part in (0.0, 1e-5, 0.1, 0.3, 0.5, 0.7, 0.9, 0.999):
         cut.write_bytes(data[: round(part * len(data))])
         try:
-            report = replay_take(cut)
+            report = replay_recording(cut)
         except InputError as error:
             assert "\n" not in str(error)
         else:
@@ -280,8 +280,8 @@ def test_a_take_cut_anywhere_is_replayed_up_to_there_or_refused(take):
 
 @given(seed=st.integers(0, 2**32), flips=st.integers(1, 40), whole=st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_no_bytes_do_more_than_raise_one_line(take, seed, flips, whole):
-    path, _ = take
+def test_no_bytes_do_more_than_raise_one_line(recorded, seed, flips, whole):
+    path, _ = recorded
     rng, data = random.Random(seed), bytearray(path.read_bytes())
     span = len(data) if whole else 4000  # the head holds what the rest is read by
     for _ in range(flips):
@@ -289,7 +289,7 @@ def test_no_bytes_do_more_than_raise_one_line(take, seed, flips, whole):
     spoiled = path.with_name("spoiled.mcap")
     spoiled.write_bytes(data)
     try:
-        replay_take(spoiled)
+        replay_recording(spoiled)
     except InputError as error:
         assert "\n" not in str(error)
     device = ReplayDevice(spoiled)
@@ -319,11 +319,11 @@ def foreign(path, topic="/chatter", kind="std_msgs/msg/String", data=None, compr
         (lambda p: p.touch(), "cannot be read"),
         (lambda p: p.mkdir(), "cannot be read"),
         (lambda p: p.write_bytes(b"#ROSBAG V2.0\n"), "is no MCAP file"),
-        (foreign, "is no take of otwarp"),
+        (foreign, "is no recording of otwarp"),
         (lambda p: foreign(p, compressed=True), "is compressed .'zstd'."),
         (lambda p: foreign(p, "/otwarp/config"), "/otwarp/config is not JSON"),
         (lambda p: foreign(p, "/otwarp/config", data=pack_text("[" * 100_000)), "/otwarp/config is not JSON"),
-        (lambda p: foreign(p, "/otwarp/config", data=pack_text("[1]")), "is no take of otwarp"),
+        (lambda p: foreign(p, "/otwarp/config", data=pack_text("[1]")), "is no recording of otwarp"),
         (lambda p: foreign(p, "/otwarp/config", data=pack_text('{"format": 9}')), "format 9; allowed: 1"),
         (lambda p: foreign(p, "/otwarp/config", data=pack_text('{"format": 1}')), "haptics is None"),
     ],
@@ -332,14 +332,14 @@ def test_what_is_no_take_is_one_clear_line(tmp_path, capfd, make, says):
     path = tmp_path / "a.mcap"
     make(path)
     with pytest.raises(InputError, match=says) as error:
-        replay_take(path)
+        replay_recording(path)
     assert "\n" not in str(error.value)
     assert main(["haptics", "replay", str(path)]) == 2
     assert capfd.readouterr().err.count("\n") == 1
 
 
-def test_the_command_tells_and_exits_by_what_it_found(take, capfd):
-    path, cycles = take
+def test_the_command_tells_and_exits_by_what_it_found(recorded, capfd):
+    path, cycles = recorded
     assert main(["haptics", "replay", str(path)]) == 0
     out = capfd.readouterr().out
     assert f"right  {len(cycles)} cycles" in out and ", 0 differ" in out
@@ -356,8 +356,8 @@ def test_the_command_tells_and_exits_by_what_it_found(take, capfd):
     assert "replay" in capfd.readouterr().out
 
 
-def test_a_take_is_a_device(take):
-    path, cycles = take
+def test_a_recording_is_a_device(recorded):
+    path, cycles = recorded
     (spec,) = parse_devices([f"replay:{path}"])
     device = create_device(spec)
     device.open()

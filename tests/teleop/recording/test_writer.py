@@ -1,4 +1,4 @@
-"""The file of a take: what is in it, as others read it, and what happens when it cannot be written."""
+"""The file of a recording: what is in it, as others read it, and what happens when it cannot be written."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from otwarp.haptics.servo.link import Cycles, Start
 from otwarp.record.frame import SHAPES
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.frame import HandFrame
-from otwarp.teleop.recording import writer as take_module
-from otwarp.teleop.recording.laws import laws_from_dict, laws_to_dict
-from otwarp.teleop.recording.replay import replay_take
-from otwarp.teleop.recording.writer import FRAMES, TakeWriter
+from otwarp.teleop.recording import writer as writer_module
+from otwarp.teleop.recording.file import laws_from_dict, laws_to_dict
+from otwarp.teleop.recording.replay import replay_recording
+from otwarp.teleop.recording.writer import FRAMES, RecordingWriter
 from tests.haptics.core.test_ring import record
 from tests.haptics.setups import RADIAL, hand_config
-from tests.teleop.recording.takes import LAWS, live_frame, scene_now
+from tests.teleop.recording.recorded import LAWS, live_frame, scene_now
 from tests.teleop.scenes import three_beads
 
 CONFIG = HapticsConfig(hands=(hand_config(name="left", force_filter=LowPass(alpha=0.05, rate=120.0)),))
@@ -42,9 +42,9 @@ START = Start(1, 1, json.dumps({"gains": [None, None], "device": None, "chain": 
 EVENTUALLY = 60.0
 
 
-def begin(path, laws=None, **changes) -> TakeWriter:
+def begin(path, laws=None, **changes) -> RecordingWriter:
     about = {"config": CONFIG, "devices": {"left": "virtual:hold"}, "kinds": (), "scene": SCENE, "clock": lambda: 5.0}
-    return TakeWriter(path, laws=laws or {0: (LAWS["table"],)}, **about | changes)
+    return RecordingWriter(path, laws=laws or {0: (LAWS["table"],)}, **about | changes)
 
 
 def frame(beat: int, **changes):
@@ -84,19 +84,19 @@ def messages(path):
 def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
     path = tmp_path / "take1.mcap"
     frames = [frame(n, warnings=("trap 1: lost",) if n in (2, 3) else ()) for n in range(1, 5)]
-    with begin(path, settings={"seed": 4}) as take:
+    with begin(path, settings={"seed": 4}) as recording:
         for live in frames:
-            take.frame(live, scene_now(live.beat))
-            take.frame(live, scene_now(live.beat))  # a state is written once
-        take.cycles("left", cycles(1, 3))
-        take.cycles("left", replace(cycles(4, 2), scenes=(scene_now(4), scene_now(9))))
-        take.command(c.MoveTraps({1: (1.0, 2.0, 3.0)}), 5.5)
-        take.command(c.SetGains("left", None, 0.3), 5.6)
-        assert take.file == path and not path.exists()
+            recording.frame(live, scene_now(live.beat))
+            recording.frame(live, scene_now(live.beat))  # a state is written once
+        recording.cycles("left", cycles(1, 3))
+        recording.cycles("left", replace(cycles(4, 2), scenes=(scene_now(4), scene_now(9))))
+        recording.command(c.MoveTraps({1: (1.0, 2.0, 3.0)}), 5.5)
+        recording.command(c.SetGains("left", None, 0.3), 5.6)
+        assert recording.file == path and not path.exists()
         while not part_of(path).is_dir():
             time.sleep(0.005)
     assert not part_of(path).exists()
-    assert (take.complaint, take.dropped) == ("", 0)
+    assert (recording.complaint, recording.dropped) == ("", 0)
     told = messages(path)
 
     (_, text), *_ = told["/otwarp/config"]
@@ -150,10 +150,10 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
 
 def test_the_scanner_sees_what_the_index_says(tmp_path):
     path = tmp_path / "take1.mcap"
-    with begin(path) as take:
+    with begin(path) as recording:
         for n in range(1, 600):
-            take.frame(frame(n), scene_now(n))
-            while take._waiting.qsize() > FRAMES // 2:  # a busy machine would drop frames
+            recording.frame(frame(n), scene_now(n))
+            while recording._waiting.qsize() > FRAMES // 2:  # a busy machine would drop frames
                 time.sleep(0.001)
     told = messages(path)
     with McapFile(path) as file:
@@ -198,8 +198,8 @@ def test_a_place_where_no_take_can_be_is_refused_before_anything_is_written(tmp_
         with pytest.raises(InputError, match=line) as error:
             begin(tmp_path / name)
         assert "\n" not in str(error.value)
-    with begin(tmp_path / "a.mcap") as take, pytest.raises(InputError, match="hand is 'right'; allowed: left"):
-        take.cycles("right", cycles(1, 1))
+    with begin(tmp_path / "a.mcap") as recording, pytest.raises(InputError, match="hand is 'right'; allowed: left"):
+        recording.cycles("right", cycles(1, 1))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"install otwarp\[teleop\]"):
         begin(tmp_path / "b.mcap")
@@ -210,39 +210,39 @@ def test_a_disk_that_stops_ends_the_recording_and_not_the_session(tmp_path, monk
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    take = begin(tmp_path / "a.mcap")
-    take.frame(frame(1))
-    monkeypatch.setattr(take_module.TakeFile, "scene", full)
-    monkeypatch.setattr(take_module, "_frame", full)
+    recording = begin(tmp_path / "a.mcap")
+    recording.frame(frame(1))
+    monkeypatch.setattr(writer_module.RecordingFile, "scene", full)
+    monkeypatch.setattr(writer_module, "_frame", full)
     end = time.monotonic() + EVENTUALLY
     n = 1
-    while not take.complaint:
+    while not recording.complaint:
         n += 1
-        take.frame(frame(n), scene_now(n))
+        recording.frame(frame(n), scene_now(n))
         time.sleep(0.002)
         assert time.monotonic() < end
     for n in range(5000):
-        take.command(c.Stop(), 5.0 + n)  # still blocks nobody
+        recording.command(c.Stop(), 5.0 + n)  # still blocks nobody
     with pytest.raises(OSError, match="No space left"):
-        take.close()
-    take.close()
-    assert not take.file.exists()
-    assert part_of(take.file).is_dir()
+        recording.close()
+    recording.close()
+    assert not recording.file.exists()
+    assert part_of(recording.file).is_dir()
 
 
 def test_a_take_that_nobody_wants_is_not_left_even_if_the_disk_stops(tmp_path, monkeypatch):
-    with begin(tmp_path / "a.mcap") as take:
-        take.frame(frame(1))
-        take.discard()
+    with begin(tmp_path / "a.mcap") as recording:
+        recording.frame(frame(1))
+        recording.discard()
     assert list(tmp_path.iterdir()) == []
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(take_module.TakeFile, "text", full)
-    with begin(tmp_path / "b.mcap") as take:
-        take.discard()
-    assert "No space left" in take.complaint
+    monkeypatch.setattr(writer_module.RecordingFile, "text", full)
+    with begin(tmp_path / "b.mcap") as recording:
+        recording.discard()
+    assert "No space left" in recording.complaint
     assert list(tmp_path.iterdir()) == []
 
 
@@ -253,43 +253,43 @@ def test_a_disk_that_is_slow_loses_frames_first_and_says_so(tmp_path, monkeypatc
         while not go:
             time.sleep(0.002)
 
-    monkeypatch.setattr(take_module, "_frame", slow)
-    take = begin(tmp_path / "a.mcap")
+    monkeypatch.setattr(writer_module, "_frame", slow)
+    recording = begin(tmp_path / "a.mcap")
     for _ in range(1, FRAMES + 500):
-        take.frame(frame(1))
-    take.cycles("left", cycles(1, 3))
-    assert 400 <= take.dropped <= 500
-    assert f"{take.dropped} messages dropped" in take.complaint
+        recording.frame(frame(1))
+    recording.cycles("left", cycles(1, 3))
+    assert 400 <= recording.dropped <= 500
+    assert f"{recording.dropped} messages dropped" in recording.complaint
     go.append(1)
-    take.close()
+    recording.close()
     told = messages(tmp_path / "a.mcap")
     assert [cycle.tick for cycle in told["/otwarp/cycles/left"][0][1].cycles] == [1, 2, 3]
-    assert json.loads(told["/otwarp/end"][0][1].data)["dropped"] == take.dropped
+    assert json.loads(told["/otwarp/end"][0][1].data)["dropped"] == recording.dropped
 
 
 def test_lost_cycles_are_told(tmp_path):
-    with begin(tmp_path / "a.mcap") as take:
-        take.cycles("left", replace(cycles(1, 1), lost=17))
-        assert "17 cycles of hand left were lost" in take.complaint
+    with begin(tmp_path / "a.mcap") as recording:
+        recording.cycles("left", replace(cycles(1, 1), lost=17))
+        assert "17 cycles of hand left were lost" in recording.complaint
     assert json.loads(messages(tmp_path / "a.mcap")["/otwarp/end"][0][1].data)["lost"] == {"left": 17}
 
 
 KILLED = """
 import os, sys, time
 from tests.teleop.recording.test_writer import begin, cycles, frame, scene_now
-take = begin(sys.argv[1])
+recording = begin(sys.argv[1])
 for n in range(1, 700):
-    take.frame(frame(n), scene_now(n))
-    take.cycles("left", cycles(n, 1))
+    recording.frame(frame(n), scene_now(n))
+    recording.cycles("left", cycles(n, 1))
     time.sleep(0.001)
-while not take._waiting.empty():
+while not recording._waiting.empty():
     time.sleep(0.01)
 os._exit(9)
 """
 
 
 def test_a_killed_session_leaves_what_it_had_written_readable(tmp_path):
-    path, root = tmp_path / "a.mcap", Path(__file__).parents[2]
+    path, root = tmp_path / "a.mcap", Path(__file__).parents[3]
     done = subprocess.run([sys.executable, "-c", KILLED, str(path)], cwd=root, timeout=EVENTUALLY)
     assert done.returncode == 9
     assert not path.exists()
@@ -301,7 +301,7 @@ def test_a_killed_session_leaves_what_it_had_written_readable(tmp_path):
     assert found.count("/tf") > 100
     assert "/otwarp/end" not in found
     shutil.copy(left, tmp_path / "b.mcap")
-    report = replay_take(tmp_path / "b.mcap")
+    report = replay_recording(tmp_path / "b.mcap")
     assert not report.complete
     assert report.hands[0].cycles == found.count("/otwarp/cycles/left")
 
@@ -316,8 +316,8 @@ def test_frames_of_any_size_are_what_rosbags_writes(tmp_path, bodies):
     scene = replace(SCENE, bodies=SCENE.bodies[:bodies])
     live = frame(1)
     cut = {n: getattr(live.frame, n)[:, :bodies] for n, (axis, _) in SHAPES.items() if axis == "body"}
-    with begin(tmp_path / "a.mcap", scene=scene) as take:
-        take.frame(replace(live, frame=replace(live.frame, **cut)))
+    with begin(tmp_path / "a.mcap", scene=scene) as recording:
+        recording.frame(replace(live, frame=replace(live.frame, **cut)))
     store = get_typestore(Stores.ROS2_JAZZY)
     with Reader(tmp_path / "a.mcap") as reader:
         for connection, _, data in reader.messages():

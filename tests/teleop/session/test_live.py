@@ -25,7 +25,7 @@ SLEW = 1000.0
 
 
 class Watcher:
-    """An outlet that keeps all frames and asks what it is told to."""
+    """An sink that keeps all frames and asks what it is told to."""
 
     interval = 0.0
 
@@ -66,7 +66,7 @@ class Stage:
         self.loop = LiveLoop(
             scene,
             self.plans,
-            outlets=(self.watcher,) if watch else (),
+            sinks=(self.watcher,) if watch else (),
             make_servo=make_servo,
             notice=self.news.append,
             clock=self.clock,
@@ -369,7 +369,7 @@ def test_the_loop_refuses_a_rate_out_of_range(stage):
         LiveLoop(three_beads(), rate=5.0, device="cpu")
 
 
-class SlowTake:
+class SlowRecording:
     """A recording whose disk needs a few looks to finish it, and may fail."""
 
     complaint = ""
@@ -392,22 +392,22 @@ class SlowTake:
 
 
 def test_the_loop_does_not_wait_for_a_recording_that_is_finished(stage):
-    takes = [SlowTake(), SlowTake(fails="disk full"), SlowTake(looks=10**6, fails="no disk")]
-    left = list(takes)
+    recordings = [SlowRecording(), SlowRecording(fails="disk full"), SlowRecording(looks=10**6, fails="no disk")]
+    left = list(recordings)
     s = stage()
-    s.loop._make_take = lambda file, loop: left.pop(0)
+    s.loop._make_recording = lambda file, loop: left.pop(0)
     s.loop.start()
     s.watcher.asked = [c.Record(True), c.Record(False), c.Record(True)]  # the first is not finished yet
     s.run(1.0 / RATE)
-    assert not takes[0].closed and s.loop.recording is not None
+    assert not recordings[0].closed and s.loop.recording is not None
     s.run(0.1)
-    assert takes[0].closed and not s.watcher.lines
+    assert recordings[0].closed and not s.watcher.lines
     s.watcher.asked = [c.Record(False)]
     s.run(0.1)
-    assert takes[1].closed and s.watcher.lines == ["disk full"] and s.loop.recording is None
+    assert recordings[1].closed and s.watcher.lines == ["disk full"] and s.loop.recording is None
     s.watcher.asked = [c.Record(True), c.Record(False)]
     s.run(0.1)
-    assert not takes[2].closed
+    assert not recordings[2].closed
     with pytest.raises(OSError, match="no disk"):
         s.loop.close()
-    assert takes[2].closed
+    assert recordings[2].closed

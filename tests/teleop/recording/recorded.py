@@ -21,7 +21,7 @@ from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.frame import HandFrame, LiveFrame
-from otwarp.teleop.recording.writer import TakeWriter
+from otwarp.teleop.recording.writer import RecordingWriter
 from tests.haptics.setups import AXIAL, RADIAL
 
 EVENTUALLY = 60.0
@@ -66,7 +66,7 @@ def live_frame(beat: int, wall: float, hands: tuple[HandFrame, ...] = (), warnin
 
 
 class Session:
-    """A servo, a simulation that publishes every few milliseconds, and a take of both."""
+    """A servo, a simulation that publishes every few milliseconds, and a recording of both."""
 
     def __init__(self, scene: Scene, configs: dict[str, tuple[str, HandConfig]], law: Law, make=make_chain):
         self.scene, self.devices = scene, {name: device for name, (device, _) in configs.items()}
@@ -77,7 +77,7 @@ class Session:
             for name, (device, config) in configs.items()
         ]
         self.servo = ServoProcess(setups, spheres=2, traps=2)
-        self.beat, self.take, self.drained = 0, None, {name: b"" for name in configs}
+        self.beat, self.recording, self.drained = 0, None, {name: b"" for name in configs}
         self.publishing = True
 
     def __enter__(self) -> Session:
@@ -86,21 +86,21 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.servo.stop()
-        if self.take is not None:
+        if self.recording is not None:
             self.fetch()
-            self.take.close()
+            self.recording.close()
 
-    def record(self, path: Path) -> TakeWriter:
+    def record(self, path: Path) -> RecordingWriter:
         about = {"config": self.config, "devices": self.devices, "laws": self.laws, "kinds": (), "scene": self.scene}
-        self.take = TakeWriter(path, **about, settings={"seed": 3})
+        self.recording = RecordingWriter(path, **about, settings={"seed": 3})
         self.servo.record(True)
-        return self.take
+        return self.recording
 
     def fetch(self) -> None:
         for n, name in enumerate(self.devices):
             cycles: Cycles = self.servo.drain(n)
             self.drained[name] += cycles.records
-            self.take.cycles(name, cycles)
+            self.recording.cycles(name, cycles)
 
     def frame(self) -> None:
         """One turn of the loop."""
@@ -109,7 +109,7 @@ class Session:
             self.servo.publish(scene_now(self.beat))
         else:
             self.servo.heartbeat()
-        if self.take is not None:
+        if self.recording is not None:
             now = time.perf_counter()
             hands = []
             for n, hand in enumerate(self.config.hands):
@@ -117,7 +117,7 @@ class Session:
                 about = {"name": hand.name, "device": self.devices[hand.name], "traps": hand.traps, "clamp": 3.3}
                 hands.append(HandFrame(**about, **gains, now=self.servo.hand(n), present=True))
             warnings = ("hand left: far",) if self.beat % 8 < 4 else ()
-            self.take.frame(live_frame(self.beat, now, tuple(hands), warnings), None)
+            self.recording.frame(live_frame(self.beat, now, tuple(hands), warnings), None)
             self.fetch()
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: True) -> None:

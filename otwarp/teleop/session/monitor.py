@@ -1,15 +1,20 @@
-"""`Watch`: what an operator must be told of a frame."""
+"""What a session tells its operator: warnings while it runs, figures at its end."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from otwarp.record.frame import Frame
+from otwarp.record.summary import statistics, strict, task
 from otwarp.scene.description import Scene
 from otwarp.simulation.model import Model
 from otwarp.teleop.core.frame import HandFrame, PaceNow
+
+if TYPE_CHECKING:
+    from otwarp.teleop.session.live import LiveLoop
 
 AT_THE_CLAMP = 0.98
 """Part of the clamp from which a hand is told that it feels less than there is."""
@@ -19,7 +24,7 @@ BEHIND = 0.95
 """Part of the wanted speed below which the operator is told."""
 
 
-class Watch:
+class SessionMonitor:
     """Warnings of a session, one line each.
 
     Args:
@@ -87,3 +92,64 @@ class Watch:
 def _short(scene: Scene, prim: str) -> str:
     """A prim's path below the scene's root."""
     return prim.removeprefix(f"{scene.root}/")
+
+
+def summarize(loop: LiveLoop) -> dict[str, Any]:
+    """Figures of a session that has run; `text` says them to a reader.
+
+    Keys: `wall` and `simulated` [s], `slipped` [s], `real_time_factor` over the whole session, `paused` [s], `frames`,
+    `late_frames`, `servo` (cycles, dropped, worst lateness of its last second [s]), `hands`, `failure`, `text`; of the
+    time since the last reset, as `otwarp run` has them, `task` and `statistics`.
+    """
+    pace, status = loop.pace, loop.hands.status
+    running = loop.wall - pace.stood
+    report: dict[str, Any] = {
+        "wall": loop.wall,
+        "simulated": pace.simulated,
+        "slipped": pace.slipped,
+        "paused": pace.stood,
+        "real_time_factor": pace.simulated / running if running > 0.0 else 0.0,
+        "frames": loop.frames,
+        "late_frames": loop.late,
+        "servo": None,
+        "hands": [],
+        "failure": loop.failure or None,
+        "task": strict(task(loop.monitor, 1)),
+        "statistics": strict(statistics(loop.monitor)),
+    }
+    lines = [
+        f"session   {loop.wall:.1f} s, {pace.simulated:.2f} s simulated "
+        f"({report['real_time_factor']:.2f} of real time{_slip(pace.slipped)}), "
+        f"{loop.frames} frames, {loop.late} of them late"
+    ]
+    if status is not None:
+        report["servo"] = {"cycles": status.tick, "dropped": status.late, "lateness": status.lateness}
+        lines.append(
+            f"servo     {status.tick} cycles, {status.late} dropped, in its last second at most "
+            f"{1e3 * status.lateness:.2f} ms late"
+        )
+    for n, hand in enumerate(loop.hands.frames):
+        losses = status.hands[n].losses if status else 0
+        report["hands"].append({"name": hand.name, "device": hand.device, "losses": losses, "message": hand.message})
+        lines.append(f"{hand.name:<9} {hand.device}: lost {losses} times{'; ' + hand.message if hand.message else ''}")
+    lines += _task_lines(loop)
+    if loop.failure:
+        lines.append(f"stopped   {loop.failure}")
+    report["text"] = "\n".join(lines)
+    return report
+
+
+def _task_lines(loop: LiveLoop) -> list[str]:
+    """How the task ended, and the figures that the paper gives of a trial."""
+    monitor = loop.monitor
+    ended, numbers = monitor.outcome(0), statistics(monitor)
+    lines = [] if monitor.goal is None else [f"task      {ended.outcome}: {ended.reason}"]
+    for name, key in (("distance", "trap_distance"), ("contact", "contact_force")):
+        part = numbers.get(key)
+        if part and part.get("mean") is not None:
+            lines.append(f"{name:<9} {part['mean']:.3g} ± {part['std']:.2g} {part['unit']}")
+    return lines
+
+
+def _slip(seconds: float) -> str:
+    return f", {seconds:.2f} s given up" if seconds > 0.0 else ""

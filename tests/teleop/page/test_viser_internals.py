@@ -1,16 +1,24 @@
-"""A real viser server behind the rules, asked by real requests."""
+"""A real viser server behind the rules, asked by real requests; and what we reach for in viser is still there."""
 
 from __future__ import annotations
 
 import http.client
-import socket
+import inspect
 from collections.abc import Iterator
+from importlib.metadata import version
 
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.teleop.page.access import Access
-from otwarp.teleop.page.listening import access_for, guarded_server, listen, refuses
+from otwarp.teleop.page.access import Access, access_for, listen
+from otwarp.teleop.page.viser_internals import (
+    MADE_FOR,
+    PORT_OVERRIDE,
+    SHARING,
+    guarded_server,
+    refuses,
+    without_override,
+)
 
 viser = pytest.importorskip("viser")
 TOKEN = "abcdefghijklmnop-1234"
@@ -19,7 +27,7 @@ TOKEN = "abcdefghijklmnop-1234"
 @pytest.fixture(scope="module")
 def locked() -> Iterator[tuple[object, Access]]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("_VISER_PORT_OVERRIDE", raising=False)
+        patch.delenv(PORT_OVERRIDE, raising=False)
         listening = listen("127.0.0.1", 0)
         access = access_for(listening, TOKEN)
         server = guarded_server(listening, access, "test")
@@ -89,39 +97,49 @@ def test_a_viser_that_starts_otherwise_serves_nobody(monkeypatch: pytest.MonkeyP
             library.serve = ours
 
     monkeypatch.setattr(viser, "ViserServer", Other)
-    monkeypatch.setattr("otwarp.teleop.page.listening.ANSWER_WITHIN", 0.3)
+    monkeypatch.setattr("otwarp.teleop.page.viser_internals.ANSWER_WITHIN", 0.3)
     with listen("127.0.0.1", 0) as listening, pytest.raises(InputError, match="access cannot be guarded with viser"):
         guarded_server(listening, access_for(listening, None), "test")
 
 
-def test_a_port_that_was_asked_for_is_that_port_or_an_error():
-    with listen("127.0.0.1", 0) as first:
-        port = first.getsockname()[1]
-        with pytest.raises(InputError, match=f"port = {port}: .*must be a free one"):
-            listen("127.0.0.1", port)
+def test_it_is_the_viser_that_this_was_made_for():
+    """Another one: read what is new in its server, then `viser_internals.py`, then change `MADE_FOR`."""
+    assert version("viser").rpartition(".")[0] == MADE_FOR
 
 
-def test_without_a_port_the_next_free_one_serves(monkeypatch: pytest.MonkeyPatch):
-    with listen("127.0.0.1", 0) as first:
-        monkeypatch.setattr("otwarp.teleop.page.listening.USUAL_PORT", first.getsockname()[1])
-        with listen("127.0.0.1", None) as second:
-            assert second.getsockname()[1] != first.getsockname()[1]
+def test_viser_listens_by_the_function_that_is_replaced(monkeypatch: pytest.MonkeyPatch):
+    """Called once as `serve(handler, host, port, process_request=…)`, and looked up at the call."""
+    import websockets.asyncio.server as library
+
+    monkeypatch.delenv(PORT_OVERRIDE, raising=False)
+    calls, real = [], library.serve
+
+    def noted(*args: object, **options: object) -> object:
+        calls.append((args, options))
+        return real(*args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(library, "serve", noted)
+    server = viser.ViserServer(host="127.0.0.1", port=0, label="test", verbose=False)
+    server.stop()
+    ((args, options),) = calls
+    assert args[1:] == ("127.0.0.1", 0) and callable(args[0])
+    assert list(inspect.signature(options["process_request"]).parameters) == ["connection", "request"]
+    assert "sock" not in options
 
 
-@pytest.mark.parametrize("host", ["no.such.host.invalid", "", "192.0.2.1", "a" * 300])
-def test_a_host_that_is_not_here_is_one_clear_line(host: str):
-    with pytest.raises(InputError, match="host = ") as error:
-        listen(host, 0)
-    assert "\n" not in str(error.value)
+def test_viser_has_the_handlers_that_are_taken_away():
+    from viser import _messages
+
+    server = viser.ViserServer(host="127.0.0.1", port=0, label="test", verbose=False)
+    try:
+        handlers = server._websock_server._incoming_handlers
+        sharing = {name for name in vars(_messages) if name.startswith("Share") and name != "ShareUrlUpdated"}
+        assert sharing == set(SHARING)  # updates go to the windows, the others come from them
+        assert all(getattr(_messages, message) in handlers for message in SHARING)
+    finally:
+        server.stop()
 
 
-@pytest.mark.parametrize("port", [-1, 65536])
-def test_a_port_out_of_range_is_refused(port: int):
-    with pytest.raises(InputError, match="must be from 0 to 65535"):
-        listen("127.0.0.1", port)
-
-
-def test_listening_everywhere_makes_a_token():
-    with listen("0.0.0.0", 0) as everywhere, socket.socket() as _:
-        access = access_for(everywhere, None)
-    assert not access.loopback and access.token is not None
+def test_viser_asks_for_its_port_by_the_variable_that_is_removed():
+    assert f'"{PORT_OVERRIDE}"' in inspect.getsource(viser.ViserServer.__init__)
+    assert without_override({PORT_OVERRIDE: "1", "HOME": "/"}) == {"HOME": "/"}

@@ -1,70 +1,48 @@
-"""viser behind the page's rules of access: on a socket of ours, with every request judged first.
+"""What reaches into viser: everything of the page that counts on more than viser promises stands here.
 
-viser's server offers no hook for either, so while it starts the function that it calls to listen is ours. That the
-rules are in force is then asked of the running server by a request that must be refused: with a viser that starts in
-another way there is no page, not an open one.
+Made for viser 1.1; `pyproject.toml` allows no other. `tests/teleop/page/test_viser_internals.py` fails when what is
+listed here is not there any more.
+
+- *A guard before every request.* viser lets in everybody who reaches its port, and has no hook for a socket or for
+  rules. While it starts, the function of `websockets` by which it listens is ours: it takes our socket, and puts the
+  rules of `access` before viser's own handler of requests. Whether they hold is then asked of the running server by a
+  request that must be refused: with a viser that starts in another way there is no page, not an open one.
+- *No tunnel.* viser opens one to a public server for whoever presses `Share`, past the rules. The button is hidden by
+  a public option, but a window may send the message all the same; so its handlers are taken from `_websock_server`.
+- *No other port.* The variable `_VISER_PORT_OVERRIDE` would replace the port that was asked for.
+- *Colours of instances.* viser hands them to three.js as linear components, other than those of single meshes.
 """
 
 from __future__ import annotations
 
-import errno
 import http.client
-import ipaddress
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from otwarp.errors import InputError
-from otwarp.teleop.page.access import HEADERS, Access, choose_token
+from otwarp.teleop.page.access import HEADERS, Access
 
 if TYPE_CHECKING:
     import viser
 
-USUAL_PORT, TRIES = 8080, 20
-"""Port that is tried first when none was asked for, and how many from there on."""
+MADE_FOR = "1.1"
+"""Release of viser whose insides these are."""
+PORT_OVERRIDE = "_VISER_PORT_OVERRIDE"
+SHARING = ("ShareUrlRequest", "ShareUrlDisconnect")
+"""Messages by which a window asks for a tunnel, and for its end."""
 ANSWER_WITHIN = 5.0
 """Seconds for the server to refuse the request that checks the rules."""
 
 
-def listen(host: str, port: int | None) -> socket.socket:
-    """A listening socket.
-
-    Args:
-        host: Name or number of the interface; a name means the first of its addresses, IPv4 first.
-        port: 0 for any; None for the first free one from `USUAL_PORT` on.
-
-    Raises:
-        InputError: A host that is none of this machine's, or a port that is taken or not allowed.
-    """
-    if port is not None and not 0 <= port <= 65535:
-        raise InputError(f"port = {port!r}: must be from 0 to 65535")
-    try:
-        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE) if host.strip() else []
-    except (OSError, UnicodeError):
-        found = []
-    if not found:
-        raise InputError(f"host = {host!r}: must be a name or an address of this machine")
-    family, _, _, _, place = min(found, key=lambda row: row[0] != socket.AF_INET)
-    ports = [port] if port is not None else [*range(USUAL_PORT, USUAL_PORT + TRIES), 0]
-    for candidate in ports:
-        try:
-            return socket.create_server((place[0], candidate), family=family, backlog=64)
-        except OSError as error:
-            if error.errno == errno.EADDRINUSE and port is None:
-                continue
-            if error.errno == errno.EADDRNOTAVAIL:
-                raise InputError(f"host = {host!r}: must be a name or an address of this machine") from None
-            raise InputError(f"port = {port!r}: {error.strerror}; must be a free one, or none for the next") from None
-    raise InputError(f"port = {port!r}: none is free")  # pragma: no cover - any free port was asked for last
-
-
-def access_for(listening: socket.socket, token: str | None) -> Access:
-    """The rules of a page on this socket, with a token wherever others could reach it."""
-    number, port = listening.getsockname()[:2]
-    loopback = ipaddress.ip_address(number.partition("%")[0]).is_loopback
-    return Access(loopback, choose_token(token, loopback), port)
+def without_override(environment: MutableMapping[str, str]) -> MutableMapping[str, str]:
+    """The environment of a process whose viser listens where it is told to."""
+    environment.pop(PORT_OVERRIDE, None)
+    return environment
 
 
 def guarded_server(listening: socket.socket, access: Access, label: str) -> viser.ViserServer:
@@ -88,10 +66,8 @@ def guarded_server(listening: socket.socket, access: Access, label: str) -> vise
         server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
     finally:
         library.serve = serve
-    # viser can open a tunnel to a public server for whoever presses `Share`; past these rules, so not here
-    connection = server._websock_server
-    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        connection.unregister_handler(message)
+    for message in SHARING:
+        server._websock_server.unregister_handler(getattr(_messages, message))
     if not refuses(access, listening.getsockname()[:2]):
         server.stop()
         raise InputError(f"page: access cannot be guarded with viser {viser.__version__}; install viser 1.1.1")
@@ -135,3 +111,13 @@ def refuses(access: Access, place: tuple[str, int]) -> bool:
     thread.join(2.0 * ANSWER_WITHIN)
     connection.close()
     return answer == [access.judge("/", [("Host", "elsewhere.invalid"), ("Origin", "http://other.invalid")]).status]
+
+
+def instanced(colours: np.ndarray) -> np.ndarray:
+    """sRGB colours (..., 3) from 0 to 255 → what viser 1.1.1 wants for instances and arrows.
+
+    It hands those to three.js as linear components, other than the colours of single meshes (IEC 61966-2-1).
+    """
+    x = np.asarray(colours, dtype=float) / 255.0
+    linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return np.rint(255.0 * linear).astype(np.uint8)
