@@ -59,9 +59,9 @@ def ros1(
     try:
         session = open_session(scene, options)
         model = session.loop.sim.model
-        twin = Roles.of(model.scene, model.held, config.pairing)
+        roles = Roles.of(model.scene, model.held, config.pairing)
         bridge = Ros1Bridge(node, config, clock=time.perf_counter)
-        session.loop.add(Ros1Sink(node, bridge, twin, say=sayer(options), alone=not options["page"]))
+        session.loop.add(Ros1Sink(node, bridge, roles, say=sayer(options), alone=not options["page"]))
         return run_session(session, options)
     finally:
         node.close()

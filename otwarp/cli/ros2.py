@@ -36,8 +36,7 @@ def ros2(
     /resetSignal and <namespace>/smoothed_twist. Needs no ROS installation.
     """
     from otwarp.ros.roles import Roles
-    from otwarp.ros.ros2.bridge import Ros2Bridge
-    from otwarp.ros.ros2.config import Ros2Config
+    from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Config
     from otwarp.ros.ros2.node import Ros2Node
     from otwarp.ros.sinks import Ros2Sink
 
@@ -53,8 +52,8 @@ def ros2(
     try:
         session = open_session(scene, options)
         model = session.loop.sim.model
-        twin = Roles.of(model.scene, model.held, config.pairing)
-        session.loop.add(Ros2Sink(node, Ros2Bridge(node, config), twin, say=sayer(options)))
+        roles = Roles.of(model.scene, model.held, config.pairing)
+        session.loop.add(Ros2Sink(node, Ros2Bridge(node, config), roles, say=sayer(options)))
         return run_session(session, options)
     finally:
         node.close()

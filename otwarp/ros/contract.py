@@ -1,4 +1,4 @@
-"""The paper's topics: names, types, rates, units, and the way between its scene units and ours.
+"""The paper's topics: names, types, rates, units, what they say of a moment, and the way between its units and ours.
 
 After the public release `Zongcai23/ot-haptic-feedback-digital-twin` (its launch files, `force_pub.py` and tutorial 3).
 Its simulator publishes positions in scene units; its device nodes publish millimetres and mm/s in the device's axes;
@@ -18,11 +18,13 @@ from otwarp.haptics.core.config import FACING_USER, check_orthogonal
 from otwarp.haptics.core.fields import Matrix, check_fields, number
 from otwarp.haptics.core.presets import PAIRINGS, Hand
 from otwarp.haptics.core.types import Vec3
+from otwarp.ros.motion import Group
 
 Quat = tuple[float, float, float, float]
-"""x, y, z, w."""
+"""Orientation as a unit quaternion x, y, z, w."""
 Pose = tuple[Vec3, Quat]
-"""Position and orientation."""
+"""Position [µm, or scene units where published] and orientation."""
+UPRIGHT: Quat = (0.0, 0.0, 0.0, 1.0)
 
 TRAP_TOPICS = ("/firstOTposition", "/secondOTposition")
 """Trap of each group."""
@@ -33,6 +35,13 @@ PAIR_TOPIC = "/xform"
 OBSTACLE_TOPICS = ("/DynaOb01", "/DynaOb02", "/DynaOb03", "/DynaOb04")
 """Moving obstacles."""
 SIMULATOR_TOPICS = (*TRAP_TOPICS, *ROBOT_TOPICS, PAIR_TOPIC, *OBSTACLE_TOPICS)
+"""What the release's simulator publishes."""
+CELL_TOPIC = "/object"
+"""The cell, and in its rotation contact force, whether it is held, and collisions; of the RL companion alone."""
+HIT_TOPICS = tuple(f"{topic}Collide" for topic in OBSTACLE_TOPICS)
+"""Whether an obstacle is hit, and how hard; of the RL companion alone."""
+VELOCITY_TOPIC, RESET_TOPIC = "/rl_vel", "/resetSignal"
+"""What the RL companion asks for: a planar velocity of the pair, a new trial."""
 
 FRAME = "world"
 """Frame of poses and transforms."""
@@ -56,6 +65,35 @@ MILLIMETRE = 1e-3
 """[m]"""
 PROPER = 1e-6
 """Largest distance from 1 of the determinant of a rotation typed with seven digits."""
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class TopicState:
+    """What the topics say of one moment.
+
+    Attributes:
+        traps: Foci of the first and of the second group (n, 3), n ≥ 1 [µm].
+        robots: Poses of the first and of the second robot.
+        cell: Its centre [µm], None without one.
+        obstacles: Poses of those that move, four at most.
+        contact_force: Sum of the normal forces on the cell [pN].
+        cell_lost: Whether the pair has lost the cell.
+        collision: Whether the cell or a robot has hit an obstacle.
+        collision_force: How hard [pN].
+        hits: For each obstacle whether it is hit, and how hard [pN].
+        time: Simulated [s], for the stamps; None where only the publisher's clock is known.
+    """
+
+    traps: tuple[Group, Group]
+    robots: tuple[Pose, Pose]
+    cell: Vec3 | None = None
+    obstacles: Sequence[Pose] = ()
+    contact_force: float = 0.0
+    cell_lost: bool = False
+    collision: bool = False
+    collision_force: float = 0.0
+    hits: Sequence[tuple[bool, float]] = ()
+    time: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,19 +1,22 @@
-"""Displacement from velocities that arrive as messages: each holds until the next, and no longer than a timeout."""
+"""How velocities that arrive as messages move traps: each holds until the next, and a pair moves as one rigid body."""
 
 from __future__ import annotations
 
 import math
 import threading
 from collections import deque
+from collections.abc import Sequence
 
 from otwarp.haptics.core.types import ZERO, Vec3
 
+Group = Sequence[Vec3]
+"""Foci of the traps of one group [µm]."""
 MOST_WAITING = 8192
 """Messages kept between two readings: four seconds of a device node at 2 kHz."""
 
 
 class VelocityHold:
-    """Integral of a velocity given at irregular times.
+    """Integral of a velocity given at irregular times: zero-order hold with a timeout.
 
     Messages come in one thread, readings in another. Times are those of one monotonic clock.
 
@@ -77,3 +80,37 @@ class VelocityHold:
                 self._velocity, self._until = velocity, time + self._timeout
         self._read = at
         return (x, y, z)
+
+
+def centroid(points: Group) -> Vec3:
+    """Mean of points (n, 3), n ≥ 1."""
+    n = len(points)
+    return (sum(p[0] for p in points) / n, sum(p[1] for p in points) / n, sum(p[2] for p in points) / n)
+
+
+def midpoint(a: Vec3, b: Vec3) -> Vec3:
+    """Halfway between two points."""
+    return ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0, (a[2] + b[2]) / 2.0)
+
+
+def move_pair(first: Group, second: Group, shift: tuple[float, float], angle: float) -> tuple[list[Vec3], list[Vec3]]:
+    """Both groups turned about the vertical through their midpoint and moved in the plane, as one rigid body.
+
+    p' = m + R(angle)·(p − m) + shift in x and y, m halfway between the groups' centroids; z stays.
+
+    Args:
+        first, second: Foci of each group (n, 3) [µm], n ≥ 1.
+        shift: In the plane [µm].
+        angle: From x towards y [rad].
+
+    Returns:
+        The groups' new foci.
+    """
+    mx, my, _ = midpoint(centroid(first), centroid(second))
+    c, s = math.cos(angle), math.sin(angle)
+
+    def _moved(p: Vec3) -> Vec3:
+        x, y = p[0] - mx, p[1] - my
+        return (mx + c * x - s * y + shift[0], my + s * x + c * y + shift[1], p[2])
+
+    return [_moved(p) for p in first], [_moved(p) for p in second]

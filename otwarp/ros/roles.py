@@ -1,4 +1,4 @@
-"""`Roles`: a scene as the paper's topics know it: two groups of traps, their robots, a cell, moving obstacles."""
+"""`Roles`: which of a scene's traps and bodies the paper's topics mean, and what they say of a live frame."""
 
 from __future__ import annotations
 
@@ -11,51 +11,15 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.haptics.core.presets import PAIRINGS
 from otwarp.haptics.core.types import Vec3
-from otwarp.ros.touching import gap
+from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
 from otwarp.scene.description import Obstacle, Scene
-from otwarp.scene.transforms import rotate
+from otwarp.scene.transforms import conjugate, rotate
 from otwarp.teleop.core.frame import HANDS, LiveFrame
-
-Pose = tuple[Vec3, tuple[float, float, float, float]]
-"""Position [µm] and orientation x, y, z, w."""
-MOST_OBSTACLES = 4
-"""The contract has `/DynaOb01` to `/DynaOb04`."""
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class TopicState:
-    """A moment of the twin.
-
-    Attributes:
-        time: Simulated [s].
-        traps: Foci of each group [µm].
-        robots: Pose of each group's robot.
-        cell: Its centre [µm], None without one.
-        obstacles: Poses of those that move.
-        cell_force: Sum of the normal forces on the cell [pN].
-        cell_lost: Whether it is farther from the robots' midpoint than the scene's goal allows.
-        hits: For each obstacle whether a robot or the cell touches it, and the load on what touches it [pN].
-    """
-
-    time: float
-    traps: tuple[tuple[Vec3, ...], tuple[Vec3, ...]]
-    robots: tuple[Pose, Pose]
-    cell: Vec3 | None
-    obstacles: tuple[Pose, ...]
-    cell_force: float
-    cell_lost: bool
-    hits: tuple[tuple[bool, float], ...]
-
-    @property
-    def centres(self) -> tuple[Vec3, Vec3]:
-        """Mean focus of each group [µm]."""
-        first, second = (_vector(np.mean(group, axis=0)) for group in self.traps)
-        return first, second
 
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """Which of a scene's traps and bodies the topics mean.
+    """Two groups of traps, the robot of each, a cell, moving obstacles.
 
     Attributes:
         scene: The scene.
@@ -96,33 +60,33 @@ class Roles:
             groups[n], robots[n] = traps, bodies.most_common(1)[0][0]
         moving = tuple(o for o in scene.obstacles if o.position.animated or o.orientation.animated)
         cell = _cell(scene, (robots[0], robots[1]))
-        return cls(scene, (groups[0], groups[1]), (robots[0], robots[1]), cell, moving[:MOST_OBSTACLES])
+        return cls(scene, (groups[0], groups[1]), (robots[0], robots[1]), cell, moving[: len(OBSTACLE_TOPICS)])
 
-    def now(self, live: LiveFrame) -> TopicState:
-        """What the topics say of a frame."""
-        frame = live.frame
+    def state(self, live: LiveFrame) -> TopicState:
+        """What the topics say of a frame; an obstacle is hit as hard as anything presses on what touches it."""
+        frame, cell = live.frame, self.cell
         place, turn, load = frame.position[0], frame.orientation[0], frame.contact_load[0]
-        foci = frame.trap_position[0]
-        first, second = (tuple(_vector(foci[t]) for t in group) for group in self.groups)
+        first, second = (tuple(_vector(frame.trap_position[0, t]) for t in group) for group in self.groups)
         one, two = ((_vector(place[b]), _quat(turn[b])) for b in self.robots)
         obstacles = tuple(
             (_vector(o.position.at(frame.time)), _quat(o.orientation.at(frame.time))) for o in self.obstacles
         )
-        cell = self.cell
+        hits = tuple(self._hit(o, at, place, turn, load) for o, at in zip(self.obstacles, obstacles, strict=True))
         return TopicState(
             time=frame.time,
             traps=(first, second),
             robots=(one, two),
             cell=None if cell is None else _vector(place[cell]),
             obstacles=obstacles,
-            cell_force=0.0 if cell is None else float(load[cell]),
+            contact_force=0.0 if cell is None else float(load[cell]),
             cell_lost=self._cell_lost(place),
-            hits=tuple(
-                self._hit(o, pose, place, turn, load) for o, pose in zip(self.obstacles, obstacles, strict=True)
-            ),
+            collision=any(hit for hit, _ in hits),
+            collision_force=max((force for hit, force in hits if hit), default=0.0),
+            hits=hits,
         )
 
     def _cell_lost(self, place: np.ndarray) -> bool:
+        """Whether the cell is farther from the robots' midpoint than the scene's goal allows."""
         goal = self.scene.goal
         if self.cell is None or goal is None:
             return False
@@ -137,10 +101,41 @@ class Roles:
         for b in (*self.robots, *(() if self.cell is None else (self.cell,))):
             spheres = [s for s in self.scene.bodies[b].spheres if s.collides]
             centres = place[b] + rotate(turn[b], np.array([s.offset for s in spheres]).reshape(-1, 3))
-            gaps = gap(obstacle, pose, centres) - np.array([s.radius for s in spheres])
+            gaps = surface_distance(obstacle, pose, centres) - np.array([s.radius for s in spheres])
             if np.any(gaps <= 0.0):
                 hit, force = True, max(force, float(load[b]))
         return hit, force
+
+
+def surface_distance(obstacle: Obstacle, pose: Pose, points: np.ndarray) -> np.ndarray:
+    """Signed distances (n,) of points from an obstacle's surface, negative inside [µm]; inf for a mesh.
+
+    Args:
+        obstacle: Its shape and size.
+        pose: Where it is now.
+        points: (n, 3) [µm].
+    """
+    place, turn = pose
+    p = rotate(conjugate(np.array(turn)), points - np.array(place))
+    size = np.array(obstacle.size)
+    if obstacle.shape == "plane":
+        return p[:, 2]
+    if obstacle.shape == "sphere":
+        return np.linalg.norm(p, axis=1) - size[0]
+    if obstacle.shape == "capsule":
+        along = np.clip(p[:, 2], -size[1], size[1])
+        return np.linalg.norm(p - along[:, None] * np.array([0.0, 0.0, 1.0]), axis=1) - size[0]
+    if obstacle.shape == "box":
+        return _outside(np.abs(p) - size)
+    if obstacle.shape == "cylinder":
+        across = np.hypot(p[:, 0], p[:, 1]) - size[0]
+        return _outside(np.stack([across, np.abs(p[:, 2]) - size[1]], axis=1))
+    return np.full(len(p), np.inf)
+
+
+def _outside(beyond: np.ndarray) -> np.ndarray:
+    """Distance from how far a point is beyond each pair of faces (negative: within)."""
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
 
 
 def _cell(scene: Scene, robots: tuple[int, int]) -> int | None:
@@ -159,6 +154,6 @@ def _vector(values: np.ndarray) -> Vec3:
     return x, y, z
 
 
-def _quat(values: np.ndarray) -> tuple[float, float, float, float]:
+def _quat(values: np.ndarray) -> Quat:
     x, y, z, w = (float(v) for v in values)
     return x, y, z, w

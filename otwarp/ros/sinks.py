@@ -1,4 +1,4 @@
-"""ROS as an outlet of a live session: states out as topics, hands' and controllers' motions in as commands."""
+"""ROS as a sink of a live session: states out as topics, hands' and controllers' motions in as commands."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from otwarp.errors import InputError
-from otwarp.ros.roles import Roles, TopicState
-from otwarp.ros.ros2.motion import Group, move_pair
+from otwarp.ros.motion import Group, centroid, move_pair
+from otwarp.ros.roles import Roles
 from otwarp.teleop.core.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
 from otwarp.teleop.core.frame import LiveFrame
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from otwarp.ros.ros2.node import Ros2Node
 
 LINES = 20
-"""Refused commands and peers that are told on the terminal; a controller may repeat its mistake at 60 Hz."""
+"""Refused commands and peers that are reported on the terminal; a controller may repeat its mistake at 60 Hz."""
 
 
 class Ros1Sink:
     """The paper's ROS 1 contract, see `otwarp.ros.ros1.bridge`.
 
     Args:
-        node: Closed with the outlet.
+        node: Closed with the sink.
         bridge: On that node, with `time.perf_counter` or `clock` as its clock.
-        twin: What the topics mean.
+        roles: What the topics mean.
         say: Takes lines for the user.
         clock: Of the bridge.
         alone: Whether nobody else watches: then the session ends with the node.
@@ -40,13 +40,13 @@ class Ros1Sink:
         self,
         node: Ros1Node,
         bridge: Ros1Bridge,
-        twin: Roles,
+        roles: Roles,
         *,
         say: Callable[[str], None] = print,
         clock: Callable[[], float] = time.perf_counter,
         alone: bool = False,
     ):
-        self._node, self._bridge, self._twin, self._clock, self._alone = node, bridge, twin, clock, alone
+        self._node, self._bridge, self._roles, self._clock, self._alone = node, bridge, roles, clock, alone
         self._say, self._say_of_node = _Sayer(say), _Sayer(say)  # no flood of refused peers hides a lost master
         self._warned = self._still = False
         self._noted = 0
@@ -62,8 +62,9 @@ class Ros1Sink:
             then = "ends" if self._alone else "goes on without it"
             self._warn_once(f"ros1: the node was shut down through ROS; the session {then}")
             return
-        now = self._twin.now(live)
-        self._bridge.publish(self._clock(), now.centres, now.robots, now.obstacles)
+        state = self._roles.state(live)
+        first, second = state.traps
+        self._bridge.publish(self._clock(), (centroid(first), centroid(second)), state.robots, state.obstacles)
 
     def commands(self) -> Sequence[Command]:
         """See `Sink`: how far the hands' twists move each group; in a pause they move nothing."""
@@ -72,7 +73,7 @@ class Ros1Sink:
         moved = self._bridge.commands(self._clock())
         if self._still:  # or the traps would leap when it ends, and lose what they hold
             return []
-        return [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, moved, strict=True) if any(by)]
+        return [ShiftTraps(traps, by) for traps, by in zip(self._roles.groups, moved, strict=True) if any(by)]
 
     def complain(self, line: str) -> None:
         """See `Sink`."""
@@ -89,12 +90,12 @@ class Ros1Sink:
 
 
 class Ros2Sink:
-    """The ROS 2 bridge of the twin and of the RL companion, see `otwarp.ros.ros2.bridge`.
+    """The ROS 2 topics of the paper and of its RL companion, see `otwarp.ros.ros2.bridge`.
 
     Args:
-        node: Closed with the outlet.
+        node: Closed with the sink.
         bridge: On that node.
-        twin: What the topics mean.
+        roles: What the topics mean.
         say: Takes lines for the user.
         clock: Monotonic [s].
     """
@@ -105,41 +106,25 @@ class Ros2Sink:
         self,
         node: Ros2Node,
         bridge: Ros2Bridge,
-        twin: Roles,
+        roles: Roles,
         *,
         say: Callable[[str], None] = print,
         clock: Callable[[], float] = time.perf_counter,
     ):
-        self._node, self._bridge, self._twin, self._clock = node, bridge, twin, clock
+        self._node, self._bridge, self._roles, self._clock = node, bridge, roles, clock
         self._traps: tuple[Group, Group] | None = None
         self._say = _Sayer(say)
         self._still = False
 
     def publish(self, live: LiveFrame) -> None:
-        """See `Sink`; a state that is none is told and not sent."""
+        """See `Sink`; a state that is not finite is reported and not sent."""
         self._still = live.pace.paused
-        now = self._twin.now(live)
-        self._traps = now.traps
+        state = self._roles.state(live)
+        self._traps = state.traps
         try:
-            self._send(now)
+            self._bridge.publish(self._clock(), state)
         except InputError as error:
             self._say(f"ros2: {error}")
-
-    def _send(self, now: TopicState) -> None:
-        hit = [force for touched, force in now.hits if touched]
-        self._bridge.publish(
-            self._clock(),
-            traps=now.traps,
-            robots=now.robots,
-            cell=now.cell,
-            obstacles=now.obstacles,
-            contact_force=now.cell_force,
-            cell_lost=now.cell_lost,
-            collision=bool(hit),
-            collision_force=max(hit, default=0.0),
-            hits=now.hits,
-            time=now.time,
-        )
 
     def commands(self) -> Sequence[Command]:
         """See `Sink`: a reset, motions of the pair as one, motions of each group; in a pause nothing moves."""
@@ -153,11 +138,11 @@ class Ros2Sink:
             moved = move_pair(*self._traps, asked.shift, asked.angle)
             pairs = (
                 pair
-                for group, foci in zip(self._twin.groups, moved, strict=True)
+                for group, foci in zip(self._roles.groups, moved, strict=True)
                 for pair in zip(group, foci, strict=True)
             )
             out.append(MoveTraps(dict(pairs)))
-        out += [ShiftTraps(traps, by) for traps, by in zip(self._twin.groups, asked.hands, strict=True) if any(by)]
+        out += [ShiftTraps(traps, by) for traps, by in zip(self._roles.groups, asked.hands, strict=True) if any(by)]
         return out
 
     def complain(self, line: str) -> None:

@@ -3,44 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
-from otwarp.ros.contract import ContractConfig
-from otwarp.ros.roles import Roles
+from otwarp.ros.contract import ContractConfig, TopicState
 from otwarp.ros.ros2.bridge import Ros2Commands
 from otwarp.ros.sinks import LINES, Ros1Sink, Ros2Sink
-from otwarp.ros.touching import gap
-from otwarp.scene.description import Obstacle, Scene
-from otwarp.scene.track import Track
 from otwarp.teleop.core.commands import Pause, Stop
 from otwarp.teleop.session.live import LiveLoop
 from tests.ros.ros1.setups import LocalNode
+from tests.ros.setups import RATE, roles_of, run
 from tests.teleop.scenes import PLACES, three_beads
-
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
-RATE = 60.0
-UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-
-
-def twin_of(loop: LiveLoop, pairing: str = "release") -> Roles:
-    model = loop.sim.model
-    return Roles.of(model.scene, model.held, pairing)
-
-
-def run(loop: LiveLoop, clock: VirtualClock, seconds: float):
-    live = None
-    for _ in range(round(seconds * RATE)):
-        live = loop.tick()
-        clock.advance(1.0 / RATE)
-    assert live is not None
-    return live
 
 
 def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
@@ -52,7 +28,7 @@ def test_a_hand_by_topic_moves_its_traps_and_the_topics_say_so():
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     config = ContractConfig(scene_unit=2.0, motion_gain=0.05)
     bridge = Ros1Bridge(node, config, clock=clock.now, stamp=clock.now)
-    roles = twin_of(loop)
+    roles = roles_of(loop)
     loop.add(Ros1Sink(node, bridge, roles, say=lines.append, clock=clock.now))
     loop.start()
     run(loop, clock, 0.1)
@@ -106,11 +82,11 @@ class Bridge2:
     """A ROS 2 bridge that is asked what the test says."""
 
     def __init__(self) -> None:
-        self.said: list[dict[str, Any]] = []
+        self.said: list[TopicState] = []
         self.asked = Ros2Commands()
         self.fails: InputError | None = None
 
-    def publish(self, now: float, **state: Any) -> bool:
+    def publish(self, now: float, state: TopicState) -> bool:
         if self.fails is not None:
             raise self.fails
         self.said.append(state)
@@ -125,7 +101,7 @@ def test_a_controller_moves_turns_and_resets_the_pair():
     clock, node, bridge = VirtualClock(), LocalNode(), Bridge2()
     loop = LiveLoop(three_beads(), clock=clock, rate=RATE, device="cpu")
     lines: list[str] = []
-    sink = Ros2Sink(node, bridge, twin_of(loop), say=lines.append, clock=clock.now)
+    sink = Ros2Sink(node, bridge, roles_of(loop), say=lines.append, clock=clock.now)
     loop.add(sink)
     loop.start()
     run(loop, clock, 0.1)
@@ -134,7 +110,7 @@ def test_a_controller_moves_turns_and_resets_the_pair():
     # (∓8, 0) turned by a quarter about their midpoint, then shifted; the first group also rises
     want = [(1.0, -10.0, 5.5), (1.0, 6.0, 5.0), PLACES["none"]]
     assert live.frame.trap_position[0] == pytest.approx(np.array(want), abs=1e-4)
-    assert bridge.said[-1]["traps"][0][0] == pytest.approx(want[0], abs=1e-4)
+    assert bridge.said[-1].traps[0][0] == pytest.approx(want[0], abs=1e-4)
     bridge.asked = Ros2Commands(shift=(9.0, 9.0), reset=True)
     live = run(loop, clock, 0.1)
     assert live.frame.time < 0.12 and live.frame.trap_position[0, 0] == pytest.approx(PLACES["left"])
@@ -154,61 +130,3 @@ def test_a_controller_moves_turns_and_resets_the_pair():
         sink.complain("no")
     assert len(lines) == LINES - 1 and lines[-1] == "no (no more of these are shown)"
     loop.close()
-
-
-def test_the_twin_of_the_cell_delivery():
-    scene = Scene.load(SCENES / "cell_delivery.usda")
-    clock, node, bridge = VirtualClock(), LocalNode(), Bridge2()
-    loop = LiveLoop(scene, clock=clock, rate=RATE, device="cpu")
-    twin = twin_of(loop)
-    names = [scene.bodies[b].name for b in twin.robots]
-    assert [name.rsplit("/", 1)[-1] for name in names] == ["left", "right"]
-    assert twin.cell is not None and scene.bodies[twin.cell].kind == "cell"
-    assert twin_of(loop, "older").groups == twin.groups[::-1]
-    assert all(o.position.animated for o in twin.obstacles) and 1 <= len(twin.obstacles) <= 4
-    loop.add(Ros2Sink(node, bridge, twin, clock=clock.now))
-    loop.start()
-    live = run(loop, clock, 0.2)
-    said = bridge.said[-1]
-    assert said["cell"] == pytest.approx(tuple(live.frame.position[0, twin.cell]))
-    assert said["contact_force"] == pytest.approx(float(live.frame.contact_load[0, twin.cell]))
-    assert said["cell_lost"] is False and said["collision"] is False and len(said["hits"]) == len(twin.obstacles)
-    # put the first obstacle where the cell is: it is hit, by as much as presses on the cell or a robot
-    there = Track.constant(said["cell"])
-    at_cell = replace(twin, obstacles=(replace(twin.obstacles[0], position=there), *twin.obstacles[1:]))
-    now = at_cell.now(live)
-    assert now.hits[0][0] and now.hits[0][1] == pytest.approx(live.frame.contact_load[0].max(), rel=1e-6)
-    far = replace(live, frame=replace(live.frame, position=live.frame.position + 0.0))
-    far.frame.position[0, twin.cell] += 500.0
-    assert twin.now(far).cell_lost
-    loop.close()
-
-
-def test_a_scene_without_two_hands_is_refused():
-    scene = three_beads()
-    one = replace(scene, traps=scene.traps[1:])
-    with pytest.raises(InputError, match="no trap of the left hand has ot:trap:hand = 'left'; allowed: two hands"):
-        Roles.of(one, [(0, 0), (1, 0)])
-    with pytest.raises(InputError, match="no trap of the left hand holds a sphere"):
-        Roles.of(scene, [(-1, -1), (0, 0), (1, 0)])
-
-
-@pytest.mark.parametrize(
-    ("shape", "size", "points", "gaps"),
-    [
-        ("sphere", (2.0, 0.0, 0.0), [(3.0, 0.0, 0.0), (0.0, 0.0, 0.0)], [1.0, -2.0]),
-        ("box", (1.0, 2.0, 3.0), [(4.0, 6.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 5.0)], [5.0, -0.5, 2.0]),
-        ("cylinder", (1.0, 2.0, 0.0), [(4.0, 0.0, 6.0), (0.0, 0.0, 1.5), (0.0, 3.0, 0.0)], [5.0, -0.5, 2.0]),
-        ("capsule", (1.0, 2.0, 0.0), [(0.0, 0.0, 5.0), (0.0, 3.0, 1.0), (0.0, 0.0, 0.0)], [2.0, 2.0, -1.0]),
-        ("plane", (0.0, 0.0, 0.0), [(9.0, 9.0, 2.0), (0.0, 0.0, -1.0)], [2.0, -1.0]),
-    ],
-)
-def test_gaps_from_shapes(shape, size, points, gaps):
-    obstacle = Obstacle(
-        prim="/o", shape=shape, size=size, position=Track.constant((0.0,) * 3), orientation=Track.constant(UPRIGHT)
-    )
-    assert gap(obstacle, ((0.0, 0.0, 0.0), UPRIGHT), np.array(points)) == pytest.approx(gaps)
-    # a quarter turn about x: the shape's z is the world's −y
-    quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    moved = [(x + 1.0, 2.0 - z, 3.0 + y) for x, y, z in points]
-    assert gap(obstacle, ((1.0, 2.0, 3.0), quarter), np.array(moved)) == pytest.approx(gaps)

@@ -18,6 +18,7 @@ from otwarp.ros.contract import (
     SIMULATOR_TOPICS,
     TRANSFORM,
     TRAP_TOPICS,
+    UPRIGHT,
     Axes,
     ContractConfig,
     HandTopics,
@@ -29,7 +30,6 @@ from otwarp.ros.ros1.node import Ros1Node
 
 FASTEST_HAND = 1e4
 """Speed of a hand above which a twist is refused [mm/s]: no device reports 10 m/s."""
-UPRIGHT: Quat = (0.0, 0.0, 0.0, 1.0)
 EDGE = 1e-9
 """Seconds by which a time may miss its place on the grid by rounding."""
 

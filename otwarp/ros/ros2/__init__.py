@@ -1,13 +1,17 @@
 """ROS 2 through Cyclone DDS: ROS 2 names, types and QoS on the wire, no ROS 2 installation.
 
-Importing this package needs nothing; making a `Ros2Node` needs `cyclonedds` (`pip install 'otwarp[ros2]'`).
+Importing this package needs nothing; making a `Ros2Node` needs `cyclonedds` (`pip install 'otwarp[ros2]'`). Open `node`
+first.
+
+- `bridge`: what a live loop publishes, and what a controller and two hands ask of it.
+- `node`: publishers and subscriptions that never block.
+- `messages`: the types, as `rosidl` would generate them.
+- `qos`, `discovery`, `names`: what policies, environment variables and names of ROS 2 mean to DDS.
 """
 
 from __future__ import annotations
 
-from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Commands
-from otwarp.ros.ros2.config import Ros2Config
-from otwarp.ros.ros2.motion import move_pair
+from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Commands, Ros2Config
 from otwarp.ros.ros2.node import Publisher, Ros2Node, Subscription, load_messages
 from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA, QoS
 
@@ -22,5 +26,4 @@ __all__ = [
     "Ros2Node",
     "Subscription",
     "load_messages",
-    "move_pair",
 ]

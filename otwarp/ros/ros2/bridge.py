@@ -1,4 +1,4 @@
-"""The twin's bridge to ROS 2: what it tells a controller, and what a controller and two hands ask of it.
+"""The simulator's end of ROS 2: what it publishes for a controller, and what a controller and two hands ask of it.
 
 Topics and meanings are the contract of the public release `Zongcai23/ot-haptic-feedback-digital-twin` and of its RL
 companion `Zongcai23/digital-twin-ros2-rl-navigation`; states leave as `tf2_msgs/TFMessage` with exactly one transform.
@@ -8,26 +8,37 @@ The bridge has no loop and no clock of its own: a live loop calls `publish` and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.config import FACING_USER, check_orthogonal
+from otwarp.haptics.core.fields import Matrix, check_fields, number
 from otwarp.haptics.core.presets import PAIRINGS
 from otwarp.haptics.core.types import ZERO, Vec3
-from otwarp.ros.motion import VelocityHold
-from otwarp.ros.ros2.config import Ros2Config
-from otwarp.ros.ros2.motion import Group, centroid, middle
+from otwarp.ros.contract import (
+    CELL_TOPIC,
+    FRAME,
+    HIT_TOPICS,
+    OBSTACLE_TOPICS,
+    PAIR_TOPIC,
+    RESET_TOPIC,
+    ROBOT_TOPICS,
+    SIMULATOR_TOPICS,
+    TRAP_TOPICS,
+    UPRIGHT,
+    VELOCITY_TOPIC,
+    Quat,
+    TopicState,
+)
+from otwarp.ros.motion import VelocityHold, centroid, midpoint
+from otwarp.ros.ros2.names import resolve_topic
 from otwarp.ros.ros2.node import Ros2Node, load_messages
 from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA
 
-Quat = tuple[float, float, float, float]
-Pose = tuple[Vec3, Quat]
-"""Position [µm] and rotation, a unit quaternion with the scalar last."""
-
-UPRIGHT: Quat = (0.0, 0.0, 0.0, 1.0)
-MOST_OBSTACLES = 4
-"""Of the contract: `/DynaOb01` to `/DynaOb04`."""
+FEWEST_PERIODS = 1.0
+"""A timeout below one period of control would stop the pair between any two commands."""
 
 RESET_LEVEL = 0.5
 """`/resetSignal` is sent as 0 and 1; what lies above the middle is a 1."""
@@ -37,6 +48,63 @@ LAST_SECOND = 2.0**31
 
 LARGEST = 1e12
 """Largest length [µm] or force [pN] that is published: beyond any scene, so a state that has run away."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ros2Config:
+    """What the bridge says and hears, and in which units.
+
+    Attributes:
+        pairing: Key of `otwarp.haptics.core.presets.PAIRINGS`: names and sides of the hands' topics.
+        namespace: Put before every topic, as `/twin`; empty for none.
+        frame: `frame_id` of what is published.
+        scene_unit: Micrometres in one unit of length on the topics. The companion's scenes are drawn in units of some
+            15 to 35 µm, more is not known; 1 publishes micrometres.
+        force_unit: Piconewtons in one unit of force on the topics.
+        communication_rate: Most publications a second [Hz].
+        control_rate: Commands a second that the controller sends [Hz].
+        timeout: Age at which a velocity of the controller counts as zero [s]; at least a period of control.
+        hand_timeout: Age at which a velocity of a hand counts as zero [s]; a device sends hundreds a second.
+        speed_limit: Fastest planar velocity that is believed, each component [scene units/s]; the companion
+            clips there.
+        turn_limit: Fastest turn that is believed [deg/s].
+        hand_speed_limit: Fastest hand that is believed, each component [mm/s].
+        motion_gain: Of the paper's G_control [µm of trap per m of hand].
+        axis_map: A, (3, 3) rows: scene = A·device, for the hands' velocities.
+    """
+
+    pairing: str = "release"
+    namespace: str = ""
+    frame: str = FRAME
+    scene_unit: float = number(25.0, 0.0, 1e6, "µm", open_low=True)
+    force_unit: float = number(1.0, 0.0, 1e12, "pN", open_low=True)
+    communication_rate: float = number(60.0, 0.1, 1000.0, "Hz")
+    control_rate: float = number(5.0, 0.1, 1000.0, "Hz")
+    timeout: float = number(0.5, 0.0, 60.0, "s", open_low=True)
+    hand_timeout: float = number(0.1, 0.0, 60.0, "s", open_low=True)
+    speed_limit: float = number(30.0, 0.0, 1e6, "scene units/s", open_low=True)
+    turn_limit: float = number(500.0, 0.0, 1e6, "deg/s", open_low=True)
+    hand_speed_limit: float = number(2000.0, 0.0, 1e6, "mm/s", open_low=True)
+    motion_gain: float = number(100.0, 0.0, 1e9, "µm/m", open_low=True)
+    axis_map: Matrix = FACING_USER
+
+    def __post_init__(self) -> None:
+        check_fields(self, "ros2")
+        check_orthogonal(self.axis_map)
+        if self.pairing not in PAIRINGS:
+            raise InputError(f"ros2.pairing is {self.pairing!r}; allowed: {', '.join(PAIRINGS)}")
+        if self.namespace:
+            resolve_topic(self.namespace)
+        if self.timeout * self.control_rate < FEWEST_PERIODS:
+            raise InputError(
+                f"ros2.timeout is {self.timeout!r}; allowed: {FEWEST_PERIODS / self.control_rate:g} to 60 s, "
+                f"a period of control or more"
+            )
+
+    def topic(self, name: str) -> str:
+        """Full name of a topic, with the namespace before it."""
+        inner = resolve_topic(name)
+        return resolve_topic(self.namespace) + inner if self.namespace else inner
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +145,7 @@ def _check_now(now: float) -> None:
 
 
 class Ros2Bridge:
-    """Publishes the twin's states and collects commands.
+    """Publishes the states of a scene and collects commands.
 
     Publishes reliably, subscribes best-effort: both match ROS 2's default and sensor profiles.
 
@@ -93,13 +161,11 @@ class Ros2Bridge:
         self.config = config = Ros2Config() if config is None else config
         self._m: Any = load_messages()
         self.refused = 0
-        names = ["firstOTposition", "secondOTposition", "robot01", "robot02", "xform", "object"]
-        names += [f"DynaOb0{n + 1}" for n in range(MOST_OBSTACLES)]
-        names += [f"DynaOb0{n + 1}Collide" for n in range(MOST_OBSTACLES)]
-        self._out = {name: node.publisher(config.topic(name), self._m.TFMessage, RELIABLE) for name in names}
+        topics = (*SIMULATOR_TOPICS, CELL_TOPIC, *HIT_TOPICS)
+        self._out = {topic: node.publisher(config.topic(topic), self._m.TFMessage, RELIABLE) for topic in topics}
         twist = self._m.Twist
-        self._velocity_in = node.subscribe(config.topic("rl_vel"), twist, SENSOR_DATA)
-        self._reset_in = node.subscribe(config.topic("resetSignal"), twist, SENSOR_DATA)
+        self._velocity_in = node.subscribe(config.topic(VELOCITY_TOPIC), twist, SENSOR_DATA)
+        self._reset_in = node.subscribe(config.topic(RESET_TOPIC), twist, SENSOR_DATA)
         sides = sorted(PAIRINGS[config.pairing].values(), key=lambda side: side.group)
         self._hands_in = [
             node.subscribe(config.topic(f"{side.namespace}/{side.smoothed_twist}"), twist, SENSOR_DATA)
@@ -114,34 +180,13 @@ class Ros2Bridge:
         """Messages that could not be read at all."""
         return sum(s.malformed for s in (self._velocity_in, self._reset_in, *self._hands_in))
 
-    def publish(
-        self,
-        now: float,
-        *,
-        traps: tuple[Group, Group],
-        robots: tuple[Pose, Pose],
-        cell: Vec3 | None = None,
-        obstacles: Sequence[Pose] = (),
-        contact_force: float = 0.0,
-        cell_lost: bool = False,
-        collision: bool = False,
-        collision_force: float = 0.0,
-        hits: Sequence[tuple[bool, float]] = (),
-        time: float | None = None,
-    ) -> bool:
-        """Send the twin's state, at most `communication_rate` times a second; never waits.
+    def publish(self, now: float, state: TopicState) -> bool:
+        """Send the state, at most `communication_rate` times a second; never waits.
 
         Args:
             now: On the loop's clock [s].
-            traps: Foci of the first and of the second group (n, 3) [µm]; their centroids are published.
-            robots: Poses of the first and of the second robot; `/xform` is halfway, turned along the pair.
-            cell: Its centre [µm], or None where there is none: `/object` stays silent.
-            obstacles: Poses of up to four dynamic obstacles.
-            contact_force: On the cell [pN].
-            cell_lost: Whether the pair has lost the cell.
-            collision, collision_force: Whether the cell or pair has hit an obstacle, and how hard [pN].
-            hits: Per obstacle, whether it was hit and how hard [pN].
-            time: Simulated time for the stamps [s]; None takes `now`.
+            state: What the topics say: centroids of the groups' foci, the robots, `/xform` halfway between them and
+                turned along the pair, `/object` where there is a cell. Without a time its stamps are `now`.
 
         Returns:
             Whether it was time to send.
@@ -153,40 +198,35 @@ class Ros2Bridge:
         period = 1.0 / self.config.communication_rate
         if self._due - period <= now < self._due:
             return False
-        unit, force = self.config.scene_unit, self.config.force_unit
-        if len(obstacles) > MOST_OBSTACLES or len(hits) > MOST_OBSTACLES:
-            raise InputError(f"obstacles are {max(len(obstacles), len(hits))}; allowed: up to {MOST_OBSTACLES}")
-        if not all(len(group) for group in traps):
-            raise InputError("traps has an empty group; allowed: one trap or more in each")
-        states = self._poses(traps, robots, obstacles)
-        if cell is not None:
-            flags = (contact_force / force, float(not cell_lost), float(collision), collision_force / force)
-            states.append(("object", cell, flags, unit))
-        for n, (hit, strength) in enumerate(hits):
-            states.append((f"DynaOb0{n + 1}Collide", (float(hit), strength / force, 0.0), UPRIGHT, 1.0))
-        stamp = self._stamp(now if time is None else time)
+        stamp = self._stamp(now if state.time is None else state.time)
         # all are made before any is sent: a bad number anywhere sends nothing
-        for name, message in [(state[0], self._message(stamp, *state)) for state in states]:
-            self._out[name].publish(message)
+        for topic, message in [(topic, self._message(stamp, topic, *rest)) for topic, *rest in self._transforms(state)]:
+            self._out[topic].publish(message)
         # on the grid of the rate; after a pause, or a clock that went back, a new grid and no burst
         self._due = self._due + period if 0.0 <= now - self._due < period else now + period
         return True
 
-    def _poses(
-        self, traps: tuple[Group, Group], robots: tuple[Pose, Pose], obstacles: Sequence[Pose]
-    ) -> list[tuple[str, Vec3, Quat, float]]:
-        """Topic, position, rotation and unit of length of all that has a place."""
-        unit = self.config.scene_unit
-        states: list[tuple[str, Vec3, Quat, float]] = []
-        for name, group in zip(("firstOTposition", "secondOTposition"), traps, strict=True):
-            states.append((name, centroid(group), UPRIGHT, unit))
-        for name, (position, rotation) in zip(("robot01", "robot02"), robots, strict=True):
-            states.append((name, position, rotation, unit))
-        first, second = robots[0][0], robots[1][0]
-        states.append(("xform", middle(first, second), pair_yaw(first, second), unit))
-        for n, (position, rotation) in enumerate(obstacles):
-            states.append((f"DynaOb0{n + 1}", position, rotation, unit))
-        return states
+    def _transforms(self, state: TopicState) -> Iterator[tuple[str, Vec3, Quat, float]]:
+        """Topic, position, rotation and unit of length of each message."""
+        unit, force = self.config.scene_unit, self.config.force_unit
+        most = max(len(state.obstacles), len(state.hits))
+        if most > len(OBSTACLE_TOPICS):
+            raise InputError(f"obstacles are {most}; allowed: up to {len(OBSTACLE_TOPICS)}")
+        if not all(len(group) for group in state.traps):
+            raise InputError("traps has an empty group; allowed: one trap or more in each")
+        for topic, group in zip(TRAP_TOPICS, state.traps, strict=True):
+            yield topic, centroid(group), UPRIGHT, unit
+        for topic, (position, rotation) in zip(ROBOT_TOPICS, state.robots, strict=True):
+            yield topic, position, rotation, unit
+        (first, _), (second, _) = state.robots
+        yield PAIR_TOPIC, midpoint(first, second), pair_yaw(first, second), unit
+        for topic, (position, rotation) in zip(OBSTACLE_TOPICS, state.obstacles, strict=False):
+            yield topic, position, rotation, unit
+        if state.cell is not None:
+            held, hit = float(not state.cell_lost), float(state.collision)
+            yield CELL_TOPIC, state.cell, (state.contact_force / force, held, hit, state.collision_force / force), unit
+        for topic, (hit, strength) in zip(HIT_TOPICS, state.hits, strict=False):
+            yield topic, (float(hit), strength / force, 0.0), UPRIGHT, 1.0
 
     def _stamp(self, time: float) -> Any:
         """Time as ROS 2 has it."""
@@ -195,8 +235,9 @@ class Ros2Bridge:
         seconds = math.floor(time)
         return self._m.Time(seconds, min(int((time - seconds) * 1e9), 999_999_999))
 
-    def _message(self, stamp: Any, name: str, position: Vec3, rotation: Quat, unit: float) -> Any:
+    def _message(self, stamp: Any, topic: str, position: Vec3, rotation: Quat, unit: float) -> Any:
         """One transform, its lengths in scene units."""
+        name = topic.strip("/")
         if not all(abs(x) <= LARGEST for x in (*position, *rotation)):
             raise InputError(f"{name} is {(*position, *rotation)!r}; allowed: finite, up to {LARGEST:g}")
         m = self._m

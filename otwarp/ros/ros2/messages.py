@@ -154,16 +154,16 @@ class Joy(IdlStruct, typename="sensor_msgs.msg.dds_.Joy_"):
     buttons: sequence[int32] = field(default_factory=list)
 
 
-TOPIC_TYPES: tuple[type[IdlStruct], ...] = (
-    String,
-    Twist,
-    PoseStamped,
-    WrenchStamped,
-    TFMessage,
-    JointState,
-    Joy,
-)
-"""Types that a topic may have; the others are their parts."""
+TOPIC_TYPES: dict[str, type[IdlStruct]] = {
+    "std_msgs/msg/String": String,
+    "geometry_msgs/msg/Twist": Twist,
+    "geometry_msgs/msg/PoseStamped": PoseStamped,
+    "geometry_msgs/msg/WrenchStamped": WrenchStamped,
+    "tf2_msgs/msg/TFMessage": TFMessage,
+    "sensor_msgs/msg/JointState": JointState,
+    "sensor_msgs/msg/Joy": Joy,
+}
+"""Types that a topic may have, by their ROS 2 names; the others are their parts."""
 
 TYPE_HASHES: dict[str, str] = {
     "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",

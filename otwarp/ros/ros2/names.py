@@ -1,4 +1,4 @@
-"""Names as ROS 2 has them and as DDS has them: nodes, topics, types, and the number of the domain."""
+"""Names as ROS 2 has them and as DDS has them: nodes, topics, and the number of the domain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ DOMAINS = 233
 """Domains 0 to 232 have ports below 65536: 7400 + 250·domain + 10 + … (OMG DDSI-RTPS 2.5, §9.6.2)."""
 
 _TOKEN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_TYPE = re.compile(r"([a-z][a-z0-9_]*)\.msg\.dds_\.([A-Za-z0-9]+)_")
 
 
 def check_node_name(name: str) -> str:
@@ -56,14 +55,6 @@ def resolve_topic(topic: str) -> str:
 def dds_topic(topic: str) -> str:
     """The name of a topic on the wire: `/rl_vel` is `rt/rl_vel`."""
     return TOPIC_PREFIX + resolve_topic(topic)
-
-
-def ros_type(idl_name: str) -> str:
-    """The ROS 2 name of a type: `geometry_msgs.msg.dds_.Twist_` is `geometry_msgs/msg/Twist`."""
-    match = _TYPE.fullmatch(idl_name.replace("::", "."))
-    if match is None:
-        raise InputError(f"IDL type name is {idl_name!r}; allowed: package.msg.dds_.Name_")
-    return f"{match[1]}/msg/{match[2]}"
 
 
 def domain_id(domain: int | None, environment: Mapping[str, str]) -> int:

@@ -16,7 +16,7 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.ros.ros2.discovery import cyclone_config
-from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id, resolve_topic, ros_type
+from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id, resolve_topic
 from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA, QoS, cyclone_qos
 
 ENCLAVE = b"enclave=/;"
@@ -207,8 +207,8 @@ class Ros2Node:
         """
         from cyclonedds.pub import DataWriter
 
-        cls, dds = self._topic(topic, kind, qos)
-        writer = DataWriter(self._participant, dds, cyclone_qos(qos, user_data=self._user_data(cls), reader=False))
+        cls, dds, user_data = self._topic(topic, kind, qos)
+        writer = DataWriter(self._participant, dds, cyclone_qos(qos, user_data=user_data, reader=False))
         end = Publisher(writer, resolve_topic(topic), cls)
         self._ends.append(end)
         return end
@@ -226,29 +226,26 @@ class Ros2Node:
         """
         from cyclonedds.sub import DataReader
 
-        cls, dds = self._topic(topic, kind, qos)
-        reader = DataReader(self._participant, dds, cyclone_qos(qos, user_data=self._user_data(cls), reader=True))
+        cls, dds, user_data = self._topic(topic, kind, qos)
+        reader = DataReader(self._participant, dds, cyclone_qos(qos, user_data=user_data, reader=True))
         end = Subscription(reader, resolve_topic(topic), cls, qos.depth)
         self._ends.append(end)
         return end
 
-    def _topic(self, topic: str, kind: str | type, qos: QoS) -> tuple[Any, Any]:
-        """Class of a type, and the DDS topic."""
+    def _topic(self, topic: str, kind: str | type, qos: QoS) -> tuple[Any, Any, bytes]:
+        """Class of a type, the DDS topic, and the user data where ROS 2 since Iron looks for the hash of the type."""
         from cyclonedds.topic import Topic
 
         if self._participant is None:
             raise InputError(f"node {self.name} is closed; allowed: {topic!r} before close")
         if not isinstance(qos, QoS):
             raise InputError(f"qos of {topic!r} is {qos!r}; allowed: a QoS, as SENSOR_DATA or RELIABLE")
-        known = {ros_type(cls.__idl_typename__): cls for cls in self._messages.TOPIC_TYPES}
-        cls = known.get(kind) if isinstance(kind, str) else kind
-        if cls is None or cls not in known.values():
+        known = self._messages.TOPIC_TYPES
+        name = kind if isinstance(kind, str) else next((name for name, cls in known.items() if cls is kind), None)
+        if name not in known:
             raise InputError(f"type of {topic!r} is {kind!r}; allowed: {', '.join(known)}")
-        return cls, Topic(self._participant, dds_topic(topic), cls)
-
-    def _user_data(self, cls: Any) -> bytes:
-        """What ROS 2 since Iron reads the hash of an endpoint's type from."""
-        return f"typehash=RIHS01_{self._messages.TYPE_HASHES[ros_type(cls.__idl_typename__)]};".encode()
+        hashed = f"typehash=RIHS01_{self._messages.TYPE_HASHES[name]};"
+        return known[name], Topic(self._participant, dds_topic(topic), known[name]), hashed.encode()
 
     def close(self) -> None:
         """Leave the domain; may be called more than once."""

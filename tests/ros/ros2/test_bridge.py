@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import IDENTITY
+from otwarp.ros.contract import TopicState
 from otwarp.ros.ros2 import (
     RELIABLE,
     SENSOR_DATA,
@@ -20,7 +21,6 @@ from otwarp.ros.ros2 import (
     Ros2Config,
     Ros2Node,
     load_messages,
-    move_pair,
 )
 from tests.ros.ros2.setups import loopback, until
 
@@ -37,6 +37,7 @@ TICK = 0.001
 TRAPS = (((1.0, 2.0, 3.0), (3.0, 2.0, 5.0)), ((9.0, 0.0, 1.0),))
 MICROMETRES = Ros2Config(scene_unit=1.0)
 ROBOTS = (((2.0, 4.0, 6.0), (0.0, 0.0, 0.6, 0.8)), ((-2.0, 0.0, 0.0), UPRIGHT))
+STATE = TopicState(traps=TRAPS, robots=ROBOTS)
 
 
 class Line:
@@ -109,10 +110,8 @@ def test_pairing_and_namespace_are_configuration():
 
 def test_what_is_published(desk):
     bridge = Ros2Bridge(desk, Ros2Config(scene_unit=2.0, force_unit=10.0))
-    assert bridge.publish(
-        5.0,
-        traps=TRAPS,
-        robots=ROBOTS,
+    state = replace(
+        STATE,
         cell=(2.0, 4.0, 8.0),
         obstacles=[((10.0, 20.0, 30.0), UPRIGHT), ((0.0, 0.0, 2.0), (1.0, 0.0, 0.0, 0.0))],
         contact_force=25.0,
@@ -121,6 +120,7 @@ def test_what_is_published(desk):
         hits=[(False, 0.0), (True, 40.0)],
         time=12.25,
     )
+    assert bridge.publish(5.0, state)
     assert sent(desk, "/firstOTposition") == ((1.0, 1.0, 2.0), UPRIGHT)
     assert sent(desk, "/secondOTposition") == ((4.5, 0.0, 0.5), UPRIGHT)
     assert sent(desk, "/robot01") == ((1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8))
@@ -137,14 +137,14 @@ def test_what_is_published(desk):
 
 def test_a_lost_cell_and_no_cell(desk):
     bridge = Ros2Bridge(desk, MICROMETRES)
-    bridge.publish(0.0, traps=TRAPS, robots=ROBOTS)
+    bridge.publish(0.0, STATE)
     assert desk.out["/object"].messages == []
-    bridge.publish(1.0, traps=TRAPS, robots=ROBOTS, cell=(0.0, 0.0, 0.0), cell_lost=True)
+    bridge.publish(1.0, replace(STATE, cell=(0.0, 0.0, 0.0), cell_lost=True))
     assert sent(desk, "/object")[1] == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_pair_is_halfway_and_turned_along_it(desk):
-    Ros2Bridge(desk, MICROMETRES).publish(0.0, traps=TRAPS, robots=ROBOTS)
+    Ros2Bridge(desk, MICROMETRES).publish(0.0, STATE)
     (x, y, z), (qx, qy, qz, qw) = sent(desk, "/xform")
     assert (x, y, z) == (0.0, 2.0, 3.0)
     # the companion's own way from quaternion to heading: from the second robot (−2, 0) to the first (2, 4)
@@ -155,14 +155,14 @@ def test_the_pair_is_halfway_and_turned_along_it(desk):
 def test_publication_keeps_to_its_rate(desk):
     bridge = Ros2Bridge(desk, replace(MICROMETRES, communication_rate=60.0))
     # a loop at 1 kHz for two seconds: the grid of 60 Hz holds though a millisecond does not divide it
-    times = [n / 1000.0 for n in range(2000) if bridge.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS)]
+    times = [n / 1000.0 for n in range(2000) if bridge.publish(n / 1000.0, STATE)]
     assert len(times) == 120
     assert all(abs(time - n / 60.0) <= TICK + EXACT for n, time in enumerate(times))
     # after a pause one message, not the missed ones
-    after = [bridge.publish(10.0 + n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
+    after = [bridge.publish(10.0 + n / 1000.0, STATE) for n in range(16)]
     assert after == [True] + [False] * 15
     # a clock that starts again does not silence it
-    again = [bridge.publish(n / 1000.0, traps=TRAPS, robots=ROBOTS) for n in range(16)]
+    again = [bridge.publish(n / 1000.0, STATE) for n in range(16)]
     assert again == [True] + [False] * 15
 
 
@@ -188,18 +188,18 @@ NAN, INF = math.nan, math.inf
 )
 def test_a_state_that_is_no_state_is_not_sent(desk, change):
     bridge = Ros2Bridge(desk, MICROMETRES)
-    state = {"traps": TRAPS, "robots": ROBOTS, "cell": (0.0, 0.0, 0.0)}
+    state = replace(STATE, cell=(0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="allowed") as caught:
-        bridge.publish(0.0, **(state | change))
+        bridge.publish(0.0, replace(state, **change))
     assert "\n" not in str(caught.value)
     assert all(line.messages == [] for line in desk.out.values())
     # and the next good one goes at once
-    assert bridge.publish(0.0, **state)
+    assert bridge.publish(0.0, state)
 
 
 def test_a_now_that_is_no_time_is_refused(desk):
     bridge = Ros2Bridge(desk, MICROMETRES)
-    for call in (bridge.commands, lambda now: bridge.publish(now, traps=TRAPS, robots=ROBOTS)):
+    for call in (bridge.commands, lambda now: bridge.publish(now, STATE)):
         with pytest.raises(InputError, match="now is nan"):
             call(NAN)
 
@@ -344,22 +344,12 @@ def test_arrays_are_taken_as_they_are(desk):
     bridge = Ros2Bridge(desk, MICROMETRES)
     traps = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 5.0]])
     pose = (np.array([1.0, 2.0, 3.0]), np.array(UPRIGHT))
-    bridge.publish(0.0, traps=(traps, traps[:1]), robots=(pose, pose), cell=np.float32([1.0, 2.0, 4.0]))
+    state = TopicState(traps=(traps, traps[:1]), robots=(pose, pose), cell=np.float32([1.0, 2.0, 4.0]))
+    bridge.publish(0.0, state)
     assert sent(desk, "/firstOTposition") == ((2.0, 2.0, 4.0), UPRIGHT)
     assert sent(desk, "/object")[0] == (1.0, 2.0, 4.0)
     with pytest.raises(InputError, match="empty group"):
-        bridge.publish(1.0, traps=(traps[:0], traps), robots=(pose, pose))
-
-
-def test_the_pair_moves_as_one_about_its_midpoint():
-    first = [(1.0, 0.0, 1.0), (3.0, 0.0, 2.0)]
-    second = [(-2.0, 0.0, 3.0)]
-    moved = move_pair(first, second, (10.0, 20.0), math.pi / 2.0)
-    # the centroids are at 2 and −2: a quarter turn about the origin, then the shift
-    assert moved[0][0] == pytest.approx((10.0, 21.0, 1.0), abs=EXACT)
-    assert moved[0][1] == pytest.approx((10.0, 23.0, 2.0), abs=EXACT)
-    assert moved[1][0] == pytest.approx((10.0, 18.0, 3.0), abs=EXACT)
-    assert move_pair(first, second, (0.0, 0.0), 0.0) == (first, second)
+        bridge.publish(1.0, replace(state, traps=(traps[:0], traps)))
 
 
 @pytest.mark.parametrize(
@@ -391,7 +381,7 @@ def test_a_controller_over_dds(monkeypatch):
         velocity, reset = companion.publisher("/rl_vel", m.Twist), companion.publisher("/resetSignal", m.Twist)
         until(lambda: all(s.matched for s in states.values()) and velocity.matched and reset.matched, "the topics")
         bridge.commands(0.0)
-        bridge.publish(0.0, traps=TRAPS, robots=ROBOTS, cell=(1.0, 2.0, 3.0), contact_force=4.0)
+        bridge.publish(0.0, replace(STATE, cell=(1.0, 2.0, 3.0), contact_force=4.0))
         heard = {topic: line.latest().transforms[0] for topic, line in states.items()}
         assert heard["/object"].transform.translation == m.Vector3(1.0, 2.0, 3.0)
         assert heard["/object"].transform.rotation == m.Quaternion(4.0, 1.0, 0.0, 0.0)

@@ -11,7 +11,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, QoS, Ros2Node, load_messages
 from otwarp.ros.ros2.discovery import cyclone_config, discovery_range
-from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id, ros_type
+from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id
 
 
 def refusal(call, *arguments) -> str:
@@ -42,12 +42,6 @@ def test_the_longest_topic_is_taken():
 @pytest.mark.parametrize("name", ["", "1a", "a/b", "a b", "a" * 256, None, "ü"])
 def test_bad_node_names_are_refused(name):
     assert repr(name) in refusal(check_node_name, name)
-
-
-def test_type_names():
-    assert ros_type("geometry_msgs.msg.dds_.Twist_") == "geometry_msgs/msg/Twist"
-    assert ros_type("geometry_msgs::msg::dds_::Twist_") == "geometry_msgs/msg/Twist"
-    assert "Twist" in refusal(ros_type, "Twist")
 
 
 @pytest.mark.parametrize(
