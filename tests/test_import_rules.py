@@ -38,6 +38,13 @@ ALLOWED: dict[str, set[str]] = {
 }
 """Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
 
+INNER: dict[str, set[str]] = {
+    "ros": set(),
+    "ros.ros1": {"ros"},
+    "ros.ros2": {"ros"},
+}
+"""Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
+
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
 HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
 ONLY_IN = {
@@ -167,6 +174,25 @@ def test_a_room_imports_only_what_the_design_allows(room):
                 assert room in ONLY_IN[package], f"{path}: {name}"
             if package in LAZY and ADAPTERS.get(path.relative_to(PACKAGE.parent).as_posix()) != package:
                 assert not top, f"{path}: {name} is imported at the top of the file"
+
+
+def inner_room_of(name: str) -> str:
+    """Key of `INNER` for a dotted name below `otwarp`, "" for a room without inner ones."""
+    parts = name.split(".")
+    return next((key for n in range(len(parts), 0, -1) if (key := ".".join(parts[:n])) in INNER), "")
+
+
+@pytest.mark.parametrize("inner", sorted(INNER))
+def test_an_inner_room_imports_only_what_the_design_allows(inner):
+    room = inner.split(".")[0]
+    files = {p: ".".join(p.relative_to(PACKAGE).with_suffix("").parts) for p in FILES if room_of(p) == room}
+    files = {p: name for p, name in files.items() if inner_room_of(name) == inner}
+    assert files, f"{inner} has no files"
+    for path in files:
+        for name, _ in imports(path):
+            if name.startswith(f"otwarp.{room}."):
+                used = inner_room_of(name.removeprefix("otwarp."))
+                assert used in INNER[inner] | {inner}, f"{path}: {name}"
 
 
 def test_commands_import_nothing_heavy_before_they_are_called():
