@@ -22,13 +22,14 @@ from otwarp.haptics.check.width import DEVICE, HIGH, RATE, widths
 from otwarp.haptics.check.zwidth import PASSIVE, BareDevice, chain_width
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, TrapLaw
+from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
+from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, Sphere, build_table
 
-RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
-AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)
+RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
+AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, offset=-0.0669, cutoff=1.6, power=1.0)
 """Per mW. At 20 mW, 100 µm/m and 0.2 N/pN: 240 and 80 N/m."""
 
 POWER, FORCE_GAIN = 20.0, 0.2
@@ -55,7 +56,7 @@ def determination(rendered: Sequence[float], model: Sequence[float]) -> float:
 def pull_of(curve: TrapLaw, distance: float) -> float:
     """Eq. 1 at 1 mW [pN], apart from the code that is measured."""
     d = abs(distance)
-    f = curve.stiffness * d if d < curve.threshold else curve.inverse_square / d**2 + curve.constant
+    f = curve.stiffness * d if d < curve.threshold else curve.inverse_square / d**2 + curve.offset
     return math.copysign(f, distance) if d < curve.cutoff else 0.0
 
 

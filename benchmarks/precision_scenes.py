@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from otwarp.scene.description import Body, Flow, Material, Medium, Scene, Settings, Sphere, Track, Trap, TrapLaw, Vec3
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Flow, Material, Medium, Scene, Settings, Sphere, Track, Trap, Vec3
 from otwarp.units import BOLTZMANN
 
 POWER = 20.0

@@ -21,7 +21,8 @@ from benchmarks.realtime import load
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
 from otwarp.haptics.core.types import Vec3
-from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap
 from otwarp.scene.track import Track
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame

@@ -21,7 +21,8 @@ from benchmarks.report import Section, Table, command, options, positive, save_j
 from benchmarks.term_scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, TOGETHER, Comparison, alone, trap
 from benchmarks.timing import Pairs, Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
-from otwarp.scene.description import Scene, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Scene
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, CurveFit, Sphere, TrapProperties, fit_piecewise, trap_properties
-from otwarp.scene.description import Body, Medium, Scene, Settings, Track, Trap, TrapLaw
+from otwarp.scene.description import Body, Medium, Scene, Settings, Track, Trap
 from otwarp.scene.description import Sphere as BeadSphere
 from otwarp.units import BOLTZMANN
 
@@ -186,13 +187,10 @@ class TrappedBead:
         if rung.tolerance is not None:
             return {"model": "table", "interpolation": rung.family, "tolerance": rung.tolerance}
         if rung.family == "isotropic":
-            return {"model": "piecewise", "radial": self._fitted("isotropic")}
+            return {"model": "piecewise", "radial": self.fits["isotropic"].law}
         if rung.family == "split":
-            return {"model": "piecewise", "radial": self._fitted("radial"), "axial": self._fitted("axial")}
+            return {"model": "piecewise", "radial": self.fits["radial"].law, "axial": self.fits["axial"].law}
         # a spring that ends where the force does, so that every rung also watches for escapes
         across, along = float(np.mean(self.properties.stiffness[:2])), self.properties.stiffness[2]
         radial, axial = (TrapLaw(stiffness=k, cutoff=self.region, power=self.beam.power) for k in (across, along))
         return {"model": "harmonic", "radial": radial, "axial": axial}
-
-    def _fitted(self, curve: str) -> TrapLaw:
-        return TrapLaw(**vars(self.fits[curve].law), power=self.beam.power)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from otwarp.bench.stability.closed_forms import POISSON_RATIO
+from otwarp.laws import TrapLaw
 from otwarp.scene.description import (
     IDENTITY,
     Body,
@@ -19,7 +20,6 @@ from otwarp.scene.description import (
     Sphere,
     Track,
     Trap,
-    TrapLaw,
     Vec3,
 )
 

@@ -1,6 +1,6 @@
 """Walls: mobility of spheres and rigid bodies near no-slip planes (float64).
 
-One sphere near one wall has the exact resistances of `bispherical`, by the fits of `otwarp.wall_fits`. A body of
+One sphere near one wall has the exact resistances of `bispherical`, by the fits of `otwarp.laws.wall_fits`. A body of
 several spheres, or a channel of several walls, has R = R_free + Σ K_iᵀ ΔR_i(h_i) K_i: each sphere adds its own excess
 for each wall, as in Oseen's superposition. This is exact for one sphere and right for whichever sphere is nearly in
 contact, which then decides; images of the other spheres, and of one wall in the other, are left out.
@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from otwarp.wall_fits import COUPLING, NORMAL, PARALLEL, ROLL, SLIDING, SPIN
+from otwarp.laws.wall_fits import COUPLING, NORMAL, PARALLEL, ROLL, SLIDING, SPIN
 
 
 def sphere_mobility(gap: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

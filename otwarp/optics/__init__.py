@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from otwarp.optics.field import Field as Field
     from otwarp.optics.field import force as force
     from otwarp.optics.fit import CurveFit as CurveFit
-    from otwarp.optics.fit import PiecewiseLaw as PiecewiseLaw
     from otwarp.optics.fit import fit_harmonic as fit_harmonic
     from otwarp.optics.fit import fit_piecewise as fit_piecewise
     from otwarp.optics.fit import trap_region as trap_region
@@ -53,7 +52,7 @@ __getattr__, __dir__ = lazy_names(
         "beam": ("Beam",),
         "exact": ("Evaluation", "evaluate"),
         "field": ("Field", "force"),
-        "fit": ("CurveFit", "PiecewiseLaw", "fit_harmonic", "fit_piecewise", "trap_region"),
+        "fit": ("CurveFit", "fit_harmonic", "fit_piecewise", "trap_region"),
         "maps": ("ForceMap", "basin_reach", "force_map"),
         "mie": ("Sphere",),
         "models": ("Ladder",),

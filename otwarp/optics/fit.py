@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.laws import TrapLaw
 from otwarp.optics.analysis import trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import force
@@ -21,23 +22,6 @@ SAMPLES = 160
 
 REFINED = 1e-4
 """Spacing [µm] to which the search for δ and D is refined."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PiecewiseLaw:
-    """Constants of the law at the beam's power: K [pN/µm], δ [µm], A [pN·µm²], C [pN], D [µm]; inf where unused."""
-
-    stiffness: float
-    threshold: float = float("inf")
-    inverse_square: float = 0.0
-    offset: float = 0.0
-    cutoff: float = float("inf")
-
-    def pull(self, distance: np.ndarray) -> np.ndarray:
-        """Restoring force [pN] at these distances from the equilibrium [µm], of the same shape."""
-        d = np.asarray(distance, dtype=float)
-        outer = self.inverse_square / np.maximum(d, 1e-9) ** 2 + self.offset
-        return np.where(d < self.threshold, self.stiffness * d, np.where(d < self.cutoff, outer, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +40,7 @@ class CurveFit:
     """
 
     name: str
-    law: PiecewiseLaw
+    law: TrapLaw
     fitted: float
     region: float
     mse: float
@@ -65,6 +49,13 @@ class CurveFit:
     worst: float
     worst_at: float
     jump: float
+
+
+def pull(law: TrapLaw, distance: np.ndarray) -> np.ndarray:
+    """Restoring force of a law at its power [pN] at these distances from the equilibrium [µm], of the same shape."""
+    d = np.asarray(distance, dtype=float)
+    outer = law.inverse_square / np.maximum(d, 1e-9) ** 2 + law.offset
+    return np.where(d < law.cutoff, np.where(d < law.threshold, law.stiffness * d, outer), 0.0)
 
 
 ForceCurves = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -134,14 +125,21 @@ def fit_curve(name: str, d: np.ndarray, q: np.ndarray, beam: Beam, *, continuous
         offset = -a / c**2
     else:
         a, offset = float(found[1]) * scale, float(found[2]) * scale
-    law = PiecewiseLaw(stiffness=k, threshold=float(t), inverse_square=float(a), offset=float(offset), cutoff=float(c))
+    law = TrapLaw(
+        stiffness=k,
+        threshold=float(t),
+        inverse_square=float(a),
+        offset=float(offset),
+        cutoff=float(c),
+        power=beam.power,
+    )
     residual = q - _basis(d, t, c, continuous) @ found
     jump = 0.0 if continuous else a / t**2 + offset - k * t
     return _report(name, law, d, q, residual, fitted=float(d.max()), jump=jump)
 
 
 def _report(
-    name: str, law: PiecewiseLaw, d: np.ndarray, q: np.ndarray, residual: np.ndarray, *, fitted: float, jump: float
+    name: str, law: TrapLaw, d: np.ndarray, q: np.ndarray, residual: np.ndarray, *, fitted: float, jump: float
 ) -> CurveFit:
     mse = float(np.mean(residual**2))
     worst = int(np.argmax(np.abs(residual)))
@@ -208,6 +206,6 @@ def fit_harmonic(
     for name, (d, q) in (("radial", curves["radial"]), ("axial", axial)):
         near = d <= span
         slope = float(d[near] @ q[near] / (d[near] @ d[near]))
-        law = PiecewiseLaw(stiffness=slope * beam.force_scale)
+        law = TrapLaw(stiffness=slope * beam.force_scale, power=beam.power)
         out[name] = _report(name, law, d, q, q - slope * d, fitted=float(d[near].max()), jump=0.0)
     return out

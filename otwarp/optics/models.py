@@ -13,7 +13,7 @@ from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points
 from otwarp.optics.field import Field, force
-from otwarp.optics.fit import CurveFit, ForceCurves, fit_piecewise, sample_curves
+from otwarp.optics.fit import CurveFit, ForceCurves, fit_piecewise, pull, sample_curves
 from otwarp.optics.mie import Sphere
 from otwarp.optics.table import ForceTable, Interpolation, check_accuracy
 from otwarp.optics.table_build import build_table
@@ -135,10 +135,10 @@ class Ladder:
             """Across and along the beam, each by its own curve."""
             d = self._centred(points)
             across = np.hypot(d[:, 0], d[:, 1])
-            ratio = np.divide(radial.pull(across), across, out=np.zeros_like(across), where=across > 0.0)
-            along = np.sign(d[:, 2]) * axial.pull(np.abs(d[:, 2]))
-            pull = np.stack([ratio * d[:, 0], ratio * d[:, 1], along], axis=1)
-            return np.where(np.linalg.norm(d, axis=1)[:, None] < reach, -pull / scale, 0.0)
+            ratio = np.divide(pull(radial, across), across, out=np.zeros_like(across), where=across > 0.0)
+            along = np.sign(d[:, 2]) * pull(axial, np.abs(d[:, 2]))
+            inward = np.stack([ratio * d[:, 0], ratio * d[:, 1], along], axis=1)
+            return np.where(np.linalg.norm(d, axis=1)[:, None] < reach, -inward / scale, 0.0)
 
         return q
 
@@ -149,7 +149,7 @@ class Ladder:
             """Towards the equilibrium, by distance alone."""
             d = self._centred(points)
             distance = np.linalg.norm(d, axis=1)
-            ratio = np.divide(law.pull(distance), distance, out=np.zeros_like(distance), where=distance > 0.0)
+            ratio = np.divide(pull(law, distance), distance, out=np.zeros_like(distance), where=distance > 0.0)
             return -ratio[:, None] * d / scale
 
         return q

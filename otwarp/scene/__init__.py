@@ -10,6 +10,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from otwarp.laws import TrapLaw
 from otwarp.scene.description import (
     Body,
     Camera,
@@ -24,7 +25,6 @@ from otwarp.scene.description import (
     Sphere,
     Track,
     Trap,
-    TrapLaw,
 )
 from otwarp.scene.schema import SCHEMA_FOLDER, register
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from otwarp.laws import TrapLaw
 from otwarp.scene.track import ByValue, Track
 
 Vec3 = tuple[float, float, float]
@@ -60,34 +61,6 @@ class Settings:
     coupling: bool = False
     duration: float = 1.0
     frames_per_second: float = 60.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrapLaw:
-    """One force curve F(d) of a trap (the paper's eq. 1), restoring towards the trap.
-
-    F(d) = stiffness·d for d < threshold; inverse_square/d² + offset for threshold ≤ d < cutoff; 0 beyond.
-    A harmonic law uses `stiffness` and `cutoff` alone. F holds at `power` and scales in proportion to the trap's.
-    With `radius` > 0 the law was fitted for a sphere of that radius, and another radius r feels F(d·radius/r): the
-    similarity of ray optics, where the force depends on d/r alone.
-
-    Attributes:
-        stiffness: pN/µm.
-        threshold: µm.
-        inverse_square: pN·µm².
-        offset: pN.
-        cutoff: µm (may be inf).
-        power: mW.
-        radius: µm, 0 to leave distances unscaled.
-    """
-
-    stiffness: float
-    threshold: float = float("inf")
-    inverse_square: float = 0.0
-    offset: float = 0.0
-    cutoff: float = float("inf")
-    power: float = 20.0
-    radius: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

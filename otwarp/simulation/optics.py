@@ -18,17 +18,14 @@ import warp as wp
 
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 from otwarp.kernels.optics.traps import exact_name, table_name
-from otwarp.scene.description import IDENTITY, Medium, Scene, Trap, TrapLaw
+from otwarp.laws.trap_law import FIELDS, TrapLaw
+from otwarp.scene.description import IDENTITY, Medium, Scene, Trap
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.arrays import Place, device_array
 
 if TYPE_CHECKING:
     from otwarp.optics import Beam, ForceTable
     from otwarp.optics.batched import PackedForce
-
-
-LAW_FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
-"""Parameters of an authored law, across the beam; those along it have the prefix `axial_`."""
 
 
 def beam_of(trap: Trap, medium: Medium) -> Beam:
@@ -189,7 +186,7 @@ class TrapOptics:
         optical = np.array([self._optical(t) for t in range(len(self.table))], dtype=bool)
         if not optical.any():
             return values
-        laws = [n for n in values if n.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
+        laws = [n for n in values if n.removeprefix("trap_").removeprefix("axial_") in FIELDS]
         return {**values, **{name: np.where(optical, own[name], values[name]) for name in laws}}
 
     def stiffest(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -13,10 +13,11 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.exact_data import ExactData
 from otwarp.kernels.core.types import FlowData, MediumData, TrapData
 from otwarp.kernels.optics.traps import trap_term
-from otwarp.scene.description import Scene, Trap, TrapLaw
+from otwarp.laws.trap_law import FIELDS, TrapLaw
+from otwarp.scene.description import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.optics import LAW_FIELDS, TrapOptics, pack_tables, trap_sides
+from otwarp.simulation.optics import TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
 _HANDS = {"none": 0, "left": 1, "right": 2}
@@ -73,10 +74,9 @@ def trap_parameters(scene: Scene) -> dict[str, np.ndarray]:
         "trap_speed_limit": np.array([[t.speed_limit for t in traps]]),
     }
     for prefix, laws in (("trap_", [law(t) for t in traps]), ("trap_axial_", [t.axial or law(t) for t in traps])):
-        for name in LAW_FIELDS:
-            per_power = name not in ("threshold", "cutoff")
-            column = [getattr(curve, name) / (curve.power if per_power else 1.0) for curve in laws]
-            out[prefix + name] = np.array([column], dtype=float)
+        per_mw = [curve.per_mw() for curve in laws]
+        for name in FIELDS:
+            out[prefix + name] = np.array([[getattr(curve, name) for curve in per_mw]], dtype=float)
     return out
 
 
@@ -125,7 +125,7 @@ def pack_traps(
     # curves along the beam and speed limits take memory only where some trap has one
     split = any(t.axial for t in traps)
     limits = bool(np.any(np.isfinite(values["trap_speed_limit"])))
-    for name in LAW_FIELDS:
+    for name in FIELDS:
         setattr(data, name, device_array(values[f"trap_{name}"], wp.float32, device, ndim=2))
         axial = values[f"trap_axial_{name}"] if split else np.zeros((0, 0))
         setattr(data, f"axial_{name}", device_array(axial, wp.float32, device, ndim=2))

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
+from otwarp.laws.trap_law import FIELDS
 from otwarp.scene.description import Scene
 from otwarp.simulation.composition import compose
-from otwarp.simulation.optics import LAW_FIELDS, TrapOptics
+from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.pack_traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.pack_walls import check_flow
@@ -91,7 +92,7 @@ class ResolvedScene:
 
 def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
     """Refuse parameters of a force law in a scene where no trap follows one; optical traps keep their own."""
-    named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in LAW_FIELDS]
+    named = [name for name in overrides if name.removeprefix("trap_").removeprefix("axial_") in FIELDS]
     if named and scene.traps and all(trap.optical for trap in scene.traps):
         trap = scene.traps[0]
         raise InputError(

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap
 from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import shapes, trap_laws
 

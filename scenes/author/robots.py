@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from otwarp.scene.description import IDENTITY, Body, Material, Sphere, Track, Trap, TrapLaw, Vec3
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import IDENTITY, Body, Material, Sphere, Track, Trap, Vec3
 from scenes.author import trap_laws
 
 if TYPE_CHECKING:

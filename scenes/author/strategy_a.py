@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap
 from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import robots, shapes, trap_laws
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.description import Body, Camera, Settings, Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Camera, Settings, Track, Trap
 from otwarp.scene.write.builder import SceneBuilder
 from scenes.author import robots, shapes, trap_laws
 

@@ -17,7 +17,7 @@ so the axial cutoff is an extrapolation; ISOTROPIC is a compromise of two curves
 
 from __future__ import annotations
 
-from otwarp.scene.description import TrapLaw
+from otwarp.laws import TrapLaw
 
 FITTED_RADIUS = 2.5
 """Radius of the sphere of the fit [µm]."""

@@ -9,20 +9,12 @@ from dataclasses import replace
 
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.core.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import (
-    DeviceInfo,
-    DeviceSample,
-    SceneFrame,
-    ServoFrame,
-    SphereFrame,
-    TrapFrame,
-    TrapLaw,
-    Vec3,
-)
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.laws import TrapLaw
 
-RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
-AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, constant=-0.0669, cutoff=1.6)
+RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
+AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, offset=-0.0669, cutoff=1.6, power=1.0)
 """Per mW; continuous at the threshold. At 20 mW, 100 µm/m and 0.05 N/pN: 60 and 20 N/m, peaks of 0.36 and 0.18 N."""
 
 POWER = 20.0

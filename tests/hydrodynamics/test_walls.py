@@ -9,7 +9,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobility
 from otwarp.hydrodynamics.bispherical import WallResistance, wall_resistance
 from otwarp.hydrodynamics.walls import body_resistance, sphere_excess, sphere_mobility
-from otwarp.wall_fits import (
+from otwarp.laws.wall_fits import (
     CONTACT_GAP,
     COUPLING,
     ENTRAINED,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Track, Trap
 from tests.reference.rotations import exponential, matrix, multiply
 from tests.reference.traps import body_wrench, curve, limited_focus, potential, sphere_force
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from otwarp.scene.description import Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Trap
 from tests.reference.rotations import matrix
 
 

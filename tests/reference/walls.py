@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from otwarp.hydrodynamics.walls import body_resistance
-from otwarp.wall_fits import ENTRAINED, NORMAL, SLIDING
+from otwarp.laws.wall_fits import ENTRAINED, NORMAL, SLIDING
 from tests.reference.rotations import exponential, matrix, multiply
 
 STEP = 1e-5

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
+from otwarp.laws import TrapLaw
 from otwarp.scene import (
     Body,
     Camera,
@@ -23,7 +24,6 @@ from otwarp.scene import (
     Sphere,
     Track,
     Trap,
-    TrapLaw,
 )
 
 ROUNDING = 1e-12

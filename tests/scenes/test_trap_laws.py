@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene.description import TrapLaw
+from otwarp.laws import TrapLaw
 from otwarp.units import FORCE_PER_POWER
 from scenes.author import fit_trap_laws, trap_laws
 

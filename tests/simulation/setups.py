@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from otwarp.hydrodynamics import body_mobility
+from otwarp.laws import TrapLaw
 from otwarp.scene.description import (
     IDENTITY,
     Body,
@@ -17,7 +18,6 @@ from otwarp.scene.description import (
     Sphere,
     Track,
     Trap,
-    TrapLaw,
     Vec3,
 )
 from otwarp.units import BOLTZMANN

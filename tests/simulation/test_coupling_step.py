@@ -10,7 +10,8 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.features import MAX_WORLD_BODIES
-from otwarp.scene.description import Scene, Settings, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Scene, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -10,7 +10,7 @@ from otwarp import Simulation
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.optics import Sphere, force
-from otwarp.scene.description import Body, Scene, Settings, Track, Trap, TrapLaw
+from otwarp.scene.description import Body, Scene, Settings, Track, Trap
 from otwarp.scene.description import Sphere as SceneSphere
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model

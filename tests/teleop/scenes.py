@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from otwarp.haptics.core.types import Vec3
-from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap
 from otwarp.scene.track import Track
 
 PLACES: dict[str, Vec3] = {"left": (-8.0, 0.0, 5.0), "right": (8.0, 0.0, 5.0), "none": (0.0, 8.0, 5.0)}

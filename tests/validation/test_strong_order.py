@@ -19,7 +19,8 @@ import pytest
 from benchmarks.transitions import advance
 from otwarp.kernels.core.random import Stream
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.scene.description import Medium, Scene, Settings, Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Medium, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.philox import WEAK, halves, noise_words, normals
 from tests.simulation.setups import ENERGY, STIFFNESS, VISCOSITY, drag, sphere_body

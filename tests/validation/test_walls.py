@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import quad
 
 from otwarp.hydrodynamics.bispherical import wall_resistance
+from otwarp.laws.wall_fits import CONTACT_GAP, NORMAL
 from otwarp.simulation.simulation import Simulation
-from otwarp.wall_fits import CONTACT_GAP, NORMAL
 from tests.simulation.test_walls import FIT, UNIT, dimer, heavy_bead, start_at, touching_bead
 
 SHORT = 5e-3

@@ -12,7 +12,8 @@ from otwarp.bench.scenes import PLACE, POWER, STIFFNESS, bead, obstacle, pair, r
 from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.thermal import Effort, advance, chosen_step, simulate, steps_for
 from otwarp.bench.stability.verdict import Defect, Measured
-from otwarp.scene.description import Scene, Track, Trap, TrapLaw
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Scene, Track, Trap
 from otwarp.units import FORCE_PER_POWER
 
 if TYPE_CHECKING:

@@ -17,10 +17,11 @@ from collections.abc import Callable
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import ChainConfig, HandConfig
 from otwarp.haptics.core.filters import LowPass, VectorFilter
-from otwarp.haptics.core.types import ZERO, SceneFrame, TrapLaw, Vec3
+from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3
 from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
+from otwarp.laws import TrapLaw
 
-RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, constant=-1568.0, cutoff=0.10)
+RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, offset=-1568.0, cutoff=0.10, power=1.0)
 """Eq. 1 with the release's constants, in its raw force units and scene units."""
 
 RELEASE_GAIN = 0.0022
@@ -43,7 +44,7 @@ def curve_of(law: TrapLaw, power: float = 1.0) -> Callable[[float], float]:
         if distance < law.threshold:
             return power * law.stiffness * distance
         if distance < law.cutoff:
-            return power * (law.inverse_square / distance**2 + law.constant)
+            return power * (law.inverse_square / distance**2 + law.offset)
         return 0.0
 
     return _pull

@@ -20,9 +20,10 @@ from otwarp.haptics.chain.hands import within
 from otwarp.haptics.check.jitter import LONGEST, Percentiles
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame, TrapLaw
+from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, local_model
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.laws import TrapLaw
 
 SHORTEST = 0.05
 """Seconds of a measurement of latency: less has too few states."""
@@ -33,7 +34,7 @@ STATE_RATE = 120.0
 SPHERES, TRAPS, POWER = 10, 3, 20.0
 """Of the scene that is rendered: two robots of five elements, three traps of one hand, 20 mW each."""
 
-CURVE = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, constant=-0.1122, cutoff=1.2)
+CURVE = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
 """Per mW; its values do not matter for times."""
 
 VIRTUAL = "virtual:circle,radius=0.003,period=1"

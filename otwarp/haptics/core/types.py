@@ -95,21 +95,6 @@ class DeviceLost(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class TrapLaw:
-    """Force law of a trap on one sphere at 1 mW, isotropic or with separate radial and axial curves.
-
-    Eq. 1 of the paper: K·d below `threshold`, A/d² + C up to `cutoff`, 0 beyond. Stiffness K [pN/µm/mW], A [pN·µm²/mW],
-    C [pN/mW], distances [µm]. A harmonic law has `threshold` = `cutoff`.
-    """
-
-    stiffness: float
-    threshold: float
-    inverse_square: float
-    constant: float
-    cutoff: float
-
-
-@dataclass(frozen=True, slots=True)
 class TrapFrame:
     """A trap as it is: its index in the scene, focus [µm], power [mW]."""
 

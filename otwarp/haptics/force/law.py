@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import ZERO, SceneFrame, TrapLaw, Vec3
+from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3
+from otwarp.laws.trap_law import PER_POWER, TrapLaw
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
 """Direction in which beams travel unless a scene turns them."""
@@ -34,28 +35,15 @@ class Law(Protocol):
         ...
 
 
-def fitted_for(curve: TrapLaw, fitted: float, radius: float) -> TrapLaw:
-    """A curve fitted for spheres of radius `fitted` [µm] as one of `radius` feels it: F(s·d), s = fitted/radius.
-
-    The similarity of ray optics, as `otwarp.kernels.optics.trap_laws.prepare_law`.
-    """
-    s = fitted / radius
-    return replace(
-        curve,
-        stiffness=curve.stiffness * s,
-        threshold=curve.threshold / s,
-        inverse_square=curve.inverse_square / (s * s),
-        cutoff=curve.cutoff / s,
-    )
-
-
 def check_curve(curve: TrapLaw) -> None:
-    """Refuse a curve that is no curve.
+    """Refuse a curve that is no curve at 1 mW.
 
     Raises:
-        InputError: Stiffness or an outer constant not finite, or distances out of order.
+        InputError: Stiffness or an outer constant not finite, distances out of order, or another power.
     """
-    for name in ("stiffness", "inverse_square", "constant"):
+    if curve.power != 1.0:
+        raise InputError(f"trap law power is {curve.power!r} mW; allowed: 1, as `per_mw` gives")
+    for name in PER_POWER:
         if not math.isfinite(getattr(curve, name)):
             raise InputError(f"trap law {name} is {getattr(curve, name)!r}; allowed: finite numbers")
     if not 0.0 <= curve.threshold <= curve.cutoff:
@@ -103,7 +91,7 @@ class IsotropicLaw:
                 continue
             ratio = curve.stiffness
             if d2 >= inner:
-                ratio = (curve.inverse_square / d2 + curve.constant) / math.sqrt(d2)
+                ratio = (curve.inverse_square / d2 + curve.offset) / math.sqrt(d2)
             fx -= ratio * u
             fy -= ratio * v
             fz -= ratio * w
@@ -145,22 +133,12 @@ class SplitLaw:
             h = u * ax + v * ay + w * az
             # across the beam
             u, v, w = u - h * ax, v - h * ay, w - h * az
-            fr = _ratio(radial, u * u + v * v + w * w)
-            along = _ratio(axial, h * h) * h
+            fr = radial.ratio(u * u + v * v + w * w)
+            along = axial.ratio(h * h) * h
             fx -= fr * u + along * ax
             fy -= fr * v + along * ay
             fz -= fr * w + along * az
         return fx, fy, fz
-
-
-def _ratio(curve: TrapLaw, d2: float) -> float:
-    """f(d)/d at a squared distance [pN/µm per mW]."""
-    if d2 < curve.threshold * curve.threshold:
-        return curve.stiffness
-    if d2 >= curve.cutoff * curve.cutoff:
-        return 0.0
-    # at d = 0 without a linear branch the curve has no direction
-    return (curve.inverse_square / d2 + curve.constant) / math.sqrt(d2) if d2 else 0.0
 
 
 class ForceModel(Protocol):

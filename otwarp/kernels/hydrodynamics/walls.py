@@ -1,6 +1,6 @@
 """Hydrodynamic walls: how a lone sphere moves and diffuses near no-slip planes.
 
-The resistance of the sphere is that of the free one plus one excess per wall (`otwarp.wall_fits`, evaluated here):
+The resistance of the sphere is that of the free one plus one excess per wall (`otwarp.laws.wall_fits`, evaluated here):
 
     R/6πηa = 1 + Σ_i [E⊥(g_i) n_i n_iᵀ + E∥(g_i)(1 − n_i n_iᵀ)],   μ = R⁻¹,   g_i = h_i/a − 1.
 
@@ -30,7 +30,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.noise import WEAK_TERMS, high_half, six_deviates_term, three_deviates_term
 from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData, WallData, vec6
-from otwarp.wall_fits import ENTRAINED, GAP_FAR, NORMAL, SLIDING, GapFit
+from otwarp.laws.wall_fits import ENTRAINED, GAP_FAR, NORMAL, SLIDING, GapFit
 
 _FAR = wp.constant(GAP_FAR)
 

@@ -40,7 +40,7 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess
 from otwarp.kernels.optics.trap_wrench import wrench_term
-from otwarp.wall_fits import COUPLING, PARALLEL, ROLL, SHEAR_FORCE, SHEAR_TORQUE, SPIN
+from otwarp.laws.wall_fits import COUPLING, PARALLEL, ROLL, SHEAR_FORCE, SHEAR_TORQUE, SPIN
 
 _PI = wp.constant(3.141592653589793)
 

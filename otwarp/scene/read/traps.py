@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
-from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap, TrapLaw
+from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap
 from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.motion import motion
 from otwarp.scene.read.source import Source, quat, track

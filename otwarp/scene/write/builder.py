@@ -10,21 +10,9 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
 
 from otwarp.errors import InputError
+from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
-from otwarp.scene.description import (
-    Body,
-    Camera,
-    Flow,
-    Goal,
-    Medium,
-    Obstacle,
-    Rod,
-    Scene,
-    Settings,
-    Sphere,
-    Trap,
-    TrapLaw,
-)
+from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Rod, Scene, Settings, Sphere, Trap
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import align_z, look_at
 from otwarp.scene.vocabulary.values import authored

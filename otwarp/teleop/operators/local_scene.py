@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, TrapLaw, Vec3
-from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw, fitted_for
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, Vec3
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import TableLaw
 from otwarp.record.frame import Frame
 from otwarp.scene import description
@@ -21,26 +21,13 @@ SLOTS = 16
 in reach costs about 1 µs for each trap, so 16 leave a 1 kHz period room."""
 
 
-def curve_of(law: description.TrapLaw) -> TrapLaw:
-    """An authored curve per mW."""
-    return TrapLaw(
-        stiffness=law.stiffness / law.power,
-        threshold=min(law.threshold, law.cutoff),
-        inverse_square=law.inverse_square / law.power,
-        constant=law.offset / law.power,
-        cutoff=law.cutoff,
-    )
-
-
 def authored_law(trap: description.Trap, radius: float) -> Law:
     """A trap's authored law as a sphere of `radius` [µm] feels it."""
     assert trap.radial is not None, "optical traps have tables"
     axis = _vector(rotate(np.array(trap.orientation), np.array([0.0, 0.0, 1.0])))
-    curves = [
-        fitted_for(curve_of(law), law.radius, radius) if law.radius > 0.0 else curve_of(law)
-        for law in (trap.radial, trap.axial)
-        if law is not None
-    ]
+    laws = [law.per_mw().for_radius(radius) for law in (trap.radial, trap.axial) if law is not None]
+    # a spring ends where its linear branch does
+    curves = [replace(law, threshold=min(law.threshold, law.cutoff)) for law in laws]
     if len(curves) == 1:
         return IsotropicLaw(curves[0], axis, trap.equilibrium)
     return SplitLaw(curves[0], curves[1], axis, trap.equilibrium)

@@ -13,8 +13,9 @@ from statistics import median
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.laws import TrapLaw
 from otwarp.record.frame import Frame
-from otwarp.scene.description import Body, Scene, Sphere, Trap, TrapLaw
+from otwarp.scene.description import Body, Scene, Sphere, Trap
 from otwarp.scene.track import Track
 from otwarp.teleop.core.frame import LiveFrame
 from otwarp.teleop.page.process import PageProcess

@@ -7,7 +7,6 @@ that the live loop shares; a `Template` is laid out once by CDR and takes a tent
 from __future__ import annotations
 
 import base64
-import dataclasses
 import importlib.util
 import os
 import shutil
@@ -22,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneFrame, TrapLaw
+from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.recording.mcap import SUFFIX, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
+from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene.description import Scene
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 
@@ -282,6 +282,10 @@ def array_of(axes: Sequence[str], shape: Sequence[int]) -> Template:
     return template.count(0).count(size).numbers(size)
 
 
+_CURVE = {"constant" if name == "offset" else name: name for name in FIELDS}
+"""Field of a curve at 1 mW by its name in the file."""
+
+
 def laws_to_dict(laws: Mapping[int, Sequence[Law]]) -> dict[str, Any]:
     """Laws of traps, each law once: `laws`, a list, and `traps`, for each trap the indices of its laws.
 
@@ -316,10 +320,10 @@ def laws_from_dict(data: Any) -> dict[int, tuple[Law, ...]]:
 
 def _law(law: Law) -> dict[str, Any]:
     if isinstance(law, IsotropicLaw):
-        curves = {"curve": dataclasses.asdict(law.curve)}
+        curves = {"curve": _curve(law.curve)}
         return {"kind": "isotropic", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
     if isinstance(law, SplitLaw):
-        curves = {"radial": dataclasses.asdict(law.radial), "axial": dataclasses.asdict(law.axial)}
+        curves = {"radial": _curve(law.radial), "axial": _curve(law.axial)}
         return {"kind": "split", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
     if isinstance(law, TableLaw):
         grids = [
@@ -331,6 +335,10 @@ def _law(law: Law) -> dict[str, Any]:
     raise InputError(f"force law is {type(law).__name__}; allowed in a recording: isotropic, split or tabulated")
 
 
+def _curve(law: TrapLaw) -> dict[str, float]:
+    return {key: getattr(law, name) for key, name in _CURVE.items()}
+
+
 def _read(data: Mapping[str, Any]) -> Law:
     values = {key: value for key, value in data.items() if key != "kind"}
     for name in ("axis", "side"):
@@ -339,7 +347,7 @@ def _read(data: Mapping[str, Any]) -> Law:
             values[name] = (x, y, z)
     for name in ("curve", "radial", "axial"):
         if name in values:
-            values[name] = TrapLaw(**values[name])
+            values[name] = TrapLaw(**{_CURVE[key]: value for key, value in values[name].items()}, power=1.0)
     if data["kind"] == "isotropic":
         return IsotropicLaw(**values)
     if data["kind"] == "split":

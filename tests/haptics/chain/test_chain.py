@@ -21,7 +21,7 @@ def pull_of(curve, distance: float) -> float:
     d = abs(distance)
     f = curve.stiffness * d
     if d >= curve.threshold:
-        f = curve.inverse_square / d**2 + curve.constant
+        f = curve.inverse_square / d**2 + curve.offset
     return math.copysign(f, distance) if d < curve.cutoff else 0.0
 
 

@@ -12,9 +12,10 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import ChainConfig, HandConfig
 from otwarp.haptics.core.filters import LowPass
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, TrapLaw
-from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, fitted_for, local_model
+from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
+from otwarp.laws import TrapLaw
 from otwarp.optics import ForceTable
 from otwarp.optics.table import major_axis
 from otwarp.scene import description
@@ -31,20 +32,13 @@ TABLE_ROUNDING = 2e-6
 """Float64 interpolation by two orders of summation, of float32 nodes: far below; tables blend in d², not d."""
 
 
-def per_mw(law: description.TrapLaw, model: str) -> TrapLaw:
+def per_mw(law: TrapLaw, model: str) -> TrapLaw:
     """What the scene says, at 1 mW; a spring ends where its linear branch does."""
-    threshold = law.cutoff if model == "harmonic" else law.threshold
-    return TrapLaw(
-        law.stiffness / law.power, threshold, law.inverse_square / law.power, law.offset / law.power, law.cutoff
-    )
+    return dataclasses.replace(law.per_mw(), threshold=law.cutoff if model == "harmonic" else law.threshold)
 
 
 def law_of(trap: description.Trap, radius: float) -> IsotropicLaw | SplitLaw:
-    curves = [
-        fitted_for(per_mw(law, trap.model), law.radius, radius) if law.radius else per_mw(law, trap.model)
-        for law in (trap.radial, trap.axial)
-        if law is not None
-    ]
+    curves = [per_mw(law, trap.model).for_radius(radius) for law in (trap.radial, trap.axial) if law is not None]
     x, y, z = (float(a) for a in matrix(np.array(trap.orientation))[:, 2])
     if len(curves) == 1:
         return IsotropicLaw(curves[0], (x, y, z), trap.equilibrium)
@@ -99,7 +93,7 @@ def test_table_turns_with_its_beam():
         TableLaw.of(table, side=(0.0, 0.0, 1.0))
 
 
-CURVE = TrapLaw(2.0, 0.5, 0.3, -0.1, 1.5)
+CURVE = TrapLaw(stiffness=2.0, threshold=0.5, inverse_square=0.3, offset=-0.1, cutoff=1.5, power=1.0)
 
 
 def scene(spheres, traps, beat: int = 0) -> SceneFrame:
@@ -141,7 +135,7 @@ def test_kinds_have_laws_of_their_own():
 def test_spheres_glide_to_where_they_are_published():
     """With a pose filter of τ the way left after τ is 1/e."""
     config = HandConfig(traps=(0,), chain=ChainConfig(pose_filter=LowPass.of_time_constant(0.01, 200.0)))
-    model = local_model(config, {0: (IsotropicLaw(TrapLaw(1.0, 9.0, 0.0, 0.0, 9.0)),)})
+    model = local_model(config, {0: (IsotropicLaw(SPRING),)})
     hold = {0: (0.0, 0.0, 0.0)}
     model.refresh(scene([(0.0, 0.0, 0.0)], [((0.0, 0.0, 0.0), 1.0)]), hold)
     model.refresh(scene([(1.0, 0.0, 0.0)], [((0.0, 0.0, 0.0), 1.0)], 1), hold)
@@ -149,7 +143,7 @@ def test_spheres_glide_to_where_they_are_published():
     assert forces[-1] == pytest.approx(-1.0 + math.exp(-1.0), rel=1e-9)
 
 
-SPRING = TrapLaw(1.0, 9.0, 0.0, 0.0, 9.0)
+SPRING = TrapLaw(stiffness=1.0, threshold=9.0, cutoff=9.0, power=1.0)
 """1 pN/µm at 1 mW."""
 
 

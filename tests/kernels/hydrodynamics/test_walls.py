@@ -29,8 +29,7 @@ from otwarp.kernels.hydrodynamics.walls_rigid import (
     shear_torque_lack,
     spin_excess,
 )
-from otwarp.simulation.arrays import device_array
-from otwarp.wall_fits import (
+from otwarp.laws.wall_fits import (
     CONTACT_GAP,
     COUPLING,
     ENTRAINED,
@@ -43,6 +42,7 @@ from otwarp.wall_fits import (
     SLIDING,
     SPIN,
 )
+from otwarp.simulation.arrays import device_array
 from tests.reference import walls as reference
 
 ROUNDING = 2e-5

@@ -10,19 +10,8 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene.description import (
-    Body,
-    Flow,
-    Goal,
-    Material,
-    Obstacle,
-    Rod,
-    Scene,
-    Settings,
-    Sphere,
-    Trap,
-    TrapLaw,
-)
+from otwarp.laws import TrapLaw
+from otwarp.scene.description import Body, Flow, Goal, Material, Obstacle, Rod, Scene, Settings, Sphere, Trap
 from otwarp.scene.track import Track
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.budget.reach import PATH_STEP, Reach, flow_velocity, frozen_body, thin_out

@@ -1,0 +1,9 @@
+"""Laws that several rooms evaluate, each in its own way: said once here, imported by all, importing nobody.
+
+trap_law    `TrapLaw`, one force curve of a trap: authored, fitted, felt by an operator, packed for kernels
+wall_fits   how much harder a sphere moves near a wall: the formulae of kernels and of float64 code
+"""
+
+from otwarp.laws.trap_law import TrapLaw
+
+__all__ = ["TrapLaw"]
