@@ -9,6 +9,7 @@ import pytest
 from otwarp import Simulation
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
+from otwarp.laws import TrapLaw
 from otwarp.optics import Sphere, force
 from otwarp.scene.description import Body, Scene, Settings, Track, Trap
 from otwarp.scene.description import Sphere as SceneSphere
