@@ -1,0 +1,81 @@
+"""Every example runs, with small sizes, and shows what its first lines say."""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.documents import ROOT, Document
+
+EXAMPLES = ROOT / "examples"
+NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != "__init__")
+LINES = 40
+"""An example fits on a screen."""
+
+SIGMAS = 5.0
+
+
+@pytest.fixture(autouse=True)
+def here(monkeypatch):
+    """Examples are run from the root of the repository, and draw without a display."""
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("Agg")
+    monkeypatch.chdir(ROOT)
+    yield
+    plt.close("all")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_short_listed_and_tested(name):
+    text = (EXAMPLES / f"{name}.py").read_text()
+    assert len(text.splitlines()) <= LINES
+    assert "\nYou see " in text
+    assert f"{name}.py" in Document(EXAMPLES / "README.md").links()
+    assert f"test_{name}" in globals()
+
+
+def test_first_run():
+    found, theory = import_module("examples.first_run").main(worlds=400)
+    # of a standard deviation of 400 draws
+    assert found == pytest.approx(theory, rel=SIGMAS / math.sqrt(2 * 400))
+
+
+def test_sweep_power(tmp_path: Path):
+    worlds, samples = 64, 20
+    ratio = import_module("examples.sweep_power").main(worlds, samples, tmp_path)
+    assert (tmp_path / "sweep_power.png").stat().st_size > 0
+    # samples are a relaxation time apart and more for most powers: half of them count as independent
+    assert np.mean(ratio) == pytest.approx(1.0, abs=SIGMAS * math.sqrt(2 / (worlds * samples)))
+
+
+def test_author_scene(tmp_path: Path):
+    worlds = 100
+    lag, theory = import_module("examples.author_scene").main(worlds, 0.05, tmp_path)
+    # thermal width of the bead in its trap of 10 pN/µm: 20 nm
+    assert lag == pytest.approx(theory, abs=SIGMAS * 0.0203 / math.sqrt(worlds))
+
+
+def test_optical_force():
+    assert import_module("examples.optical_force").main(points=100, tolerance=1e-2) < 1e-2
+
+
+def test_robot_mobility():
+    diffusion = import_module("examples.robot_mobility").main(accuracy=0.05)
+    assert np.linalg.eigvalsh(diffusion).min() > 0.0
+
+
+def test_record_and_plot(tmp_path: Path):
+    summary = import_module("examples.record_and_plot").main(0.1, tmp_path)
+    assert summary
+    assert {"run.usda", "run.nc", "summary.json", "figure.png", "path.png"} <= {p.name for p in tmp_path.iterdir()}
+
+
+def test_strategy_a(tmp_path: Path):
+    error = import_module("examples.strategy_a").main(8, 0.5, tmp_path)
+    # thermal, near the fork; 0.004 away from it
+    assert np.abs(error).max() < 0.02
