@@ -13,7 +13,7 @@ from benchmarks.machine import Machine
 from benchmarks.realtime import load
 from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.budget.reduce import Budget, reduce_scene
 from otwarp.teleop.budget.report import SECONDS, measure_scene
 

@@ -24,7 +24,7 @@ from benchmarks.timing import Spread, calls_for, elapsed
 from otwarp.device import pick_device
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.step import make_step
-from otwarp.scene.description import Body, Material, Medium, Scene, Settings, Sphere
+from otwarp.scene import Body, Material, Medium, Scene, Settings, Sphere
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State

@@ -22,7 +22,7 @@ def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
     from otwarp.device import pick_device
     from otwarp.record.recorder import Recorder
     from otwarp.record.run import capture_frame
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
     from otwarp.simulation.model import Model
     from otwarp.simulation.simulation import Simulation
 

@@ -19,7 +19,7 @@ from benchmarks.machine import Machine
 from benchmarks.report import Section, Table, command, options, positive, save_json
 from benchmarks.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 
 PRECISIONS = ("float32", "float64")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Flow, Material, Medium, Scene, Settings, Sphere, Track, Trap, Vec3
+from otwarp.scene import Body, Flow, Material, Medium, Scene, Settings, Sphere, Track, Trap, Vec3
 from otwarp.units import BOLTZMANN
 
 POWER = 20.0

@@ -13,7 +13,7 @@ from benchmarks.report import Section, Table, command, options, save_json
 from benchmarks.startup import ROOT, SCENES
 from benchmarks.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 
 SCALED = "cell_delivery"

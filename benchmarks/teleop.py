@@ -22,8 +22,7 @@ from benchmarks.report import Section, Table, command, options, save_json
 from otwarp.device import pick_device
 from otwarp.haptics.core.types import Vec3
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap
-from otwarp.scene.track import Track
+from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, traps_of

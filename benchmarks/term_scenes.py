@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Flow, Material, Obstacle, Scene, Settings, Sphere, Track, Trap, Vec3
+from otwarp.scene import Body, Flow, Material, Obstacle, Scene, Settings, Sphere, Track, Trap, Vec3
 
 RADIUS = 1.5
 PLACE: Vec3 = (3.0, 5.0, 7.0)

@@ -22,7 +22,7 @@ from benchmarks.term_scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, 
 from benchmarks.timing import Pairs, Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from otwarp.errors import InputError, SimulationError
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
     from otwarp.simulation.simulation import Simulation
 
 __version__ = "0.1.0"
@@ -24,7 +24,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "InputError": "otwarp.errors",
     "SimulationError": "otwarp.errors",
-    "Scene": "otwarp.scene.description",
+    "Scene": "otwarp.scene",
     "Simulation": "otwarp.simulation.simulation",
 }
 

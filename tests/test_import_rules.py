@@ -64,7 +64,6 @@ ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}
 
 KNOWN_CIRCLES = [
     "otwarp/haptics/devices: 3 files",
-    "otwarp/scene: 9 files",
     "otwarp/simulation: 2 files",
 ]
 """Files that import each other in a ring, by the folder they share; to be emptied as rooms are put in order."""

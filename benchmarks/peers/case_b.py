@@ -39,7 +39,7 @@ class Spheres:
 def spheres(count: int) -> Spheres:
     """As `benchmarks.crowd` makes them."""
     from benchmarks.crowd import DIFFUSED, RADIUS, SURFACE, start_places, time_step
-    from otwarp.scene.description import Medium
+    from otwarp.scene import Medium
 
     reduced = SURFACE.youngs_modulus / (2.0 * (1.0 - SURFACE.poisson_ratio**2))
     return Spheres(

@@ -13,8 +13,8 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, CurveFit, Sphere, TrapProperties, fit_piecewise, trap_properties
-from otwarp.scene.description import Body, Medium, Scene, Settings, Track, Trap
-from otwarp.scene.description import Sphere as BeadSphere
+from otwarp.scene import Body, Medium, Scene, Settings, Track, Trap
+from otwarp.scene import Sphere as BeadSphere
 from otwarp.units import BOLTZMANN
 
 HARMONIC = "harmonic"

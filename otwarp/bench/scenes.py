@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.bench.stability.closed_forms import POISSON_RATIO
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import (
+from otwarp.scene import (
     IDENTITY,
     Body,
     Material,

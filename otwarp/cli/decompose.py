@@ -11,7 +11,7 @@ import click
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decompose import Decomposition
-    from otwarp.scene.description import Body
+    from otwarp.scene import Body
 
 
 @click.command()
@@ -55,7 +55,7 @@ def decompose(
 
 
 def _body(mesh: Path, found: Decomposition) -> Body:
-    from otwarp.scene.description import Body, Sphere
+    from otwarp.scene import Body, Sphere
 
     name = "".join(c if c.isascii() and c.isalnum() else "_" for c in mesh.stem)
     path = "/" + (name if name[:1].isalpha() else f"body_{name}")
@@ -66,7 +66,7 @@ def _body(mesh: Path, found: Decomposition) -> Body:
 
 def _describe(mesh: Path, found: Decomposition) -> dict[str, Any]:
     from otwarp.cli.mobility import describe
-    from otwarp.scene.description import Medium
+    from otwarp.scene import Medium
     from otwarp.units import BOLTZMANN
 
     water = Medium()

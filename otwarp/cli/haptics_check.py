@@ -18,7 +18,7 @@ from otwarp.errors import InputError
 
 if TYPE_CHECKING:
     from otwarp.haptics.check.check import Check
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
 
 
 @click.command()
@@ -79,7 +79,7 @@ def _page_latency(seconds: float, browser: str | None, say: Callable[[str], None
 
 def _load(file: Path) -> Scene:
     """A scene, by modules that are not imported without need of one."""
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
 
     return Scene.load(file)
 

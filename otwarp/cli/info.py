@@ -48,7 +48,7 @@ def info(
 ) -> None:
     """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
     from otwarp.record.capacity import check_worlds
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
     from otwarp.simulation.info import describe
 
     loaded = Scene.load(scene)

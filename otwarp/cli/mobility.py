@@ -14,7 +14,7 @@ from otwarp.cli.options import scene_argument
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics import BodyMobility
-    from otwarp.scene.description import Body, Scene
+    from otwarp.scene import Body, Scene
 
 
 @click.command()
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 )
 def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> None:
     """Print diffusion along principal axes, centre of diffusion and error of each distinct body of SCENE."""
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
     from otwarp.simulation.pack_bodies import mobilities
 
     loaded = Scene.load(scene)

@@ -29,7 +29,7 @@ from otwarp.cli.options import (
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
 
 
 @click.command()
@@ -117,7 +117,7 @@ def run(
 
 def _load(file: Path, duration: float | None, trap_speed: float) -> Scene:
     """The scene, for `duration` seconds if given, with its traps played that much faster."""
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
 
     # the traps are sped up after loading, so the samples must cover the stretched time
     scene = Scene.load(file, duration=None if duration is None else duration * trap_speed)

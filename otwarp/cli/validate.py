@@ -41,7 +41,7 @@ def validate(context: click.Context, scene: Path, as_json: bool) -> int:
 def _findings_of_a_run(scene: Path) -> list[Finding]:
     """What a run of a scene that loads would be refused for or warned of."""
     from otwarp.errors import InputError
-    from otwarp.scene.description import Scene
+    from otwarp.scene import Scene
     from otwarp.scene.read.validate import finding
 
     try:

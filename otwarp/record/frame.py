@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 SHAPES: dict[str, tuple[str, int]] = {
     "position": ("body", 3),

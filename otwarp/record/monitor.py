@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.record.frame import Frame
 from otwarp.record.statistics import RunningStatistics
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 UNDECIDED, DELIVERED, ROBOT_LOST, CELL_LOST = range(4)
 OUTCOMES = ("undecided", "delivered", "robot lost", "cell lost")

@@ -25,7 +25,7 @@ from otwarp import __version__
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
-from otwarp.scene.description import Obstacle, Scene, Track
+from otwarp.scene import Obstacle, Scene, Track
 
 LARGEST_RECORD = 2**32 - 4
 """Bytes that one variable may have per frame in this format."""

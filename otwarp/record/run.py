@@ -17,7 +17,7 @@ from otwarp.record.capacity import check_worlds
 from otwarp.record.frame import Frame
 from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 

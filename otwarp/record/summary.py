@@ -11,7 +11,7 @@ import numpy as np
 from otwarp import __version__
 from otwarp.record.monitor import DELIVERED, OUTCOMES, Monitor
 from otwarp.record.netcdf import scene_name
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 LISTED_WORLDS = 16
 """Up to so many worlds are listed one by one; beyond, they are counted."""

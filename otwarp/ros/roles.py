@@ -12,7 +12,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.presets import PAIRINGS
 from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
-from otwarp.scene.description import Obstacle, Scene
+from otwarp.scene import Obstacle, Scene
 from otwarp.scene.transforms import conjugate, rotate
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 

@@ -1,17 +1,34 @@
-"""The scene room: what a USD stage says, read, authored and validated. The only room that knows `pxr`.
+"""The scene room: what a USD stage says, read, authored, validated, recorded and drawn; the only room that knows `pxr`.
 
-Importing this package loads no `pxr`, yet the `ot:` schemas are known to every stage opened afterwards: before USD
-starts, through its plugin path; when USD is already there, through its plugin registry.
+What users need is offered here. Importing this package loads no `pxr`, yet the `ot:` schemas are known to every stage
+opened afterwards: before USD starts, through its plugin path; when USD is already there, through its plugin registry.
+
+    stage ──► read ──► description, scene ──► simulation …          description ──► write ──► stage
+      └─────► drawing ──► preview, teleop's page                    frames ──► recording ──► run.usda
+
+| room | what it is | open first |
+|---|---|---|
+| `description`, `track`, `scene` | plain frozen dataclasses in µm, s, pN, mW, K: neither USD nor Warp | `description` |
+| `transforms` | rotations and rigid transforms, NumPy | `transforms` |
+| `vocabulary` | the one table of `ot:` attributes, which all the rest follows | `vocabulary/__init__` |
+| `schema` | the USD schema files, written from the table | `schema/generate` |
+| `read` | stage → fields of a `Scene`, and `validate` | `read/load` |
+| `write` | description → stage | `write/builder` |
+| `recording` | frames of a run → `run.usda` | `recording/usd` |
+| `drawing` | stage → shapes, lights and camera of a picture | `drawing/drawables` |
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from otwarp.laws import TrapLaw
+from otwarp.lazy import lazy_names
 from otwarp.scene.description import (
+    IDENTITY,
+    OPTICAL_MODELS,
     Body,
     Camera,
     Flow,
@@ -19,29 +36,37 @@ from otwarp.scene.description import (
     Material,
     Medium,
     Obstacle,
+    Quat,
     Rod,
-    Scene,
     Settings,
     Sphere,
-    Track,
     Trap,
+    Vec3,
 )
+from otwarp.scene.scene import Scene
 from otwarp.scene.schema import SCHEMA_FOLDER, register
+from otwarp.scene.track import Track
 
 if TYPE_CHECKING:
-    from otwarp.scene.read.load import load_scene
+    from otwarp.scene.read.validate import Finding, Report, validate
+    from otwarp.scene.write.body_file import write_body
     from otwarp.scene.write.builder import SceneBuilder
     from otwarp.scene.write.export import export_in_metres
 
 __all__ = [
+    "IDENTITY",
+    "OPTICAL_MODELS",
     "SCHEMA_FOLDER",
     "Body",
     "Camera",
+    "Finding",
     "Flow",
     "Goal",
     "Material",
     "Medium",
     "Obstacle",
+    "Quat",
+    "Report",
     "Rod",
     "Scene",
     "SceneBuilder",
@@ -50,11 +75,25 @@ __all__ = [
     "Track",
     "Trap",
     "TrapLaw",
+    "Vec3",
     "export_in_metres",
-    "load_scene",
+    "validate",
+    "write_body",
 ]
 
-_LAZY = {"SceneBuilder": "write.builder", "export_in_metres": "write.export", "load_scene": "read.load"}
+__getattr__, _ = lazy_names(
+    __name__,
+    {
+        "read.validate": ("Finding", "Report", "validate"),
+        "write.body_file": ("write_body",),
+        "write.builder": ("SceneBuilder",),
+        "write.export": ("export_in_metres",),
+    },
+)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def _announce_schemas() -> None:
@@ -66,16 +105,6 @@ def _announce_schemas() -> None:
     known = os.environ.get("PXR_PLUGINPATH_NAME", "")
     if str(SCHEMA_FOLDER) not in known.split(os.pathsep):
         os.environ["PXR_PLUGINPATH_NAME"] = os.pathsep.join(filter(None, [known, str(SCHEMA_FOLDER)]))
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import importlib
-
-    value = getattr(importlib.import_module(f"{__name__}.{_LAZY[name]}"), name)
-    globals()[name] = value
-    return value
 
 
 _announce_schemas()

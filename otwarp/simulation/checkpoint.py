@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 if TYPE_CHECKING:
     from otwarp.simulation.simulation import Simulation

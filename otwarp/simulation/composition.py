@@ -15,7 +15,7 @@ from otwarp.kernels.core.precision import PRECISIONS
 from otwarp.kernels.hydrodynamics.coupling import COUPLED
 from otwarp.kernels.hydrodynamics.walls import NEAR_WALLS
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.scene.description import Body, Scene
+from otwarp.scene import Body, Scene
 from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import is_rigid
 from otwarp.simulation.pack_coupling import takes_coupling

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import translation_translation
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.pack_coupling import coupling_radius, takes_coupling
 from otwarp.simulation.pack_traps import rotate
 

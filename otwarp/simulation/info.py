@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.pack_traps import axial_or_radial, law, trap_reach

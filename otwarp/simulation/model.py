@@ -15,7 +15,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.optics import TrapOptics

@@ -19,7 +19,7 @@ import warp as wp
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 from otwarp.kernels.optics.traps import exact_name, table_name
 from otwarp.laws.trap_law import FIELDS, TrapLaw
-from otwarp.scene.description import IDENTITY, Medium, Scene, Trap
+from otwarp.scene import IDENTITY, Medium, Scene, Trap
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.arrays import Place, device_array
 

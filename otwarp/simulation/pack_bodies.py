@@ -12,7 +12,7 @@ from otwarp.hydrodynamics.mobility import body_mobility, from_override
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.contact.obstacles import FAR, SHAPES
 from otwarp.kernels.core.types import BodyData, ContactData, ObstacleData, mat66
-from otwarp.scene.description import Body, Scene, Sphere, Vec3
+from otwarp.scene import Body, Scene, Sphere, Vec3
 from otwarp.scene.read.mesh_overlap import is_closed
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.optics import TrapOptics

@@ -9,7 +9,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.kernels.core.types import CouplingData
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.pack_bodies import is_rigid
 

@@ -14,7 +14,7 @@ from otwarp.kernels.core.exact_data import ExactData
 from otwarp.kernels.core.types import FlowData, MediumData, TrapData
 from otwarp.kernels.optics.traps import trap_term
 from otwarp.laws.trap_law import FIELDS, TrapLaw
-from otwarp.scene.description import Scene, Trap
+from otwarp.scene import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.optics import TrapOptics, pack_tables, trap_sides

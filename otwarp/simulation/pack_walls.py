@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.immersion import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData, mat66
-from otwarp.scene.description import Body, Obstacle, Scene
+from otwarp.scene import Body, Obstacle, Scene
 from otwarp.simulation.arrays import Place, device_array
 from otwarp.simulation.pack_bodies import drag_spheres, is_rigid, weight
 from otwarp.simulation.pack_traps import rotate

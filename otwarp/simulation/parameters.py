@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.scene import vocabulary
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene, vocabulary
 from otwarp.scene.vocabulary import Attribute, Schema
 from otwarp.scene.vocabulary.values import internal, to_field
 from otwarp.units import INTERNAL_SYMBOL

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
-from otwarp.scene.description import Body, Scene
+from otwarp.scene import Body, Scene
 from otwarp.simulation.coupled_rates import CoupledRates
 from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
 

@@ -13,7 +13,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.laws.trap_law import FIELDS
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.composition import compose
 from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.pack_bodies import mobilities

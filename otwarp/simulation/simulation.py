@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.arrays import host_type
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes

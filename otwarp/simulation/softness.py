@@ -11,7 +11,7 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.faults import OVERLAP_LIMIT
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.scene.description import Body, Scene
+from otwarp.scene import Body, Scene
 
 EXPLICIT_PRODUCT = 1.8
 """Largest bound of the fastest contact relaxation rate × time step for explicit forces; 2 would be unstable.

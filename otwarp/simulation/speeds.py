@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.scene.description import Obstacle, Scene, Sphere
+from otwarp.scene import Obstacle, Scene, Sphere
 from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound, union_volume, weight
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.relaxation import point_mobility

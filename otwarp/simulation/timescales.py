@@ -13,7 +13,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.pack_walls import wall_time
 from otwarp.simulation.relaxation import TrapRelaxation
 from otwarp.simulation.speeds import (

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.description import Body, Camera, Goal, Obstacle, Settings, Track, Trap, Vec3
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Body, Camera, Goal, Obstacle, SceneBuilder, Settings, Track, Trap, Vec3
 from scenes.author import crowds, robots, shapes, trap_laws
 from scenes.author.paths import curve_through, journey, swing
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.scene.description import Body, Material, Sphere
+from otwarp.scene import Body, Material, Sphere
 
 
 def cell(

@@ -10,8 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
 from scenes.author import shapes, trap_laws
 
 RADIUS, INDEX = 1.0, 1.59

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.description import Camera, Flow, Settings
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Camera, Flow, SceneBuilder, Settings
 from scenes.author import crowds, robots, shapes
 
 CELL_COUNT, CELL_RADIUS = 200, 3.0

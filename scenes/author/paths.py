@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.scene.description import Track
+from otwarp.scene import Track
 
 SAMPLES_PER_SECOND = 20.0
 """Time samples authored per second: a divisor of 60, so that they fall on whole frames."""

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import IDENTITY, Body, Material, Sphere, Track, Trap, Vec3
+from otwarp.scene import IDENTITY, Body, Material, Sphere, Track, Trap, Vec3
 from scenes.author import trap_laws
 
 if TYPE_CHECKING:
-    from otwarp.scene.write.builder import SceneBuilder
+    from otwarp.scene import SceneBuilder
 
 Color = tuple[float, float, float]
 

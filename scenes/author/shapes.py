@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from otwarp.scene.description import IDENTITY, Obstacle, Quat, Track, Vec3
+from otwarp.scene import IDENTITY, Obstacle, Quat, Track, Vec3
 
 if TYPE_CHECKING:
-    from otwarp.scene.write.builder import SceneBuilder
+    from otwarp.scene import SceneBuilder
 
 # Linear RGB, as USD has it: deeper than they look on a screen.
 WARM_ROBOT = (0.90, 0.27, 0.04)

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Camera, Settings, Sphere, Track, Trap
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
 from scenes.author import robots, shapes, trap_laws
 
 LENGTH = 9.55  # L, between the spheres' centres [µm]

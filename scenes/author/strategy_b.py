@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Camera, Settings, Track, Trap
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Body, Camera, SceneBuilder, Settings, Track, Trap
 from scenes.author import robots, shapes, trap_laws
 
 POWER_RATIO = 1.5  # m: left over right

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from otwarp.scene.description import Camera, Goal, Settings
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Camera, Goal, SceneBuilder, Settings
 from scenes.author import crowds, robots, shapes
 
 HEIGHT = 8.0

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.scene.description import Camera, Settings
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Camera, SceneBuilder, Settings
 from scenes.author import crowds, shapes
 
 COUNTS = (50, 40, 5)

@@ -34,8 +34,7 @@ from otwarp.bench.stability.verdict import Defect, Measured, Verdict, judge
 from otwarp.cli.main import main
 from otwarp.errors import InputError, SimulationError
 from otwarp.record.run import record_run
-from otwarp.scene.description import Scene, Track
-from otwarp.scene.write.builder import SceneBuilder
+from otwarp.scene import Scene, SceneBuilder, Track
 
 QUADRATURE = 1e-4
 """Of a midpoint rule over a kink, at the worst."""

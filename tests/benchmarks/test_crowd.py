@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks import crowd
 from otwarp.device import pick_device
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 
 COUNT = 1000

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.cli.main import main
-from otwarp.scene import SceneBuilder
-from otwarp.scene.description import Body, Rod, Settings, Sphere
+from otwarp.scene import Body, Rod, SceneBuilder, Settings, Sphere
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

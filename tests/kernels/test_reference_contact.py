@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Material
+from otwarp.scene import Material
 from tests.reference.contact import adhesion_of, normal_force, pair_forces, sphere_obstacle, sphere_pair
 from tests.reference.contact_loads import contact_loads
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Flow
+from otwarp.scene import Flow
 from tests.reference.flow import flow_at
 from tests.reference.keyframes import interpolate, interpolate_rotation
 from tests.reference.obstacles import SHAPES, signed_distance

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Track, Trap
+from otwarp.scene import Track, Trap
 from tests.reference.rotations import exponential, matrix, multiply
 from tests.reference.traps import body_wrench, curve, limited_focus, potential, sphere_force
 

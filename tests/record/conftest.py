@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from tests.record.small_run import load
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.record.frame import Frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 HELD = ((0, 0), (1, 0))
 RATE = 60.0

@@ -16,7 +16,7 @@ from otwarp.record.netcdf import NetcdfRecording
 from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
 from otwarp.record.run import record_run
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.scene.recording.usd import UsdRecording
 from tests.record.small_run import HELD, RATE, frame
 

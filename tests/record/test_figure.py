@@ -13,7 +13,7 @@ from otwarp.record import figure
 from otwarp.record.footprint import hull, outlines
 from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from tests.record.small_run import HELD, RATE, frame
 
 

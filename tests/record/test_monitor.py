@@ -8,7 +8,7 @@ import pytest
 from otwarp.record.monitor import GRACE, Monitor, robot_distance
 from otwarp.record.statistics import RunningStatistics
 from otwarp.record.summary import escapes, statistics
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from tests.record.small_run import HELD, RATE, frame
 
 LAST = 1e-12

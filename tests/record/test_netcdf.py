@@ -8,7 +8,7 @@ import xarray as xr
 
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import QUANTITIES, NetcdfRecording
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from tests.record.small_run import HELD, RATE, frame
 
 SINGLE = 6.1e-8

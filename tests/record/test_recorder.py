@@ -13,7 +13,7 @@ from pxr import Usd
 from otwarp.errors import InputError
 from otwarp.record.read import read_run
 from otwarp.record.recorder import FILES, Recorder, check_folder
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from tests.record.small_run import HELD, RATE, frame
 
 

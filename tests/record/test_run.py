@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.record.read import read_run
 from otwarp.record.run import frame_steps, record_run
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

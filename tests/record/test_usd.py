@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.record.frame import Frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.scene.recording import usd as record_module
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, SHORTEST
 from otwarp.scene.recording.usd import CLIP_FRAMES, UsdRecording

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from otwarp.scene.description import Material
+from otwarp.scene import Material
 
 
 def normal_force(overlap: float, radius: float, modulus: float, adhesion: float, reach: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.scene.description import Flow
+from otwarp.scene import Flow
 from tests.reference.rotations import matrix
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Trap
+from otwarp.scene import Trap
 from tests.reference.rotations import matrix
 
 

@@ -13,8 +13,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.clock import VirtualClock
 from otwarp.ros.contract import UPRIGHT
 from otwarp.ros.roles import Roles, surface_distance
-from otwarp.scene.description import Obstacle, Scene
-from otwarp.scene.track import Track
+from otwarp.scene import Obstacle, Scene, Track
 from otwarp.teleop.session.live import LiveLoop
 from tests.ros.setups import RATE, roles_of, run
 from tests.teleop.scenes import three_beads

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 
 STAGE = """#usda 1.0
 (

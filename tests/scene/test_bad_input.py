@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene import SceneBuilder, Settings, load_scene
+from otwarp.scene import Scene, SceneBuilder, Settings
 from tests.scene.conftest import STAGE, StageFile
 
 PLATES = "double ot:flow:halfHeight = 1e-5"
@@ -225,7 +225,7 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
 def refused(path: Path, capfd: pytest.CaptureFixture[str], **options: float) -> str:
     """The message of the InputError, after checking that it is one line and the only output."""
     with pytest.raises(InputError) as caught:
-        load_scene(path, **options)
+        Scene.load(path, **options)
     assert capfd.readouterr() == ("", "")
     message = str(caught.value)
     assert "\n" not in message
@@ -277,7 +277,7 @@ def test_bad_duration(duration: float, stage_file: StageFile, capfd: pytest.Capt
 
 def test_longer_run_than_samples(stage_file: StageFile, capfd: pytest.CaptureFixture[str]) -> None:
     path = stage_file.write()
-    assert load_scene(path, duration=1.0 + 5e-10).settings.duration == 1.0 + 5e-10  # within the slack of 1e-9 s
+    assert Scene.load(path, duration=1.0 + 5e-10).settings.duration == 1.0 + 5e-10  # within the slack of 1e-9 s
     assert "covering the run, [0, 1.1] s" in refused(path, capfd, duration=1.1)
 
 

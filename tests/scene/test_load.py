@@ -10,8 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from otwarp.scene import Body, Scene, SceneBuilder, Sphere, vocabulary
-from otwarp.scene.description import IDENTITY, Material, Medium, Obstacle, Settings, Track
+from otwarp.scene import (
+    IDENTITY,
+    Body,
+    Material,
+    Medium,
+    Obstacle,
+    Scene,
+    SceneBuilder,
+    Settings,
+    Sphere,
+    Track,
+    vocabulary,
+)
 from otwarp.scene.transforms import decompose, quaternions, rotation_matrix
 from otwarp.scene.vocabulary.values import authored, internal
 from otwarp.units import from_si

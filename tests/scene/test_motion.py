@@ -7,7 +7,7 @@ import pytest
 from pxr import UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Obstacle
+from otwarp.scene import Obstacle
 from otwarp.scene.read.motion import CHORD, LARGEST_TURN, TURN_ERROR
 from otwarp.scene.read.source import open_stage
 from otwarp.scene.transforms import rotation_matrix

@@ -11,8 +11,7 @@ from pxr import Usd
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.optics.beam import APODIZATIONS, JONES, Beam
-from otwarp.scene import Scene, SceneBuilder, Track, Trap, vocabulary
-from otwarp.scene.description import OPTICAL_MODELS
+from otwarp.scene import OPTICAL_MODELS, Scene, SceneBuilder, Track, Trap, vocabulary
 from otwarp.scene.vocabulary.values import authored, internal
 from tests.scene.conftest import STAGE, StageFile
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Obstacle
+from otwarp.scene import Obstacle
 from scenes.author import cell_delivery, robots, trap_laws
 
 VISCOSITY = 0.00089

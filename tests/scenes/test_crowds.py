@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from scenes.author import crowds, microfluidic_channel, robots
 from scenes.author.__main__ import FOLDER
 

@@ -9,7 +9,7 @@ import pytest
 
 from otwarp.record.monitor import Monitor
 from otwarp.record.run import capture_frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.simulation import Simulation
 from scenes.author import strategy_a

@@ -11,8 +11,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene import vocabulary
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene, vocabulary
 from otwarp.scene.read.validate import validate
 from scenes.author.__main__ import FOLDER, NAMES, main, save
 

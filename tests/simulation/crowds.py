@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.scene.description import Body, Material, Medium, Obstacle, Scene, Settings, Sphere, Trap
+from otwarp.scene import Body, Material, Medium, Obstacle, Scene, Settings, Sphere, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import VISCOSITY
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from otwarp.hydrodynamics import body_mobility
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import (
+from otwarp.scene import (
     IDENTITY,
     Body,
     Material,

@@ -12,8 +12,7 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.scene import SceneBuilder
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene, SceneBuilder
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 from tests.simulation.test_determinism import touching_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from otwarp.scene.description import Material
+from otwarp.scene import Material
 from otwarp.simulation.simulation import Simulation
 from tests.reference.contact import sphere_obstacle
 from tests.simulation.setups import CELL, contact_scene, drag, harmonic, line, neutral

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import SimulationError
-from otwarp.scene.description import Body, Medium, Obstacle, Scene, Settings, Track, Trap
+from otwarp.scene import Body, Medium, Obstacle, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import VISCOSITY, contact_scene, drag, harmonic, line, neutral, obstacle, sphere_body

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from otwarp.scene.description import Body, Material, Medium, Rod, Scene, Settings, Sphere
+from otwarp.scene import Body, Material, Medium, Rod, Scene, Settings, Sphere
 from otwarp.simulation.pack_bodies import weight
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN

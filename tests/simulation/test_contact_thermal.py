@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.bench.stability.closed_forms import POISSON_RATIO, hardness, mean_height
-from otwarp.scene.description import Material, Medium, Scene, Settings
+from otwarp.scene import Material, Medium, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import ENERGY, VISCOSITY, harmonic, obstacle, robot, sphere_body

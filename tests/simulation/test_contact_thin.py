@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Material, Medium, Obstacle, Rod, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Material, Medium, Obstacle, Rod, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.timescales import TRAVEL_FRACTION
 from tests.reference.rotations import matrix

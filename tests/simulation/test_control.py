@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import STIFFNESS, bead_scene, contact_scene, drag, harmonic, line, neutral
 from tests.simulation.test_checkpoint import authored

@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Flow, Medium, Scene
+from otwarp.scene import Flow, Medium, Scene
 from otwarp.simulation.pack_bodies import union_volume, weight
 from otwarp.simulation.simulation import Simulation
 from tests.reference import coupling as reference

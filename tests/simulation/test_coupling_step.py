@@ -11,7 +11,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from otwarp.errors import SimulationError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.reference.contact import sphere_obstacle, sphere_pair

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import CELL, bead_scene, contact_scene, harmonic, neutral
 

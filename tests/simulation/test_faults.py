@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError, SimulationError
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import STIFFNESS, bead_scene, contact_scene, drag, neutral, robot
 

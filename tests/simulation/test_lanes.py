@@ -13,7 +13,7 @@ from otwarp.errors import SimulationError
 from otwarp.kernels.drivers.lane_groups import GROUP, threads_for
 from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.stepping import FusedStepper
 from tests.simulation.setups import ENERGY, drag, harmonic, neutral
 

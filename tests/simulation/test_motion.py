@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Flow, Medium, Scene, Settings
+from otwarp.scene import Flow, Medium, Scene, Settings
 from otwarp.simulation.pack_bodies import mobilities, union_volume
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.simulation import Simulation

@@ -11,8 +11,8 @@ from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.laws import TrapLaw
 from otwarp.optics import Sphere, force
-from otwarp.scene.description import Body, Scene, Settings, Track, Trap
-from otwarp.scene.description import Sphere as SceneSphere
+from otwarp.scene import Body, Scene, Settings, Track, Trap
+from otwarp.scene import Sphere as SceneSphere
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.optics import beam_of

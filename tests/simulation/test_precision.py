@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from otwarp.kernels.core import precision as kernels
 from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
 from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
-from otwarp.scene.description import Medium, Scene, Settings, Track, Trap
+from otwarp.scene import Medium, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference import rotations
 from tests.reference import walls as walls_reference

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene, harmonic, neutral, obstacle, sphere_body
 

@@ -16,7 +16,7 @@ from warp._src.context import ModuleBuilder
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Flow, Scene, Settings
+from otwarp.scene import Flow, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene, contact_scene, harmonic, neutral, robot, sphere_body
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 from tests.reference.rotations import matrix

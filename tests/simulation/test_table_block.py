@@ -12,7 +12,7 @@ import warp as wp
 from otwarp import Simulation
 from otwarp.kernels.optics.trap_wrench import blocked_table
 from otwarp.kernels.step import make_step
-from otwarp.scene.description import Scene, Settings, Track, Trap
+from otwarp.scene import Scene, Settings, Track, Trap
 from otwarp.simulation.stepping import FusedStepper
 from tests.simulation.setups import robot
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Flow, Material, Medium, Obstacle, Scene, Settings, Track
+from otwarp.scene import Flow, Material, Medium, Obstacle, Scene, Settings, Track
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

@@ -14,7 +14,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.bispherical import wall_resistance
 from otwarp.kernels.core.features import Features
-from otwarp.scene.description import Body, Flow, Medium, Obstacle, Quat, Rod, Scene, Settings
+from otwarp.scene import Body, Flow, Medium, Obstacle, Quat, Rod, Scene, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation

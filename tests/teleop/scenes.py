@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from otwarp.haptics.core.types import Vec3
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Medium, Scene, Settings, Sphere, Trap
-from otwarp.scene.track import Track
+from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
 
 PLACES: dict[str, Vec3] = {"left": (-8.0, 0.0, 5.0), "right": (8.0, 0.0, 5.0), "none": (0.0, 8.0, 5.0)}
 """Where the bead and the trap of each hand are [µm]."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from otwarp.scene.description import Settings
+from otwarp.scene import Settings
 from otwarp.scene.vocabulary.medium import SCENE
 
 CHAINS: dict[str, Callable[[float], tuple[float, float, float]]] = {

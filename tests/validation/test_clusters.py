@@ -14,7 +14,7 @@ import pytest
 from scipy.special import zeta
 
 from otwarp.hydrodynamics import body_mobility
-from otwarp.scene.description import Body
+from otwarp.scene import Body
 from tests.reference.stokes_multipoles import cluster_resistance
 
 ACCURACY = Body.mobility_accuracy

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.reference.fokker_planck import ball
 from tests.simulation.setups import ENERGY, STIFFNESS, drag, harmonic, line, sphere_body

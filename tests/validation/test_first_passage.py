@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.reference.fokker_planck import ball, mean_first_passage
 from tests.simulation.setups import ENERGY, STIFFNESS, drag, harmonic, sphere_body

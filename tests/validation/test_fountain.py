@@ -15,7 +15,7 @@ import pytest
 
 from otwarp.optics import Beam, ForceTable, build_table
 from otwarp.optics import Sphere as OpticalSphere
-from otwarp.scene.description import Body, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.fokker_planck import Swarm, cylinder
 from tests.simulation.setups import ENERGY, drag

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from otwarp.scene.description import Body, Scene, Settings
+from otwarp.scene import Body, Scene, Settings
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import ENERGY, FIVE, VISCOSITY, drag, robot, sphere_body

@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import minimize_scalar
 
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import ENERGY, STIFFNESS, drag, harmonic, sphere_body
 from tests.validation import scheme

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import root_scalar
 
-from otwarp.scene.description import Material, Medium
+from otwarp.scene import Material, Medium
 from otwarp.units import STANDARD_GRAVITY
 from tests.reference.contact import sphere_obstacle, sphere_pair
 from tests.simulation.setups import CELL, contact_scene, sphere_body

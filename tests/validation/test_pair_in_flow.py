@@ -12,7 +12,7 @@ import pytest
 from pygrpy import grpy_tensors
 from scipy.integrate import solve_ivp
 
-from otwarp.scene.description import Flow, Medium, Scene, Settings
+from otwarp.scene import Flow, Medium, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import POWER as FULL_POWER

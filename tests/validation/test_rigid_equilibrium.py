@@ -16,7 +16,7 @@ import pytest
 from scipy.linalg import expm
 
 from otwarp.hydrodynamics import BodyMobility
-from otwarp.scene.description import Scene, Settings
+from otwarp.scene import Scene, Settings
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import ENERGY, STIFFNESS, VISCOSITY, harmonic, robot

@@ -17,7 +17,7 @@ from otwarp.optics import Beam, ForceTable
 from otwarp.optics import Sphere as OpticalSphere
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.table import TableLevel, steepest_slope
-from otwarp.scene.description import Body, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.fokker_planck import cylinder
 from tests.simulation.setups import ENERGY, drag

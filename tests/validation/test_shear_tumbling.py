@@ -16,7 +16,7 @@ import pytest
 from pygrpy import grpy_tensors
 from scipy.integrate import solve_ivp
 
-from otwarp.scene.description import Flow, Medium, Scene, Settings
+from otwarp.scene import Flow, Medium, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import COLD, VISCOSITY, robot
 from tests.validation.poses import matrices, pose

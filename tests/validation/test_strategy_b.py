@@ -12,7 +12,7 @@ import functools
 
 import numpy as np
 
-from otwarp.scene.description import Medium, Scene, Settings, Track
+from otwarp.scene import Medium, Scene, Settings, Track
 from otwarp.simulation.simulation import Simulation
 from scenes.author import strategy_b
 from tests.reference.traps import body_wrench

@@ -20,7 +20,7 @@ from benchmarks.transitions import advance
 from otwarp.kernels.core.random import Stream
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Medium, Scene, Settings, Track, Trap
+from otwarp.scene import Medium, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.philox import WEAK, halves, noise_words, normals
 from tests.simulation.setups import ENERGY, STIFFNESS, VISCOSITY, drag, sphere_body

@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Flow, Medium, Quat, Scene, Settings, Track, Trap
+from otwarp.scene import Flow, Medium, Quat, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.rotations import matrix, multiply
 from tests.simulation.setups import CELL, COLD, FIVE, VISCOSITY, harmonic, neutral, obstacle, robot, sphere_body

@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.special import i0e
 
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Medium, Scene, Settings
+from otwarp.scene import Medium, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import COLD, ENERGY, VISCOSITY, harmonic, robot
 from tests.validation.poses import matrices, pose

@@ -9,7 +9,7 @@ from typing import Any
 
 from otwarp.bench.rungs import LADDER, Rung
 from otwarp.errors import InputError
-from otwarp.scene.description import Settings
+from otwarp.scene import Settings
 from otwarp.simulation.simulation import Simulation
 
 GROUPS = ("integrator", "force", "precision")

@@ -19,7 +19,7 @@ from otwarp.bench.beside import beside
 from otwarp.bench.rungs import TrappedBead, chosen_rungs
 from otwarp.bench.scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
 from otwarp.optics import Beam, Sphere
-from otwarp.scene.description import Scene, Track, Trap
+from otwarp.scene import Scene, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 

@@ -13,7 +13,7 @@ from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.thermal import Effort, advance, chosen_step, simulate, steps_for
 from otwarp.bench.stability.verdict import Defect, Measured
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Scene, Track, Trap
+from otwarp.scene import Scene, Track, Trap
 from otwarp.units import FORCE_PER_POWER
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 from otwarp.bench.scenes import bead, obstacle, scene, spring
 from otwarp.bench.stability.thermal import Effort, advance, simulate
 from otwarp.bench.stability.verdict import COARSE, Defect, Measured
-from otwarp.scene.description import Body, Material, Scene, Sphere, Vec3
+from otwarp.scene import Body, Material, Scene, Sphere, Vec3
 from otwarp.simulation.simulation import Simulation
 
 MODULUS = (1e2, 3e9)

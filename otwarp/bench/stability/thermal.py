@@ -11,7 +11,7 @@ from otwarp.bench.scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, r
 from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.verdict import Defect, Measured, against
 from otwarp.errors import SimulationError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 

@@ -1,1 +1,1 @@
-"""Reads a USD stage into the description: `load.load_scene`."""
+"""Reads a USD stage into the description: `load.read_file`."""

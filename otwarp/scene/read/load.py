@@ -1,14 +1,14 @@
-"""Reads a USD stage into a `Scene`: one pass that sorts the prims, then one reader for each kind."""
+"""Reads a USD stage into the fields of a `Scene`: one pass that sorts the prims, then one reader for each kind."""
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
+from typing import Any
 
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Body, Obstacle, Scene
+from otwarp.scene.description import Body, Obstacle
 from otwarp.scene.read.attributes import check_prim
 from otwarp.scene.read.bodies import read_cell, read_instances, read_robot
 from otwarp.scene.read.environment import read_camera, read_flow, read_goal, read_medium, read_settings
@@ -21,7 +21,7 @@ _BODIES = ("OtBodyAPI", "OtCellAPI")
 _ELEMENTS = ("OtSphereAPI", "OtRodAPI")
 
 
-def load_scene(path: Path, *, duration: float | None = None) -> Scene:
+def read_file(path: Path, *, duration: float | None = None) -> dict[str, Any]:
     """Read a USD file.
 
     Args:
@@ -29,17 +29,17 @@ def load_scene(path: Path, *, duration: float | None = None) -> Scene:
         duration: Length of the run [s] that the time samples must cover, instead of the authored one.
 
     Returns:
-        The scene in internal units (µm, s, pN, mW, K), bodies, traps and obstacles in stage order.
+        Field of a `Scene` → value in internal units (µm, s, pN, mW, K), bodies, traps and obstacles in stage order.
 
     Raises:
         InputError: Anything in the file that cannot be accepted, in one line.
     """
     stage = open_stage(path)
-    return dataclasses.replace(read_scene(stage, file=str(path), duration=duration), file=path)
+    return read_stage(stage, file=str(path), duration=duration) | {"file": path}
 
 
-def read_scene(stage: Usd.Stage, *, file: str, duration: float | None = None) -> Scene:
-    """Read an open stage; `file` is what errors name. See `load_scene`."""
+def read_stage(stage: Usd.Stage, *, file: str, duration: float | None = None) -> dict[str, Any]:
+    """Read an open stage; `file` is what errors name. See `read_file`."""
     with quiet_usd():
         try:
             return _read(Source(stage, file), duration)
@@ -100,7 +100,7 @@ def _enclosing(source: Source, prim: Usd.Prim) -> Usd.Prim | None:
     return None
 
 
-def _read(source: Source, duration: float | None) -> Scene:
+def _read(source: Source, duration: float | None) -> dict[str, Any]:
     root = source.stage.GetDefaultPrim()
     found = _Sorted(source)
     medium = read_medium(source, root)
@@ -115,7 +115,7 @@ def _read(source: Source, duration: float | None) -> Scene:
     check_holds(source, traps, bodies)
     obstacles: list[Obstacle] = [read_obstacle(source, prim) for prim in found.obstacles]
     check_overlaps(source.file, bodies, obstacles)
-    return Scene(
+    return dict(
         root=str(root.GetPath()),
         medium=medium,
         settings=settings,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,9 +12,9 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
-from otwarp.scene.description import Scene
+from otwarp.scene.description import Body, Trap, Vec3
 from otwarp.scene.read.attributes import read_values
-from otwarp.scene.read.load import read_scene
+from otwarp.scene.read.load import read_stage
 from otwarp.scene.read.source import Source, open_stage, quiet_usd
 
 _LIGHTS = ("DistantLight", "DomeLight", "SphereLight", "RectLight", "DiskLight", "CylinderLight")
@@ -70,15 +71,15 @@ def validate(path: str | Path) -> Report:
     except InputError as error:
         return Report(file=path, findings=(finding(path, str(error)),))
     findings: list[Finding] = []
-    scene = None
+    fields = None
     try:
-        scene = read_scene(stage, file=str(path))
+        fields = read_stage(stage, file=str(path))
     except InputError as error:
         findings.append(finding(path, str(error)))
     with quiet_usd():
         findings += _usd_findings(stage)
-        if scene is not None:
-            findings += _advice(Source(stage, str(path)), scene)
+        if fields is not None:
+            findings += _advice(Source(stage, str(path)), fields["bodies"], fields["traps"])
     return Report(file=path, findings=tuple(findings))
 
 
@@ -114,7 +115,7 @@ def _site(error: Any) -> str:
     return "/"
 
 
-def _advice(source: Source, scene: Scene) -> list[Finding]:
+def _advice(source: Source, bodies: Sequence[Body], traps: Sequence[Trap]) -> list[Finding]:
     prims = list(Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     findings = _unused(source, prims)
     cameras = [prim for prim in prims if prim.IsA(UsdGeom.Camera)]
@@ -122,8 +123,9 @@ def _advice(source: Source, scene: Scene) -> list[Finding]:
         findings.append(Finding(severity="warning", prim="/", message="no camera: viewers choose their own view"))
     if not any(prim.GetTypeName() in _LIGHTS for prim in prims):
         findings.append(Finding(severity="warning", prim="/", message="no light: viewers add their own or stay dark"))
+    points = [body.position for body in bodies] + [tuple(trap.position.values[0]) for trap in traps]
     for prim in cameras:
-        findings += _clipping(source, prim, scene)
+        findings += _clipping(source, prim, points)
     return findings
 
 
@@ -154,9 +156,8 @@ def _unused_branch(source: Source, prim: Usd.Prim, instances: list[str]) -> list
     return findings
 
 
-def _clipping(source: Source, prim: Usd.Prim, scene: Scene) -> list[Finding]:
+def _clipping(source: Source, prim: Usd.Prim, points: Sequence[Vec3]) -> list[Finding]:
     near, far = UsdGeom.Camera(prim).GetClippingRangeAttr().Get(source.start)
-    points = [body.position for body in scene.bodies] + [tuple(trap.position.values[0]) for trap in scene.traps]
     path = str(prim.GetPath())
     if not 0.0 < near < far:
         return [Finding(severity="warning", prim=path, message=f"clippingRange ({near:g}, {far:g}) is not usable")]

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, UsdGeom, Vt
 
-from otwarp.scene.description import Body, Scene, Sphere
+from otwarp.scene.description import Body, Sphere
 from otwarp.scene.read.source import Source
 from otwarp.scene.recording.prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
+from otwarp.scene.scene import Scene
 from otwarp.scene.transforms import rotate
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from otwarp.scene.description import Scene
 from otwarp.scene.read.bodies import instance_orientations
 from otwarp.scene.read.source import Source
+from otwarp.scene.scene import Scene
 from otwarp.scene.transforms import conjugate, decompose, multiply, rotate
 from otwarp.scene.vocabulary.values import authored
 

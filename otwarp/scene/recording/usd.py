@@ -32,10 +32,10 @@ from typing import TYPE_CHECKING
 from pxr import Gf, Sdf, Tf, Vt
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Scene
 from otwarp.scene.read.source import Source, open_stage, usd_reason
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
+from otwarp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from otwarp.record.frame import Frame

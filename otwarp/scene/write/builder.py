@@ -12,7 +12,20 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
-from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Rod, Scene, Settings, Sphere, Trap
+from otwarp.scene.description import (
+    Body,
+    Camera,
+    Flow,
+    Goal,
+    Medium,
+    Obstacle,
+    Rod,
+    Settings,
+    Sphere,
+    Trap,
+)
+from otwarp.scene.read.load import read_stage
+from otwarp.scene.scene import Scene
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import align_z, look_at
 from otwarp.scene.vocabulary.values import authored
@@ -242,9 +255,7 @@ class SceneBuilder:
         Raises:
             InputError: What was authored could not be loaded.
         """
-        from otwarp.scene.read.load import read_scene
-
-        return read_scene(self._stage, file="SceneBuilder")
+        return Scene(**read_stage(self._stage, file="SceneBuilder"))
 
     def save(self, path: str | Path) -> Path:
         """Check the scene and write `.usda`, `.usdc` or `.usd` atomically: the whole file or none.

@@ -22,8 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene.description import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Trap
-from otwarp.scene.track import Track
+from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
 from otwarp.simulation.pack_bodies import weight
 from otwarp.simulation.pack_traps import rotate
 from otwarp.units import BOLTZMANN

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.composition import MAX_WORLD_BODIES
 from otwarp.teleop.budget.reach import SWEEP, Reach, Thinned, thin_out
 from otwarp.teleop.budget.report import FRAME_RATE, BudgetReport, Measure, SceneCost, measure_scene

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from otwarp.record.run import capture_frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 
 FRAME_RATE = 120.0

@@ -12,7 +12,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig, HapticsConfig, from_dict, to_dict
 from otwarp.haptics.core.presets import two_hands
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.frame import HANDS
 
 

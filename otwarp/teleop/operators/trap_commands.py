@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import Vec3
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 
 FARTHEST = 1e6

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from otwarp.scene.description import Body, Obstacle, Scene, Trap
+from otwarp.scene import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
 from otwarp.teleop.page.protocol import (

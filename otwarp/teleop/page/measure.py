@@ -15,8 +15,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.record.frame import Frame
-from otwarp.scene.description import Body, Scene, Sphere, Trap
-from otwarp.scene.track import Track
+from otwarp.scene import Body, Scene, Sphere, Track, Trap
 from otwarp.teleop.core.frame import LiveFrame
 from otwarp.teleop.page.process import PageProcess
 

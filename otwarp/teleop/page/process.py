@@ -21,7 +21,7 @@ from typing import BinaryIO
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import FACING_USER, check_orthogonal
 from otwarp.haptics.core.fields import Matrix
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 from otwarp.teleop.page.access import address, choose_token

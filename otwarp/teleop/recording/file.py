@@ -27,7 +27,7 @@ from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.recording.mcap import SUFFIX, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
 from otwarp.laws.trap_law import FIELDS, TrapLaw
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.frame import HANDS, LiveFrame
 
 FORMAT = 1

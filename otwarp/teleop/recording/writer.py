@@ -27,7 +27,7 @@ from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import LiveFrame, PaceNow
 from otwarp.teleop.recording.file import (

@@ -18,7 +18,7 @@ from otwarp.haptics.core.types import SceneFrame
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.monitor import Monitor
 from otwarp.record.run import capture_frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.commands import Sink

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.record.frame import Frame
 from otwarp.record.summary import statistics, strict, task
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.model import Model
 from otwarp.teleop.core.frame import HandFrame, PaceNow
 

@@ -17,7 +17,7 @@ from otwarp.haptics.core.mailbox import Mailbox
 from otwarp.haptics.core.platform import favour
 from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.commands import Record, Sink
 from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, slowed
 from otwarp.teleop.operators.local_scene import LocalScene

@@ -8,7 +8,7 @@ from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.contact.contact import Contact, along, overlap_alone, pair_law, pair_reach, rigid_response
 from otwarp.kernels.contact.solve import solve_contacts
 from otwarp.kernels.core.types import BodyData, ContactData, mat66
-from otwarp.scene.description import Material
+from otwarp.scene import Material
 from otwarp.simulation.arrays import device_array
 from tests.kernels.samples import evaluate, on_device, quaternions
 from tests.reference import contact as twin

@@ -13,7 +13,7 @@ from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
-from otwarp.scene.description import Body, Obstacle, Rod, Scene, Sphere, Track
+from otwarp.scene import Body, Obstacle, Rod, Scene, Sphere, Track
 from otwarp.simulation.arrays import device_array
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Readout

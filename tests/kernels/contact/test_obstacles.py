@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.kernels.contact.obstacles import SHAPES, distance_term, moving_pose, still_pose
 from otwarp.kernels.core.types import ObstacleData
-from otwarp.scene.description import Body, Obstacle, Scene, Sphere, Track
+from otwarp.scene import Body, Obstacle, Scene, Sphere, Track
 from otwarp.simulation.model import Model
 from tests.kernels.samples import evaluate, on_device, quaternions
 from tests.reference import keyframes

@@ -7,7 +7,7 @@ import warp as wp
 from otwarp.kernels.bodies.flow import FLOW_TERMS, poiseuille_flow, shear_flow, uniform_flow
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import FlowData
-from otwarp.scene.description import Flow, Scene
+from otwarp.scene import Flow, Scene
 from otwarp.simulation.arrays import Place
 from otwarp.simulation.pack_traps import pack_flow
 from tests.kernels.samples import evaluate, on_device, quaternions

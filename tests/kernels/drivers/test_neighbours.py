@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.kernels.drivers.neighbours import CROWDED, NEIGHBOURS
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.simulation.grid_scratch import choose_cells
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation

@@ -10,7 +10,7 @@ import warp as wp
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData
 from otwarp.kernels.integrate.body import free_move_term
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Flow, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.model import Model
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.state import Control, State

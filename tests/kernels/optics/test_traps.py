@@ -12,7 +12,7 @@ from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData
 from otwarp.kernels.optics.trap_wrench import wrench_term
 from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, limited_focus, trap_force_term
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Scene, Sphere, Track, Trap
+from otwarp.scene import Body, Scene, Sphere, Track, Trap
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, State
 from tests.kernels.samples import evaluate, on_device, quaternions

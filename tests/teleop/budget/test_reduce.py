@@ -11,8 +11,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
-from otwarp.scene.description import Body, Flow, Goal, Material, Obstacle, Rod, Scene, Settings, Sphere, Trap
-from otwarp.scene.track import Track
+from otwarp.scene import Body, Flow, Goal, Material, Obstacle, Rod, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.budget.reach import PATH_STEP, Reach, flow_velocity, frozen_body, thin_out
 from otwarp.teleop.budget.reduce import AUTO_SHARE, WORST_ERROR, parse_budget, reduce_scene, round_down

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene.track import Track
+from otwarp.scene import Track
 from otwarp.teleop.operators.trap_commands import GENTLE, TrapCommands
 from tests.teleop.scenes import PLACES, three_beads, trap
 

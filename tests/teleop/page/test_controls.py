@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.frame import HandFrame, PaceNow
 from otwarp.teleop.page.compose import compose

@@ -19,7 +19,7 @@ from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.servo.link import Cycles
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.record.frame import SHAPES, Frame
-from otwarp.scene.description import Scene
+from otwarp.scene import Scene
 from otwarp.teleop.core.frame import HandFrame, LiveFrame
 from otwarp.teleop.recording.writer import RecordingWriter
 from tests.haptics.setups import AXIAL, RADIAL

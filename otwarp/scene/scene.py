@@ -1,0 +1,57 @@
+"""The whole of what a stage says, and its way in from a file."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
+from otwarp.scene.track import ByValue
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene(ByValue):
+    """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
+
+    `file` is where it was read from (not part of equality).
+    """
+
+    file: Path | None = field(default=None, compare=False)
+    root: str = "/World"
+    medium: Medium = field(default_factory=Medium)
+    settings: Settings = field(default_factory=Settings)
+    traps: tuple[Trap, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    flow: Flow | None = None
+    camera: Camera | None = None
+    goal: Goal | None = None
+
+    @classmethod
+    def load(cls, file: str | Path, *, duration: float | None = None) -> Scene:
+        """Read a USD stage.
+
+        Args:
+            file: Path of a `.usda`, `.usdc` or `.usd` file.
+            duration: Length of the run [s] that the time samples must cover, instead of the authored one.
+
+        Raises:
+            InputError: Anything in the file that cannot be accepted, in one line.
+        """
+        from otwarp.scene.read.load import read_file
+
+        return cls(**read_file(Path(file), duration=duration))
+
+    def with_trap_speed(self, factor: float) -> Scene:
+        """The same scene with its traps played `factor` times faster, and the run shortened to match."""
+        traps = tuple(
+            dataclasses.replace(
+                t,
+                position=dataclasses.replace(t.position, times=t.position.times / factor),
+                power=dataclasses.replace(t.power, times=t.power.times / factor),
+            )
+            for t in self.traps
+        )
+        settings = dataclasses.replace(self.settings, duration=self.settings.duration / factor)
+        return dataclasses.replace(self, traps=traps, settings=settings)
