@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import warp as wp
 
+from otwarp import scene
 from otwarp.kernels.core.table_data import BLEND, ForceTableData
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.optics.force_table import table_term
 from otwarp.optics import Beam, ForceTable, Sphere
 from otwarp.optics import table as twin
 from otwarp.optics.table import TableLevel
-from otwarp.scene import description as scene
 from otwarp.simulation.arrays import Place
 from otwarp.simulation.model import Model
 from otwarp.simulation.optics import TrapOptics, pack_tables
