@@ -227,7 +227,7 @@ assert code == 0, code
         ("import otwarp; otwarp.Simulation", HEAVY - {"warp"}, {"warp"}),
         ("import otwarp.hydrodynamics", HEAVY, {"numpy"}),
         ("import otwarp.haptics.servo.process", HEAVY | {"numpy"}, {"otwarp"}),
-        ("import otwarp.haptics.chain.hands", HEAVY | {"numpy"}, {"otwarp"}),
+        ("import otwarp.haptics.chain.chain", HEAVY | {"numpy"}, {"otwarp"}),
         ("import otwarp.ros.ros1.node, otwarp.ros.ros2.node", HEAVY, {"otwarp"}),
     ],
     ids=lambda v: v.strip().splitlines()[0] if isinstance(v, str) else "",

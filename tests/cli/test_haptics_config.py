@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 
 from otwarp.cli.main import main
-from otwarp.haptics.core.config import HapticsConfig, from_dict
+from otwarp.haptics.core.config import HapticsConfig
+from otwarp.haptics.core.fields import from_dict
 from otwarp.haptics.core.presets import two_hands
 
 

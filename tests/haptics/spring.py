@@ -18,7 +18,7 @@ DECAY, DISARM, RAMP = 0.02, 0.1, 0.05
 class SpringChain:
     def __init__(self, info: DeviceInfo):
         self.info = info
-        self.state = "disarmed"
+        self.phase = "disarmed"
         self.force = ZERO
         self.gain = 0.0
         self.beat, self.heard, self.time, self.tick = 0, 0.0, 0.0, 0
@@ -31,18 +31,18 @@ class SpringChain:
     def set_gains(self, motion_gain=None, force_gain=None) -> None:
         self.gains = (motion_gain, force_gain)
 
-    def snapshot(self, scene):
-        return {"force": self.force, "state": self.state, "gain": self.gain}
+    def state(self, scene):
+        return {"force": self.force, "phase": self.phase, "gain": self.gain}
 
     def restore(self, state):
-        self.force, self.state, self.gain = tuple(state["force"]), state["state"], state["gain"]
+        self.force, self.phase, self.gain = tuple(state["force"]), state["phase"], state["gain"]
 
     def arm(self) -> None:
-        self.state, self.gain, self.heard = "ramping", 0.0, self.time
+        self.phase, self.gain, self.heard = "ramping", 0.0, self.time
 
     def disarm(self) -> None:
-        if self.state != "disarmed":
-            self.state = "decaying"
+        if self.phase != "disarmed":
+            self.phase = "decaying"
 
     def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         self.tick += 1
@@ -51,15 +51,15 @@ class SpringChain:
             self.beat, self.heard = scene.beat, sample.time
         age = sample.time - self.heard
         if age >= DISARM:
-            self.state = "disarmed"
-        elif age >= DECAY and self.state in ("ramping", "armed"):
-            self.state = "decaying"
+            self.phase = "disarmed"
+        elif age >= DECAY and self.phase in ("ramping", "armed"):
+            self.phase = "decaying"
         rate = {"ramping": 1.0 / RAMP, "armed": 1.0 / RAMP, "decaying": -1.0 / (0.7 * (DISARM - DECAY))}
-        self.gain = min(1.0, max(0.0, self.gain + rate.get(self.state, -math.inf) * dt))
-        if self.state == "ramping" and self.gain == 1.0:
-            self.state = "armed"
-        if self.state == "decaying" and self.gain == 0.0:
-            self.state = "disarmed"
+        self.gain = min(1.0, max(0.0, self.gain + rate.get(self.phase, -math.inf) * dt))
+        if self.phase == "ramping" and self.gain == 1.0:
+            self.phase = "armed"
+        if self.phase == "decaying" and self.gain == 0.0:
+            self.phase = "disarmed"
         centre = scene.spheres[0].position if scene.spheres else ZERO
         force = []
         for x, c, f in zip(sample.position, centre, self.force, strict=True):
@@ -68,7 +68,7 @@ class SpringChain:
         self.force = (force[0], force[1], force[2])
         trap = (1e3 * sample.position[0], 1e3 * sample.position[1], 1e3 * sample.position[2])
         traps = ((0, trap),)
-        return ServoFrame(self.tick, sample.time, sample.position, self.force, traps, self.state, 0.0, sample.buttons)
+        return ServoFrame(self.tick, sample.time, sample.position, self.force, traps, self.phase, 0.0, sample.buttons)
 
 
 class TellingChain(SpringChain):

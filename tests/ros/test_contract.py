@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import FACING_USER, IDENTITY, from_dict, to_dict
+from otwarp.haptics.core.config import FACING_USER, IDENTITY
+from otwarp.haptics.core.fields import from_dict, to_dict
 from otwarp.ros.contract import SIMULATOR_TOPICS, Axes, ContractConfig, product, quaternion
 
 EXACT = 1e-12

@@ -10,24 +10,43 @@ is `Chain.asked`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.chain_state import restore, snapshot
-from otwarp.haptics.chain.coupling import VirtualCoupling
-from otwarp.haptics.chain.motion import Motion, VelocityEstimate
+from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, VirtualCoupling
 from otwarp.haptics.chain.paper_mode import PaperRenderer
 from otwarp.haptics.chain.passivity import Passivity
 from otwarp.haptics.chain.safety import Safety
-from otwarp.haptics.core.config import HandConfig, PassivityConfig
-from otwarp.haptics.core.filters import VectorFilter
-from otwarp.haptics.core.gains import checked_gains
-from otwarp.haptics.core.types import ZERO, DeviceSample, SceneFrame, ServoFrame, Vec3
-from otwarp.haptics.force.law import ForceModel
+from otwarp.haptics.core.config import HandConfig, PassivityConfig, SafetyConfig, checked_gains
+from otwarp.haptics.core.types import (
+    ZERO,
+    DeviceInfo,
+    DeviceSample,
+    SceneFrame,
+    ServoFrame,
+    Vec3,
+    as_tuples,
+    scene_from_list,
+    scene_to_list,
+)
+from otwarp.haptics.force.law import ForceModel, Law, local_model
 
 DEAD_MAN, CLUTCH = 1, 2
 """Bits of `DeviceSample.buttons`."""
+
+
+class Part(Protocol):
+    """Part of a chain that remembers something from one step to the next."""
+
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go on from a `state`, of which JSON has made lists."""
+        ...
 
 
 class Chain:
@@ -114,13 +133,57 @@ class Chain:
         """How far the traps are commanded from where the hand took hold of them [µm]."""
         return self.motion.commanded
 
-    def snapshot(self, scene: SceneFrame) -> Mapping[str, Any]:
-        """All that it remembers, see `chain_state.snapshot`; `scene` is the one of its last step."""
-        return snapshot(self, scene)
+    def state(self, scene: SceneFrame) -> dict[str, Any]:
+        """All that it remembers after a step with `scene`, for JSON, part by part as recordings hold it.
+
+        Configuration, laws and tables are not in it: a recording holds them once. Floats come back bit for bit, as
+        Python writes them by `repr`.
+        """
+        own = [self._back, self._tick, self._time, self._beat, self._scene_time, self._scene_age, self._device_age]
+        own += [self._position, self._felt, self._paper_force, self.asked, self.complaint]
+        parts = {name: part.state() for name, part in self._parts().items() if part is not None}
+        scenes = {"anchors": list(self._anchors.items()), "scene": scene_to_list(scene)}
+        return {"": own, **parts, **self.model.state(), **scenes}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a snapshot of a chain of the same configuration, see `chain_state.restore`."""
-        restore(self, state)
+        """Go on from the `state` of a chain of the same configuration.
+
+        Raises:
+            InputError: It is of another configuration, or none.
+        """
+        try:
+            anchors = {int(trap): as_tuples(place) for trap, place in state["anchors"]}
+            if anchors:
+                self.model.refresh(scene_from_list(state["scene"]), anchors)
+            self._anchors = anchors
+            self._back, self._tick, self._time, self._beat, self._scene_time, self._scene_age, *rest = as_tuples(
+                state[""]
+            )
+            self._device_age, self._position, self._felt, self._paper_force, self.asked, self.complaint = rest
+            for name, part in self._parts().items():
+                if (part is None) != (name not in state):
+                    raise ValueError(f"{name} is {'not ' * (part is None)}configured")
+                if part is not None:
+                    part.restore(state[name])
+            self.model.restore(state)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"start of a recording: does not fit its configuration ({error})") from None
+
+    def _parts(self) -> dict[str, Part | None]:
+        """Name in recordings → part, None for one that is not configured; the model is apart, for its scene."""
+        paper, node = self._paper, self._paper.node if self._paper else None
+        return {
+            "safety": self.safety,
+            "passivity": self.passivity,
+            "motion": self.motion,
+            "motion._filter": self.motion.filter,
+            "_coupling": self._coupling,
+            "_filter": self._filter,
+            "_paper": paper,
+            "_paper._node": node,
+            "_paper._node._filter": node.filter if node else None,
+            "windows": self._velocity,
+        }
 
     @property
     def heat(self) -> float:
@@ -221,7 +284,7 @@ class Chain:
         carried = self.motion.step(x, y, z, holds)
         if self._paper:
             if new:
-                fx, fy, fz = self._on_hand(self._paper.state(scene, self._time or 0.0))
+                fx, fy, fz = self._on_hand(self._paper.published(scene, self._time or 0.0))
                 vx, vy, vz = velocity
                 b = self._damping
                 self._paper_force = (fx - b * vx, fy - b * vy, fz - b * vz)
@@ -255,7 +318,33 @@ class Chain:
             self._position,
             sent,
             traps,
-            safety.state,
+            safety.phase,
             self.passivity.energy,
             sample.buttons,
         )
+
+
+def make_chain(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int], info: DeviceInfo) -> Chain:
+    """A chain, disarmed, that asks no more of a device than it can give.
+
+    `functools.partial(make_chain, config, laws, kinds)` is what `servo.process.HandSetup` wants: it goes to another
+    interpreter by name.
+
+    Args:
+        config: Of the hand.
+        laws, kinds: As `law.local_model`.
+        info: Of the device, once it is open.
+
+    Raises:
+        InputError: As `Chain` and `local_model`.
+    """
+    config = replace(config, safety=within(config.safety, info))
+    return Chain(config, local_model(config, laws, kinds))
+
+
+def within(safety: SafetyConfig, info: DeviceInfo) -> SafetyConfig:
+    """Limits of the configuration or of the device, whichever are lower; a device without motors has none."""
+    if info.force <= 0.0:
+        return safety
+    continuous = min(safety.continuous_force, info.continuous_force or info.force)
+    return replace(safety, clamp=min(safety.clamp, info.force), continuous_force=continuous)

@@ -1,15 +1,40 @@
-"""From the hand's position to its velocity and to the motion of its traps."""
+"""From the hand's position to its velocity, through the virtual coupling, to the motion of its traps."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
-from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.filters import VectorFilter
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core.config import CouplingConfig, HandConfig
+from otwarp.haptics.core.types import Vec3, as_tuples
 
 LONGEST_WINDOW = 15
 """Periods that a velocity estimate looks back at most: 15 ms at 1 kHz is what a slow hand can spare."""
+
+
+class VectorFilter:
+    """A low-pass filter of a vector: `value` follows what `step` is given."""
+
+    __slots__ = ("alpha", "value")
+
+    def __init__(self, alpha: float, value: Vec3 = (0.0, 0.0, 0.0)) -> None:
+        self.alpha = alpha
+        self.value = value
+
+    def step(self, x: float, y: float, z: float) -> Vec3:
+        """One sample; returns the filtered vector."""
+        a, (u, v, w) = self.alpha, self.value
+        self.value = (u + a * (x - u), v + a * (y - v), w + a * (z - w))
+        return self.value
+
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON."""
+        return [self.value]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        (self.value,) = as_tuples(state)
 
 
 class VelocityEstimate:
@@ -42,6 +67,15 @@ class VelocityEstimate:
         a, b, c = self._axes
         return self._slope(a, x), self._slope(b, y), self._slope(c, z)
 
+    def state(self) -> list[list[float]]:
+        """What changes from step to step, for JSON: the window of each axis."""
+        return [list(axis) for axis in self._axes]
+
+    def restore(self, state: Sequence[Sequence[float]]) -> None:
+        """Go on from a `state`."""
+        x, y, z = state
+        self._axes = (list(x), list(y), list(z))
+
     def _slope(self, past: list[float], x: float) -> float:
         """Slope of one axis; `past` holds its samples, newest first."""
         low, high, slope, q = -math.inf, math.inf, 0.0, self._quantum
@@ -65,6 +99,54 @@ class VelocityEstimate:
         return slope / self._period
 
 
+class VirtualCoupling:
+    """A massless proxy drawn by the hand through k_c and b_c, and by the force of the scene.
+
+    0 = k_c(h − p) + b_c(ḣ − ṗ) + F(p). The proxy carries the traps and the hand feels F(p), which the coupling passes
+    on: a stiffness k and the coupling in series, k·k_c/(k + k_c) at rest. The coupling's own spring is solved
+    implicitly; F is that of the last period.
+
+    Source: Colgate, Stanley and Brown 1995, "Issues in the haptic display of tool use", IROS.
+
+    Args:
+        config: k_c [N/m] and b_c [N·s/m].
+        rate: Servo rate [Hz].
+    """
+
+    __slots__ = ("_damping", "_hand", "_stiffness", "proxy")
+
+    def __init__(self, config: CouplingConfig, rate: float) -> None:
+        self._stiffness = config.stiffness
+        self._damping = config.damping * rate
+        self._hand: Vec3 | None = None
+        self.proxy: Vec3 = (0.0, 0.0, 0.0)
+
+    def reset(self) -> None:
+        """The next step puts the proxy at the hand."""
+        self._hand = None
+
+    def step(self, x: float, y: float, z: float, force: Vec3) -> Vec3:
+        """Proxy [m] for the hand at x, y, z [m] and the force that the hand was last given by the scene [N]."""
+        if self._hand is None:
+            self._hand = self.proxy = (x, y, z)
+        k, b = self._stiffness, self._damping
+        (u, v, w), (p, q, r), (fx, fy, fz) = self._hand, self.proxy, force
+        s = 1.0 / (k + b)
+        p = s * (b * (p + x - u) + k * x + fx)
+        q = s * (b * (q + y - v) + k * y + fy)
+        r = s * (b * (r + z - w) + k * z + fz)
+        self._hand, self.proxy = (x, y, z), (p, q, r)
+        return self.proxy
+
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON."""
+        return [self._hand, self.proxy]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._hand, self.proxy = as_tuples(state)
+
+
 class Motion:
     """G_control: how far the hand has carried its traps, Δtrap = motion_gain·A·Δhand, while it holds them.
 
@@ -72,7 +154,7 @@ class Motion:
     simulation is told. In absolute mode the traps follow the place of the hand from where it took hold.
     """
 
-    __slots__ = ("_absolute", "_axes", "_filter", "_hand", "_last", "_limit", "_map", "_origin", "carried", "commanded")
+    __slots__ = ("_absolute", "_axes", "_hand", "_last", "_limit", "_map", "_origin", "carried", "commanded", "filter")
 
     def __init__(self, config: HandConfig) -> None:
         chain = config.chain
@@ -81,7 +163,7 @@ class Motion:
         self._absolute = config.absolute
         self._limit = chain.trap_speed / chain.rate
         low_pass = chain.motion_filter
-        self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and low_pass.alpha < 1.0 else None
+        self.filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and low_pass.alpha < 1.0 else None
         self._hand: Vec3 | None = None
         self._last: Vec3 = (0.0, 0.0, 0.0)
         self._origin: Vec3 = (0.0, 0.0, 0.0)
@@ -103,8 +185,8 @@ class Motion:
         """Take hold anew: nothing carried yet."""
         self._hand = None
         self._origin = self.carried = self.commanded = (0.0, 0.0, 0.0)
-        if self._filter:
-            self._filter.value = (0.0, 0.0, 0.0)
+        if self.filter:
+            self.filter.value = (0.0, 0.0, 0.0)
 
     def step(self, x: float, y: float, z: float, holds: bool) -> Vec3:
         """Carry the traps to where the hand at x, y, z [m] takes them, if it holds them; returns `carried` [µm]."""
@@ -120,8 +202,16 @@ class Motion:
                 u, v, w = self.carried
                 self.carried = (u + p, v + q, w + r)
             self._hand = (x, y, z)
-        self.commanded = self._filter.step(*self.carried) if self._filter else self.carried
+        self.commanded = self.filter.step(*self.carried) if self.filter else self.carried
         return self.carried
+
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON; without the filter, which has a state of its own."""
+        return [self._hand, self._last, self._map, self._origin, self.carried, self.commanded]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._hand, self._last, self._map, self._origin, self.carried, self.commanded = as_tuples(state)
 
     def _moved(self, x: float, y: float, z: float) -> Vec3:
         """What the way from `_hand` to x, y, z [m] is to the traps [µm]."""

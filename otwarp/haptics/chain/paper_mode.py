@@ -12,12 +12,13 @@ than damping it; it ships D = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import ChainConfig, HandConfig
-from otwarp.haptics.core.filters import LowPass, VectorFilter
-from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3
+from otwarp.haptics.chain.motion import VectorFilter
+from otwarp.haptics.core.config import ChainConfig, HandConfig, LowPass
+from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3, as_tuples
 from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
 from otwarp.laws import TrapLaw
 
@@ -62,9 +63,11 @@ class PaperForce:
     Attributes:
         gain: As given; a change counts from the next message on.
         force: Last force sent, in the scene's axes [N].
+        trap: Where the trap is, None before it was heard of.
+        filter: Of the force.
     """
 
-    __slots__ = ("_damping", "_filter", "_last", "_robot", "_trap", "force", "gain", "pull")
+    __slots__ = ("_damping", "_last", "_robot", "filter", "force", "gain", "pull", "trap")
 
     def __init__(
         self,
@@ -76,15 +79,15 @@ class PaperForce:
     ) -> None:
         self.pull = pull or curve_of(RELEASE_LAW)
         self.gain, self._damping = gain, distance_damping
-        self._filter = VectorFilter(alpha)
-        self._trap: Vec3 | None = None
+        self.filter = VectorFilter(alpha)
+        self.trap: Vec3 | None = None
         self._robot: Vec3 | None = None
         self._last: tuple[float, float] | None = None
         self.force: Vec3 = ZERO
 
     def trap_message(self, position: Vec3, time: float) -> Vec3:
         """The trap is here, at this time of the node's clock [s]; returns `force`."""
-        self._trap = position
+        self.trap = position
         return self._publish(time)
 
     def robot_message(self, position: Vec3, time: float) -> Vec3:
@@ -93,9 +96,9 @@ class PaperForce:
         return self._publish(time)
 
     def _publish(self, time: float) -> Vec3:
-        if self._trap is None or self._robot is None:
+        if self.trap is None or self._robot is None:
             return self.force
-        x, y, z = (a - b for a, b in zip(self._robot, self._trap, strict=True))
+        x, y, z = (a - b for a, b in zip(self._robot, self.trap, strict=True))
         distance = math.sqrt(x * x + y * y + z * z)
         if distance <= TOUCHING:
             return self.force
@@ -104,9 +107,17 @@ class PaperForce:
             raw -= self._damping * (distance - self._last[0]) / (time - self._last[1])
         self._last = (distance, time)
         k = raw / distance
-        fx, fy, fz = self._filter.step(k * x, k * y, k * z)
+        fx, fy, fz = self.filter.step(k * x, k * y, k * z)
         self.force = (self.gain * fx, self.gain * fy, self.gain * fz)
         return self.force
+
+    def state(self) -> list[Any]:
+        """What changes from message to message, for JSON; without the filter, which has a state of its own."""
+        return [self._last, self._robot, self.trap, self.force, self.gain]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._last, self._robot, self.trap, self.force, self.gain = as_tuples(state)
 
 
 class PaperTwist:
@@ -132,6 +143,9 @@ class PaperRenderer:
         config: Of the hand.
         model: Holds the trap's laws, which must be authored curves.
 
+    Attributes:
+        node: The release's.
+
     Raises:
         InputError: A hand without a trap, or a trap whose force is a table.
     """
@@ -145,7 +159,7 @@ class PaperRenderer:
         self._curves = [curve for curve in curves if curve is not None]
         self._kinds = model.kinds if isinstance(model, LocalModel) else ()
         self._hand, self._gain = config, config.force_gain
-        self._node = self._restarted()
+        self.node = self._restarted()
         self._robot = -1
 
     def _restarted(self) -> PaperForce:
@@ -156,28 +170,36 @@ class PaperRenderer:
 
     def set_gain(self, gain: float) -> None:
         """Another G_hand [N per raw unit], from the next message on."""
-        self._gain = self._node.gain = gain
+        self._gain = self.node.gain = gain
 
     def reset(self) -> None:
         """Take hold anew."""
-        self._node, self._robot = self._restarted(), -1
+        self.node, self._robot = self._restarted(), -1
 
-    def state(self, scene: SceneFrame, time: float) -> Vec3:
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON; without the node, which has a state of its own."""
+        return [self._gain, self._robot]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._gain, self._robot = state
+
+    def published(self, scene: SceneFrame, time: float) -> Vec3:
         """Both messages of a published state; force in the scene's axes [N]."""
         trap = next((t for t in scene.traps if t.index == self._hand.traps[0]), None)
         if trap is None or not scene.spheres:
-            return self._node.force
+            return self.node.force
         if not 0 <= self._robot < len(scene.spheres):
             gaps = [math.dist(sphere.position, trap.position) for sphere in scene.spheres]
             self._robot = gaps.index(min(gaps))
         kind = self._kinds[self._robot] if self._kinds else 0
-        self._node.pull = curve_of(self._curves[kind], trap.power)
+        self.node.pull = curve_of(self._curves[kind], trap.power)
         robot = scene.spheres[self._robot].position
         if self._hand.chain.messages_per_state == 1:
-            self._node._trap = trap.position
+            self.node.trap = trap.position
         else:
-            self._node.trap_message(trap.position, time)
-        return self._node.robot_message(robot, time)
+            self.node.trap_message(trap.position, time)
+        return self.node.robot_message(robot, time)
 
 
 def _curve(law: Law) -> TrapLaw | None:

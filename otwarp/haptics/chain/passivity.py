@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from otwarp.haptics.core.config import PassivityConfig
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core.types import Vec3, as_tuples
 
 STILL = 1e-24
 """Squared step of a hand that stands [m²]: 1 pm is far below any encoder, and its direction is rounding."""
@@ -69,3 +72,11 @@ class Passivity:
             missing = (min(work, 0.0) - left) / step2
             per_step += min(max(missing, 0.0), self._limit)
         return fx - per_step * dx, fy - per_step * dy, fz - per_step * dz
+
+    def state(self) -> list[Any]:
+        """All that changes from step to step, for JSON."""
+        return [self._hand, self.energy]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._hand, self.energy = as_tuples(state)

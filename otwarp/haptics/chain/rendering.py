@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.gains import Gains, checked_gains
+from otwarp.haptics.core.config import Gains, checked_gains
 from otwarp.haptics.core.ring import ACTION_BITS, ARMED, DISARMED, GAINS, MADE, MOST_ACTIONS
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3
 
@@ -65,12 +65,12 @@ class ChainLike(Protocol):
         """
         ...
 
-    def snapshot(self, scene: SceneFrame) -> Mapping[str, Any]:
+    def state(self, scene: SceneFrame) -> Mapping[str, Any]:
         """All that the chain remembers, for JSON; `scene` is the one of its last step."""
         ...
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a snapshot of a chain of the same configuration.
+        """Go on from the `state` of a chain of the same configuration.
 
         Raises:
             InputError: It does not fit.
@@ -153,22 +153,22 @@ class Rendering:
         if chain is None:
             return None
         try:
-            state = chain.step(sample, scene)
-            x, y, z = state.force
+            now = chain.step(sample, scene)
+            x, y, z = now.force
             size = math.sqrt(x * x + y * y + z * z)
             total = size
-            for _, (tx, ty, tz) in state.traps:
+            for _, (tx, ty, tz) in now.traps:
                 total += tx + ty + tz
         except Exception as error:  # a defect of a chain must not leave a force on
             return self._fail(f"{type(error).__name__}: {error}")
         if not math.isfinite(total):
-            return self._fail(f"force ({x:g}, {y:g}, {z:g}) N or traps {state.traps} not finite")
+            return self._fail(f"force ({x:g}, {y:g}, {z:g}) N or traps {now.traps} not finite")
         limit = self.limit
         if size > limit * ROUNDING and limit > 0.0:  # a device without motors ignores what it is told
             k = limit / size
             self.said = f"force of {size:.3g} N held to the limit of {limit:g} N"
-            return replace(state, force=(k * x, k * y, k * z))
-        return state
+            return replace(now, force=(k * x, k * y, k * z))
+        return now
 
     def drop(self) -> None:
         """The device is away: its chain goes."""
@@ -181,17 +181,17 @@ class Rendering:
         log, self._log, self._logged = self._log, 0, 0
         return log
 
-    def snapshot(self, scene: SceneFrame) -> dict[str, Any]:
+    def state(self, scene: SceneFrame) -> dict[str, Any]:
         """All that a rendering of the same configuration needs to go on from here, for JSON."""
         return {
             "gains": list(self.gains),
             "heat": self.heat,
             "device": asdict(self.info) if self.info else None,
-            "chain": self.chain.snapshot(scene) if self.chain is not None else None,
+            "chain": self.chain.state(scene) if self.chain is not None else None,
         }
 
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a snapshot.
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state`.
 
         Raises:
             InputError: It is none, or of another configuration.

@@ -6,9 +6,11 @@ Whatever comes in, what goes out is finite, within the clamp, and changes no fas
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from otwarp.haptics.core.config import SafetyConfig
-from otwarp.haptics.core.types import ZERO, Vec3
+from otwarp.haptics.core.types import ZERO, Vec3, as_tuples
 
 BELOW = 1.0 - 1e-15
 """Shortens a vector that was scaled to a limit, so that rounding leaves it within."""
@@ -40,13 +42,13 @@ class Safety:
         rate: Servo rate [Hz]; the slew limit never allows more than one period's change per step.
 
     Attributes:
-        state: `disarmed` (it needs `arm`), `ramping`, `armed`, `decaying` (it falls or has fallen, and comes back by
+        phase: `disarmed` (it needs `arm`), `ramping`, `armed`, `decaying` (it falls or has fallen, and comes back by
             itself unless it was disarmed) or `fault` (it needs `arm`).
         force: Last force sent [N].
         heat: Mean square force [N²].
     """
 
-    __slots__ = ("_ceiling", "_config", "_faulty", "_gain", "_held", "_period", "_wanted", "force", "heat", "state")
+    __slots__ = ("_ceiling", "_config", "_faulty", "_gain", "_held", "_period", "_wanted", "force", "heat", "phase")
 
     def __init__(self, config: SafetyConfig, rate: float) -> None:
         self._config, self._period = config, 1.0 / rate
@@ -54,7 +56,7 @@ class Safety:
         self._gain = 0.0
         self._held: Vec3 = ZERO
         self._ceiling = math.inf
-        self.state, self.force, self.heat = "disarmed", ZERO, 0.0
+        self.phase, self.force, self.heat = "disarmed", ZERO, 0.0
 
     def arm(self) -> None:
         """Allow force, from zero by the ramp; clears a fault."""
@@ -92,13 +94,13 @@ class Safety:
         if self._wanted and allowed and not stale:
             self._ceiling = math.inf
             self._gain = min(1.0, self._gain + step / config.ramp_time) if config.ramp_time > 0.0 else 1.0
-            self.state = "armed" if self._gain == 1.0 else "ramping"
+            self.phase = "armed" if self._gain == 1.0 else "ramping"
         else:
             self._fall(elapsed, age)
         gain = self._gain
         self._send(gain * fx, gain * fy, gain * fz, step)
         if not self._wanted and not self._faulty and max(map(abs, self.force)) <= SILENT:
-            self.state = "disarmed"
+            self.phase = "disarmed"
         return self.force
 
     def fault(self) -> None:
@@ -109,6 +111,15 @@ class Safety:
             k = 1.0 / self._gain if self._gain > 0.0 else 0.0
             self._held = (k * self.force[0], k * self.force[1], k * self.force[2])
 
+    def state(self) -> list[Any]:
+        """All that changes from step to step, for JSON."""
+        return [self._ceiling, self._faulty, self._gain, self._held, self._wanted, self.force, self.heat, self.phase]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`."""
+        self._ceiling, self._faulty, self._gain, held, self._wanted, force, self.heat, self.phase = state
+        self._held, self.force = as_tuples(held), as_tuples(force)
+
     def _fall(self, elapsed: float, age: float) -> None:
         """Lower the gain, and the ceiling that keeps a moving hand from raising the force meanwhile."""
         config, gain = self._config, self._gain
@@ -118,7 +129,7 @@ class Safety:
         span = max(config.disarm_after - config.decay_after - 2.0 * self._period, self._period)
         last = age >= config.disarm_after - self._period - ROUNDING
         self._gain = 0.0 if last else max(0.0, gain - elapsed / span)
-        self.state = "fault" if self._faulty else "decaying"
+        self.phase = "fault" if self._faulty else "decaying"
 
     def _send(self, fx: float, fy: float, fz: float, step: float) -> Vec3:
         """Guard, slew limit and clamp."""

@@ -15,8 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.chain.hands import within
+from otwarp.haptics.chain.chain import Chain, within
 from otwarp.haptics.check.jitter import LONGEST, Percentiles
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY

@@ -14,6 +14,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.paper_mode import RELEASE_ALPHA, PaperForce
@@ -130,6 +131,13 @@ class LinearField:
         """See `ForceModel.force`: minus what the hand is to feel, as on a sphere."""
         place = self._origin + x
         return (0.0 if self._wall and place > 0.0 else self._stiffness * place), 0.0, 0.0
+
+    def state(self) -> dict[str, Any]:
+        """Nothing: `refresh` says all."""
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See `ForceModel.restore`."""
 
 
 UNLIMITED = SafetyConfig(ramp_time=0.0, slew=1e6, clamp=100.0, continuous_force=100.0)

@@ -10,22 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.fields import Matrix, check_fields, from_dict, number, to_dict
-from otwarp.haptics.core.filters import RATES, LowPass
-
-__all__ = [
-    "FACING_USER",
-    "IDENTITY",
-    "ChainConfig",
-    "CouplingConfig",
-    "HandConfig",
-    "HapticsConfig",
-    "LowPass",
-    "PassivityConfig",
-    "SafetyConfig",
-    "from_dict",
-    "to_dict",
-]
+from otwarp.haptics.core.fields import Matrix, check_fields, check_value, number
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -34,6 +19,52 @@ FACING_USER: Matrix = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
 ORTHOGONAL = 1e-6
 """Largest entry of A·Aᵀ − 1 that still counts as a rotation: a matrix typed with seven digits passes."""
+
+
+RATES = (1.0, 20_000.0)
+"""Allowed rates of a filter or a servo [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LowPass:
+    """y += α(x − y), once per sample at `rate`.
+
+    An α without its rate means nothing: 0.05 is 19.5 ms at 1 kHz and 162 ms at 120 Hz. τ = −T/ln(1 − α), T = 1/rate.
+
+    Attributes:
+        alpha: Share of the new sample, above 0 to 1; 1 filters nothing.
+        rate: Samples per second [Hz].
+
+    Raises:
+        InputError: α or rate out of range.
+    """
+
+    alpha: float = number(None, 0.0, 1.0, "", open_low=True)
+    rate: float = number(None, *RATES, "Hz")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "filter")
+
+    @classmethod
+    def of_time_constant(cls, time_constant: float, rate: float) -> LowPass:
+        """The filter with this τ [s] at this rate [Hz].
+
+        Raises:
+            InputError: τ negative or not finite, or so long that α vanishes.
+        """
+        if not 0.0 <= time_constant < math.inf:
+            raise InputError(f"filter time constant is {time_constant!r}; allowed: 0 or more, finite [s]")
+        alpha = 1.0 if time_constant == 0.0 else -math.expm1(-1.0 / (rate * time_constant))
+        return cls(alpha=alpha, rate=rate)
+
+    @property
+    def time_constant(self) -> float:
+        """τ [s]; 0 for α = 1."""
+        return 0.0 if self.alpha == 1.0 else -1.0 / (self.rate * math.log1p(-self.alpha))
+
+    def at(self, rate: float) -> LowPass:
+        """The filter of the same τ at another rate [Hz]."""
+        return LowPass.of_time_constant(self.time_constant, rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +218,23 @@ class HandConfig:
         check_orthogonal(self.axis_map)
         if len(set(self.traps)) != len(self.traps):
             raise InputError(f"hand.traps is {self.traps!r}; allowed: each trap once")
+
+
+Gains = tuple[float | None, float | None]
+"""Motion gain [µm/m] and force gain [N/pN]; None for as configured."""
+
+
+def checked_gains(motion_gain: float | None, force_gain: float | None) -> Gains:
+    """Gains within the ranges of `HandConfig`.
+
+    Raises:
+        InputError: Out of range.
+    """
+    fields = HandConfig.__dataclass_fields__
+    for name, value in (("motion_gain", motion_gain), ("force_gain", force_gain)):
+        if value is not None:
+            check_value(f"hand.{name}", value, float, fields[name].metadata)
+    return motion_gain, force_gain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

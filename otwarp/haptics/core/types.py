@@ -7,7 +7,7 @@ few hundred of them per millisecond, and NumPy's overhead per call would cost mo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 Vec3 = tuple[float, float, float]
 ZERO: Vec3 = (0.0, 0.0, 0.0)
@@ -153,3 +153,22 @@ class ServoFrame:
     state: str
     energy: float
     buttons: int = 0
+
+
+def as_tuples(value: Any) -> Any:
+    """Lists as tuples, to any depth: what JSON makes of a tuple, undone."""
+    return tuple(as_tuples(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+def scene_to_list(scene: SceneFrame) -> list[Any]:
+    """A state of the simulation as plain lists, for JSON."""
+    traps = [(trap.index, trap.position, trap.power) for trap in scene.traps]
+    spheres = [(sphere.position, sphere.body) for sphere in scene.spheres]
+    return [scene.beat, scene.time, spheres, traps, scene.contact_force]
+
+
+def scene_from_list(data: Any) -> SceneFrame:
+    """The state that `scene_to_list` wrote."""
+    beat, time, spheres, traps, contact = data
+    balls = tuple(SphereFrame(as_tuples(position), body) for position, body in spheres)
+    return SceneFrame(beat, time, balls, tuple(TrapFrame(n, as_tuples(p), power) for n, p, power in traps), contact)

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3
+from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3, as_tuples
 from otwarp.laws.trap_law import PER_POWER, TrapLaw
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
@@ -155,11 +155,20 @@ class ForceModel(Protocol):
         """Σ F on the spheres [pN] with the hand's traps carried by x, y, z [µm]."""
         ...
 
+    def state(self) -> dict[str, Any]:
+        """What changes from step to step and no `refresh` brings back, for JSON, by its names in recordings."""
+        ...
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state`, after a `refresh` with the scene of that moment."""
+        ...
+
 
 class LocalModel:
     """Eq. 2: the force of a hand's traps on all spheres, ΣF = Σ_traps Σ_spheres P·F(sphere − focus).
 
-    Spheres of one optical kind share a law; a robot of equal spheres has one kind.
+    Spheres of one optical kind share a law; a robot of equal spheres has one kind. A place in `SceneFrame.spheres` that
+    goes to another body has that body's sphere at once: it did not move there.
 
     Args:
         laws: For each trap of the scene that a hand moves, its law for each kind.
@@ -170,10 +179,8 @@ class LocalModel:
             that follows its trap then does not seem to lag by what the trap moved since: at 120 states/s, 10 pN/µm and
             5 µm/s that is 0.2 pN on average, where the drag on a bead of 1 µm is 0.08 pN. How old a state is does not
             matter, for its traps say where the hand was. A hand at rest feels no prediction, so neither a kick nor
-            thermal motion is carried on, and a sphere that is held back stays where it was seen. A state
-            in which simulated time has not gone on, as in slow motion, teaches it nothing.
-
-    A place in `SceneFrame.spheres` that goes to another body has that body's sphere at once: it did not move there.
+            thermal motion is carried on, and a sphere that is held back stays where it was seen. A state in which
+            simulated time has not gone on, as in slow motion, teaches it nothing.
 
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
@@ -263,6 +270,21 @@ class LocalModel:
             self._spheres = targets
         self._targets, self._bodies, self._time = targets, bodies, scene.time
         return True
+
+    def state(self) -> dict[str, Any]:
+        """See `ForceModel.state`."""
+        model = [self._shares, self._went, self._way, self._focus, self._carried, self._bodies, self._time]
+        spheres = None if self._spheres is self._targets else self._spheres  # None: where they were published
+        return {"model": model, "targets": self._targets, "spheres": spheres}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See `ForceModel.restore`."""
+        shares, went, self._way, focus, carried, bodies, self._time = state["model"]
+        self._shares, self._went = as_tuples(shares), as_tuples(went)
+        self._focus, self._carried, self._bodies = as_tuples(focus), as_tuples(carried), as_tuples(bodies)
+        spheres = state["spheres"]
+        self._targets = [[as_tuples(vector) for vector in group] for group in state["targets"]]
+        self._spheres = self._targets if spheres is None else [[as_tuples(v) for v in group] for group in spheres]
 
     def _exchange(self, targets: list[list[Vec3]], bodies: list[list[int]]) -> None:
         """Where a place goes to another body, its past is where that body is now, and nothing is known of its way."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.gains import Gains
+from otwarp.haptics.core.config import Gains
 from otwarp.haptics.core.mailbox import RecordLayout
 from otwarp.haptics.core.types import SceneFrame
 

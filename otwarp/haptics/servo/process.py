@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
-from otwarp.haptics.core.gains import checked_gains
+from otwarp.haptics.core.config import checked_gains
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout
 from otwarp.haptics.core.ring import CYCLE, SECONDS, Ring
 from otwarp.haptics.core.types import DeviceInfo, SceneFrame, ServoFrame

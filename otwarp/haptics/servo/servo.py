@@ -152,7 +152,7 @@ class Hand:
             return
         self._rendering.actions()  # what they did is in the snapshot
         try:
-            self._starts.write(Start(take, tick, json.dumps(self._rendering.snapshot(scene), separators=(",", ":"))))
+            self._starts.write(Start(take, tick, json.dumps(self._rendering.state(scene), separators=(",", ":"))))
         except Exception as error:  # told, and the take replays from the next chain on; the hand goes on regardless
             self._starts.write(Start(take, tick, ""))
             self._say(f"the start of the recording cannot be told: {error}")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HandConfig, HapticsConfig, from_dict, to_dict
+from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.fields import from_dict, to_dict
 from otwarp.haptics.core.presets import two_hands
 from otwarp.scene import Scene
 from otwarp.teleop.core.frame import HANDS

@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any, Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.core.clock import VirtualClock
-from otwarp.haptics.core.gains import checked_gains
+from otwarp.haptics.core.config import checked_gains
 from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
 from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.devices import create_device, parse_devices

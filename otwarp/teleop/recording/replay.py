@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.chain_state import scene_from_json
-from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.chain.rendering import Rendering
-from otwarp.haptics.core.config import HandConfig, HapticsConfig, from_dict
+from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.fields import from_dict
 from otwarp.haptics.core.mailbox import STATES
 from otwarp.haptics.core.ring import (
     ABSOLUTE,
@@ -37,7 +37,7 @@ from otwarp.haptics.core.ring import (
     actions_of,
     cycles_of,
 )
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3
+from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3, scene_from_list
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, McapFile
 from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
@@ -201,11 +201,11 @@ class _Hand:
         self._cycles = self._compared = self._mismatches = self._gaps = self._missing = self._skipped = 0
         self._first = ""
         if start is not None and start.get("chain") is not None:
-            self._rendering.resume(start["chain"])
+            self._rendering.restore(start["chain"])
             self._tick, self._known = int(start["tick"]) - 1, True
             chain = start["chain"].get("chain")
             if chain is not None:
-                self._scene = scene_from_json(chain["scene"])
+                self._scene = scene_from_list(chain["scene"])
 
     def cycle(self, cycle: Cycle) -> None:
         """One cycle."""

@@ -21,7 +21,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import otwarp
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HapticsConfig, to_dict
+from otwarp.haptics.core.config import HapticsConfig
+from otwarp.haptics.core.fields import to_dict
 from otwarp.haptics.core.ring import CYCLE
 from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import Law
@@ -57,7 +58,7 @@ class RecordingWriter:
         path: `.mcap`; must not exist yet.
         config: Of the hands, as their chains were made with it.
         devices: Hand → device as the user named it.
-        laws, kinds: What the hands feel, as `otwarp.haptics.chain.hands.make_chain` had it.
+        laws, kinds: What the hands feel, as `otwarp.haptics.chain.chain.make_chain` had it.
         scene: What is simulated.
         settings: More that is worth keeping, for JSON: rates, seed, speed.
         clock: The loop's; `LiveFrame.wall` and the servo's times are of the same.

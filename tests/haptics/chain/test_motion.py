@@ -8,8 +8,7 @@ from itertools import pairwise
 import pytest
 
 from otwarp.haptics.chain.motion import LONGEST_WINDOW, Motion, VelocityEstimate
-from otwarp.haptics.core.config import IDENTITY
-from otwarp.haptics.core.filters import LowPass
+from otwarp.haptics.core.config import IDENTITY, LowPass
 from tests.haptics.setups import PERIOD, drive, hand_config, make_chain, scene_at
 
 QUANTUM = 5.5e-5

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
+from otwarp.haptics.chain.motion import VectorFilter
 from otwarp.haptics.core.config import (
     ChainConfig,
     CouplingConfig,
     HandConfig,
     HapticsConfig,
+    LowPass,
     PassivityConfig,
     SafetyConfig,
-    from_dict,
-    to_dict,
 )
-from otwarp.haptics.core.filters import LowPass, VectorFilter
+from otwarp.haptics.core.fields import from_dict, to_dict
 from otwarp.haptics.core.presets import PAIRINGS, two_hands
 
 EXACT = 1e-12

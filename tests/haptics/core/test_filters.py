@@ -8,7 +8,8 @@ import math
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.filters import LowPass, VectorFilter
+from otwarp.haptics.chain.motion import VectorFilter
+from otwarp.haptics.core.config import LowPass
 
 
 @pytest.mark.parametrize("frequency", [2.0, 10.0, 60.0])

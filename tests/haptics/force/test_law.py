@@ -10,8 +10,7 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import ChainConfig, HandConfig
-from otwarp.haptics.core.filters import LowPass
+from otwarp.haptics.core.config import ChainConfig, HandConfig, LowPass
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw

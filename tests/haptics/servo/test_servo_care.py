@@ -60,7 +60,7 @@ def test_a_new_chain_has_the_heat_of_the_motors_that_it_drives():
     assert rendering.chain.heat == pytest.approx(0.5, rel=1e-3)
     again = Rendering(lambda info: make_chain(hand_config(ramp_time=0.0)))
     rendering.drop()
-    again.resume(rendering.snapshot(scene_at(1, 0.0)))
+    again.restore(rendering.state(scene_at(1, 0.0)))
     assert again.chain is None and again.heat == rendering.heat
 
 

@@ -79,7 +79,7 @@ def test_every_cycle_of_a_recording_is_told_as_it_was():
     assert abs(len(cycles) - 250) <= 1
     assert cycles[0].time == pytest.approx(0.05, abs=1.5 * PERIOD)
     assert rig.begun[0] == [Start(1, cycles[0].tick, rig.begun[0][0].text)]
-    assert json.loads(rig.begun[0][0].text)["chain"]["state"] == "disarmed"
+    assert json.loads(rig.begun[0][0].text)["chain"]["phase"] == "disarmed"
     assert [actions for _, actions in events(rig)] == [(ARMED,)]
     assert events(rig, 1) == []
     written = dict(rig.devices[0].written)
@@ -183,11 +183,11 @@ def test_a_sample_that_cannot_be_told_keeps_its_hand_alive():
 
 def test_a_start_that_is_too_long_is_said_and_the_recording_goes_on():
     class Long(SpringChain):
-        def snapshot(self, scene):
+        def state(self, scene):
             return {"text": "x" * 100_000}
 
     class Broken(SpringChain):
-        def snapshot(self, scene):
+        def state(self, scene):
             raise ZeroDivisionError("0/0")
 
     for chain in (Long, Broken):

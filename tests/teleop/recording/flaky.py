@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.core.types import DeviceLost, DeviceSample
 from otwarp.haptics.devices import KINDS, DeviceSpec, Kind
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.haptics.chain.hands import make_chain
+from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.core.config import HandConfig, HapticsConfig
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
