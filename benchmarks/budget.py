@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import Machine
 from benchmarks.realtime import load
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.teleop.budget.reduce import Budget, reduce_scene

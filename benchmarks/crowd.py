@@ -1,14 +1,7 @@
-"""Many soft Brownian spheres that touch: speed against their number, and what every kernel of a step takes.
-
-The workload that codes for many particles are compared by: spheres of radius a at volume fraction 0.15 with soft
-repulsion, in random order, in steps of D·dt = 10⁻⁴·(2a)². The crowd is a cube in open space; Hertz repulsion with a
-barrier of 29 k_B T at the deepest overlap takes the place of Weeks–Chandler–Andersen. No scene is read or built for so
-many: arrays of one small scene are repeated.
-"""
+"""Many soft Brownian spheres that touch: speed against their number, and what every kernel of a step takes."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from contextlib import contextmanager
@@ -18,124 +11,37 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from benchmarks.machine import Machine
-from benchmarks.report import Section, Table, command, options, positive, save_json
-from benchmarks.timing import Spread, calls_for, elapsed
+from benchmarks.report import Section, command, options, positive, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.speed.many_body import FRACTION, ManySpheres
+from otwarp.bench.timing import Spread, calls_for, elapsed
 from otwarp.device import pick_device
-from otwarp.kernels.core.types import ModelData
-from otwarp.kernels.step import make_step
-from otwarp.scene import Body, Material, Medium, Scene, Settings, Sphere
 from otwarp.simulation.grid_stepper import GridStepper
-from otwarp.simulation.model import Model
-from otwarp.simulation.state import Control, Readout, State
-from otwarp.units import BOLTZMANN
 
-RADIUS = 1.0
-FRACTION = 0.15
-DIFFUSED = 1e-4
-"""D·dt over the squared diameter."""
-SURFACE = Material(youngs_modulus=3.0, poisson_ratio=0.4)
-SEEDED = 30
-"""Bodies of the scene whose arrays are repeated: enough for the body driver."""
 SIZES = {"cpu": (10_000, 100_000, 1_000_000), "cuda": (10_000, 100_000, 1_000_000, 10_000_000)}
 WARM = 60
 """Steps before the first sample: lists and clocks, not equilibrium."""
 
 
-def time_step() -> float:
-    """The step [s] that follows from `DIFFUSED`."""
-    medium = Medium()
-    diffusion = BOLTZMANN * medium.temperature / (6.0 * np.pi * medium.viscosity * RADIUS)
-    return DIFFUSED * (2.0 * RADIUS) ** 2 / diffusion
-
-
-def start_places(count: int, seed: int = 5) -> np.ndarray:
-    """(count, 3) float32 places in random order, nowhere deeper in each other than 0.4 radii [µm]."""
-    side = int(np.ceil(round(count ** (1.0 / 3.0), 6)))
-    length = (count * 4.0 / 3.0 * np.pi * RADIUS**3 / FRACTION) ** (1.0 / 3.0)
-    spacing = length / side
-    rng = np.random.default_rng(seed)
-    chosen = rng.permutation(side**3)[:count]
-    lattice = np.stack(np.unravel_index(chosen, (side,) * 3), axis=1)
-    free = max(0.0, spacing - 1.6 * RADIUS)
-    return ((lattice + 0.5 - 0.5 * side) * spacing + rng.uniform(-0.5, 0.5, (count, 3)) * free).astype(np.float32)
-
-
-def repeated(data: Any, seeded: int, count: int, device: wp.Device) -> Any:
-    """A struct of per-body arrays of `seeded` equal bodies, for `count` of them."""
-    out = data._cls()
-    for name in data._cls.vars:
-        value = getattr(data, name)
-        if isinstance(value, wp.array) and len(value) in (seeded, seeded + 1) and value.ndim == 1:
-            rows = value.numpy()
-            # start offsets go on in steps, and so does the number of the body
-            steps = name.endswith("start") or name == "body"
-            rows = rows[0] + (rows[1] - rows[0]) * np.arange(count + len(value) - seeded) if steps else rows[:1]
-            rows = rows if steps else np.broadcast_to(rows, (count, *rows.shape[1:]))
-            value = wp.array(np.ascontiguousarray(rows), dtype=value.dtype, device=device)
-        setattr(out, name, value)
-    return out
-
-
-def crowd_model(count: int, device: wp.Device, fast_math: bool) -> Model:
-    """A model of `count` equal soft spheres; its scene holds the first few."""
-    ball = Sphere(prim="/World/S", radius=RADIUS, trapped=False)
-    bodies = tuple(
-        Body(prim=f"/World/B{i}", position=(3.0 * i, 0.0, 0.0), spheres=(ball,), material=SURFACE)
-        for i in range(SEEDED)
-    )
-    scene = Scene(bodies=bodies, settings=Settings(time_step=time_step()))
-    model = Model.build(scene, device=device, fast_math=fast_math)
-    data = ModelData()
-    for name in model.data._cls.vars:
-        setattr(data, name, getattr(model.data, name))
-    data.bodies = count
-    data.body = repeated(model.data.body, SEEDED, count, device)
-    data.contact = repeated(model.data.contact, SEEDED, count, device)
-    return dataclasses.replace(model, data=data, features=dataclasses.replace(model.features, bodies=count))
-
-
-class Crowd:
-    """Spheres ready to be stepped."""
-
-    def __init__(self, count: int, device: wp.Device, *, fast_math: bool = False):
-        self.count, self.device = count, device
-        self.model = crowd_model(count, device, fast_math)
-        self.state = State(
-            position=wp.array(start_places(count)[None], dtype=wp.vec3, device=device),
-            orientation=wp.zeros((1, 0), dtype=wp.quat, device=device),
-            trap_position=wp.zeros((1, 0), dtype=wp.vec3, device=device),
-        )
-        empty = vars(Readout.empty(self.model))
-        per_body = {"contact_force", "contact_load", "fault", "fault_step"}
-        sized = {n: wp.zeros((1, count), dtype=empty[n].dtype, device=device) for n in per_body}
-        self.readout = Readout(**(empty | sized))
-        control = Control.start(self.model)
-        self.stepper = GridStepper(make_step(self.model.features), self.model, self.state, control, self.readout)
-
-    def step(self, steps: int) -> None:
-        """Take steps."""
-        self.stepper.advance(self.state.step, steps)
-        self.state.step += steps
-
-    def measure(self, rounds: int, seconds: float) -> dict[str, Any]:
-        """Speed, and how often lists were made."""
-        near = self.stepper.scratch.near
-        self.step(WARM)
-        steps = calls_for(self.step, self.device, seconds)
-        first, begun = int(near.builds.numpy()[0]), self.state.step
-        times = [elapsed(partial(self.step, steps), self.device).on(self.device) for _ in range(rounds)]
-        made = int(near.builds.numpy()[0]) - first
-        if int(self.readout.fault_count.numpy()[0]):
-            raise RuntimeError("the crowd has a fault: the measured steps are not of the workload")
-        return {
-            "count": self.count,
-            "steps_per_sample": steps,
-            "ns": Spread.of([1e9 * t / (steps * self.count) for t in times]),
-            "steps_per_list": (self.state.step - begun) / max(made, 1),
-            "neighbours": float(np.maximum(near.count.numpy(), 0).mean()),
-            "touching": float((self.readout.contact_load.numpy() > 0.0).mean()),
-        }
+def measured(crowd: ManySpheres, rounds: int, seconds: float) -> dict[str, Any]:
+    """Speed, and how often lists were made."""
+    near = crowd.stepper.scratch.near
+    crowd.step(WARM)
+    steps = calls_for(crowd.step, crowd.device, seconds)
+    first, begun = int(near.builds.numpy()[0]), crowd.state.step
+    times = [elapsed(partial(crowd.step, steps), crowd.device).on(crowd.device) for _ in range(rounds)]
+    made = int(near.builds.numpy()[0]) - first
+    if int(crowd.readout.fault_count.numpy()[0]):
+        raise RuntimeError("the crowd has a fault: the measured steps are not of the workload")
+    return {
+        "count": crowd.count,
+        "steps_per_sample": steps,
+        "ns": Spread.of([1e9 * t / (steps * crowd.count) for t in times]),
+        "steps_per_list": (crowd.state.step - begun) / max(made, 1),
+        "neighbours": float(np.maximum(near.count.numpy(), 0).mean()),
+        "touching": float((crowd.readout.contact_load.numpy() > 0.0).mean()),
+    }
 
 
 @contextmanager
@@ -157,7 +63,7 @@ def timed_launches(stepper: GridStepper, found: dict[str, list[float]]):
         wp.utils.radix_sort_pairs = sort
 
 
-def kernel_times(crowd: Crowd, steps: int) -> dict[str, dict[str, float]]:
+def kernel_times(crowd: ManySpheres, steps: int) -> dict[str, dict[str, float]]:
     """Per kernel: launches per step, and ns per particle of one launch; steps are taken one launch at a time."""
     found: dict[str, list[float]] = {}
     stepper = crowd.stepper
@@ -199,7 +105,7 @@ def list_by_hash_grid(
         count[i] = found
 
 
-def hash_grid_times(crowd: Crowd, repeats: int) -> dict[str, float]:
+def hash_grid_times(crowd: ManySpheres, repeats: int) -> dict[str, float]:
     """What lists by `wp.HashGrid` take [ns per particle]: building it, and one query of every sphere."""
     device, near = crowd.device, crowd.stepper.scratch.near
     cells = int(np.clip(2 ** np.ceil(np.log2((2.0 * crowd.count) ** (1.0 / 3.0))), 4, 256))
@@ -224,7 +130,7 @@ def hash_grid_times(crowd: Crowd, repeats: int) -> dict[str, float]:
     return out
 
 
-def own_list_times(crowd: Crowd, repeats: int) -> float:
+def own_list_times(crowd: ManySpheres, repeats: int) -> float:
     """What making new lists takes [ns per particle], all its kernels."""
     times = [elapsed(crowd.stepper._make_lists, crowd.device).on(crowd.device) for _ in range(repeats)]
     return 1e9 * float(np.median(times)) / crowd.count
@@ -288,12 +194,12 @@ def measure(
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     found = [
-        Crowd(count, place, fast_math=fast_math).measure(rounds, seconds) | {"fast_math": fast_math}
+        measured(ManySpheres(count, place, fast_math=fast_math), rounds, seconds) | {"fast_math": fast_math}
         # approximate instructions change nothing but the noise's functions on a CPU
         for fast_math in ((False,) if place.is_cpu else (False, True))
         for count in sizes or SIZES[kind]
     ]
-    crowd = Crowd(profiled or (100_000 if place.is_cpu else 1_000_000), place)
+    crowd = ManySpheres(profiled or (100_000 if place.is_cpu else 1_000_000), place)
     crowd.step(WARM)
     kernels = kernel_times(crowd, 48)
     own, other = own_list_times(crowd, 5), hash_grid_times(crowd, 5)

@@ -17,8 +17,9 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from benchmarks.report import Table, command, positive
-from benchmarks.timing import Spread, elapsed
+from benchmarks.report import command, positive
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Spread, elapsed
 from otwarp.device import pick_device
 from otwarp.optics.batched import batched_force
 from otwarp.optics.beam import Beam

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.forces.measure import REGION_PROBES, SECONDS, THERMAL_PROBES, bench_forces
-from otwarp.bench.forces.table import HEAD, caption, table_rows
+from otwarp.bench.forces.table import table
 from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
 from otwarp.optics import Beam, Sphere
@@ -40,8 +41,8 @@ def measure(
     for fast_math in (False,) if place.is_cpu else (False, True):
         found = bench_forces(beam, sphere, seconds=seconds, probes=probes, fast_math=fast_math, **how)
         title = "Force models: error against run time" + (", `fast_math`" if fast_math else "")
-        note = f"{HOW_TO_READ}\n\n{caption(found)}"
-        tables.append(Table(title=title, head=HEAD, rows=table_rows(found), note=note))
+        measured = table(found, title)
+        tables.append(replace(measured, note=f"{HOW_TO_READ}\n\n{measured.note}"))
         data["fast_math" if fast_math else "accurate"] = found.json()
     kind = "cpu" if place.is_cpu else "cuda"
     return Section(name="forces", kind=kind, machine=Machine.look(place), tables=tables, data=data)

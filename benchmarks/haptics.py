@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from benchmarks.machine import Machine
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.check.check import BUSY

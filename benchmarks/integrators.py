@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.integrators.measure import CALL, SECONDS, STEPS, bench_integrators
 from otwarp.bench.integrators.result import IntegratorsBench
-from otwarp.bench.integrators.table import (
-    SUMMARY_HEAD,
-    VARIANTS_HEAD,
-    caption,
-    error_head,
-    error_rows,
-    summary_rows,
-    variant_rows,
-)
+from otwarp.bench.integrators.table import caption, tables
 from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.optics import Beam, Sphere
 
@@ -53,20 +47,14 @@ def measure(
         draw_integrators([found], plot)
     kind = "cpu" if place.is_cpu else "cuda"
     data = {"integrators": found.json()}
-    return Section(name="integrators", kind=kind, machine=Machine.look(place), tables=tables(found), data=data)
+    return Section(name="integrators", kind=kind, machine=Machine.look(place), tables=page_tables(found), data=data)
 
 
-def tables(found: IntegratorsBench) -> list[Table]:
-    """For people."""
-    out = [
-        Table(title="Time to 1 %", head=SUMMARY_HEAD, rows=summary_rows(found), note=HOW_TO_READ),
-        Table(title="Errors of the integrators", head=error_head(found), rows=error_rows(found), note=caption(found)),
-    ]
-    variants = variant_rows(found)
-    if variants:
-        title = "Force models and precisions, default integrator and step"
-        out.append(Table(title=title, head=VARIANTS_HEAD, rows=variants, note="Errors in per cent."))
-    return out
+def page_tables(found: IntegratorsBench) -> list[Table]:
+    """For the page: what the command prints, under other titles and with how to read it."""
+    titles = ("Time to 1 %", "Errors of the integrators", "Force models and precisions, default integrator and step")
+    notes = (HOW_TO_READ, caption(found), "Errors in per cent.")
+    return [replace(t, title=title, note=note) for t, title, note in zip(tables(found), titles, notes, strict=False)]
 
 
 def main() -> None:

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks import precision_scenes as scenes
-from benchmarks.machine import Machine
-from benchmarks.report import Section, Table, command, options, positive, save_json
-from benchmarks.timing import Spread, calls_for, elapsed, interleaved
+from benchmarks.report import Section, command, options, positive, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation

@@ -8,10 +8,11 @@ from typing import Any
 
 import warp as wp
 
-from benchmarks.machine import Machine
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
 from benchmarks.startup import ROOT, SCENES
-from benchmarks.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation

@@ -10,28 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import Machine
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.errors import InputError
 
 PAGES = Path(__file__).resolve().parent.parent / "docs" / "benchmarks"
 """One page for each benchmark, named after its module: `terms.md` holds what `benchmarks.terms` found."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table: title, column heads, rows of text, and a note below it."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    note: str = ""
-
-    def markdown(self) -> str:
-        """The table in Markdown; the first column is text, the others are numbers."""
-        lines = [f"**{self.title}**", "", "| " + " | ".join(self.head) + " |"]
-        lines.append("|---|" + "---:|" * (len(self.head) - 1))
-        lines += ["| " + " | ".join(row) + " |" for row in self.rows]
-        return "\n".join([*lines, "", self.note, ""] if self.note else [*lines, ""])
 
 
 @dataclass(frozen=True, kw_only=True)

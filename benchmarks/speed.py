@@ -1,25 +1,51 @@
-"""Speed beside other programs: the section of `otwarp bench speed` for docs/benchmarks/speed.md."""
+"""Speed beside other programs: the section of `otwarp bench speed`, with all peers, for docs/benchmarks/speed.md."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.peers import (
+    c_crowd,
+    cupy_bead,
+    jax_bead,
+    lammps_bead,
+    lammps_crowd,
+    numba_crowd,
+    openmm_bead,
+    openmm_crowd,
+    torch_bead,
+)
+from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.machine import Machine
-from otwarp.bench.speed.measure import SECONDS, bench_speed
-from otwarp.bench.speed.table import HEAD, caption, table_rows
+from otwarp.bench.speed import workloads
+from otwarp.bench.speed.measure import bench_speed
+from otwarp.bench.speed.table import table
+from otwarp.bench.speed.workloads import PeerCode
 from otwarp.device import pick_device
 
+BEAD_PEERS = (
+    *workloads.BEAD_PEERS,
+    PeerCode(label="torch", code=torch_bead),
+    PeerCode(label="jax", code=jax_bead),
+    PeerCode(label="cupy", code=cupy_bead),
+    PeerCode(label="lammps", code=lammps_bead),
+    PeerCode(label="openmm", code=openmm_bead),
+    PeerCode(label="cupy, fast intrinsics", code=cupy_bead, kinds=("cuda",), options={"fast": True}),
+)
+CROWD_PEERS = (
+    PeerCode(label="c", code=c_crowd),
+    PeerCode(label="numba", code=numba_crowd),
+    PeerCode(label="lammps", code=lammps_crowd),
+    PeerCode(label="openmm", code=openmm_crowd),
+)
 
-def measure(
-    device: str = "cpu", *, cases: Sequence[str] = (), rounds: int = 7, seconds: float = SECONDS, scale: float = 1.0
-) -> Section:
-    """All cases, or those named; see `bench_speed`."""
-    place = pick_device(device)
-    machine = Machine.look(place)
-    found = bench_speed(cases=cases, device=device, rounds=rounds, seconds=seconds, scale=scale)
-    table = Table(title="Speed, beside other programs", head=HEAD, rows=table_rows(found), note=caption(found))
-    return Section(name="speed", kind=found.kind, machine=machine, tables=[table], data=found.json())
+
+def measure(device: str = "cpu", **how: Any) -> Section:
+    """All cases, or the `cases` given; see `bench_speed`."""
+    machine = Machine.look(pick_device(device))
+    found = bench_speed(device=device, bead_peers=BEAD_PEERS, crowd_peers=CROWD_PEERS, **how)
+    tables = [table(found, "Speed, beside other programs")]
+    return Section(name="speed", kind=found.kind, machine=machine, tables=tables, data=found.json())
 
 
 def main() -> None:

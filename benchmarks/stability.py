@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.bench.stability.measure import bench_stability
 from otwarp.bench.stability.table import head, legend, letters, stated
 from otwarp.bench.stability.thermal import Effort

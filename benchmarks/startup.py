@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import Machine
-from benchmarks.report import Section, Table, command, options, save_json
-from benchmarks.timing import Spread
+from benchmarks.report import Section, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Spread
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 

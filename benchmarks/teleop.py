@@ -16,9 +16,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.machine import Machine
 from benchmarks.realtime import load
-from benchmarks.report import Section, Table, command, options, save_json
+from benchmarks.report import Section, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.haptics.core.types import Vec3
 from otwarp.laws import TrapLaw

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.machine import Machine
+from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 

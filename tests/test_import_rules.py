@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "vision": ROOT | {"simulation", "hydrodynamics"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
-    "bench": ROOT | {"device", "scene", "optics", "simulation"},
+    "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "cache": set(),
     "device": {"errors"},
@@ -102,6 +103,15 @@ def named_modules(path: Path) -> list[str]:
     calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     by_name = [c.args[0] for c in calls if c.args and ast.unparse(c.func).split(".")[-1] == "import_module"]
     return [name for name, _ in imports(path)] + [str(name.value) for name in by_name if isinstance(name, ast.Constant)]
+
+
+def test_the_package_needs_nothing_of_the_repository_around_it():
+    """An installed otwarp has neither benchmarks nor tests nor scenes beside it."""
+    for path in PACKAGE.rglob("*.py"):
+        outside = {name.split(".")[0] for name in named_modules(path)} & {"benchmarks", "tests", "scenes"}
+        assert not outside, f"{path}: {outside}"
+        edits = re.search(r"sys\.path(\.\w+\(|\[|\s*\+?=[^=])", path.read_text(encoding="utf-8"))
+        assert not edits, f"{path} changes where modules are looked for"
 
 
 def import_graph() -> dict[Path, set[Path]]:

@@ -11,8 +11,8 @@ import ctypes
 
 import numpy as np
 
-from benchmarks.peers import c_bead
-from benchmarks.peers.case_b import spheres
+from otwarp.bench.speed.many_body import spheres
+from otwarp.bench.speed.peers import c_bead
 
 SKIN = 0.5
 """In diameters: lists last for about ten steps, and longer ones are slower."""
@@ -143,7 +143,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """`count` spheres of `benchmarks.crowd`; `step(steps)`, and `positions()` in the order of the start."""
+    """`count` spheres of `otwarp.bench.speed.many_body`; `step(steps)`, and `positions()` in the order of the start."""
 
     name = "C, Verlet lists, gcc -O3 -march=native -ffast-math"
 

@@ -50,7 +50,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """See `benchmarks.peers`; `fast` takes approximate logarithm, sine and cosine."""
+    """See `otwarp.bench.speed.peers`; `fast` takes approximate logarithm, sine and cosine."""
 
     def __init__(
         self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cuda", fast: bool = False

@@ -22,7 +22,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """See `benchmarks.peers`."""
+    """See `otwarp.bench.speed.peers`."""
 
     def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
         import jax

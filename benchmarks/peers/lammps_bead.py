@@ -75,7 +75,7 @@ def places_of(lmp: Any) -> np.ndarray:
 
 
 class Peer:
-    """See `benchmarks.peers`."""
+    """See `otwarp.bench.speed.peers`."""
 
     def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
         self.centre = np.array([3.0, 5.0, 7.0])

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers import lammps_bead
-from benchmarks.peers.case_b import Spheres, spheres
+from otwarp.bench.speed.many_body import Spheres, spheres
 
 SKIN = 0.5
 """In diameters: neither 0.3 nor 0.7 is faster."""
@@ -41,7 +41,7 @@ def table(what: Spheres) -> str:
 
 
 class Peer:
-    """`count` spheres of `benchmarks.crowd`; `step(steps)`, and `positions()` in the order of the start."""
+    """`count` spheres of `otwarp.bench.speed.many_body`; `step(steps)`, and `positions()` in the order of the start."""
 
     def __init__(self, count: int, *, seed: int = 7, kind: str = "cpu"):
         what = spheres(count)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.case_b import spheres
+from otwarp.bench.speed.many_body import spheres
 
 SKIN = 0.6
 """In diameters: lists last for about twenty steps, and neither 0.4 nor 0.5 is faster."""
@@ -144,7 +144,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """`count` spheres of `benchmarks.crowd`; `step(steps)`, and `positions()` in the order of the start."""
+    """`count` spheres of `otwarp.bench.speed.many_body`; `step(steps)`, and `positions()` in the order of the start."""
 
     def __init__(self, count: int, *, seed: int = 7, kind: str = "cpu"):
         import numba

@@ -48,7 +48,7 @@ def places_of(ctx: Any) -> np.ndarray:
 
 
 class Peer:
-    """See `benchmarks.peers`."""
+    """See `otwarp.bench.speed.peers`."""
 
     def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
         import openmm

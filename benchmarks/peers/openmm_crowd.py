@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.peers import openmm_bead
-from benchmarks.peers.case_b import spheres
+from otwarp.bench.speed.many_body import spheres
 
 
 def missing(kind: str) -> str | None:
@@ -18,7 +18,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """`count` spheres of `benchmarks.crowd`; `step(steps)`, and `positions()` in the order of the start."""
+    """`count` spheres of `otwarp.bench.speed.many_body`; `step(steps)`, and `positions()` in the order of the start."""
 
     def __init__(self, count: int, *, seed: int = 7, kind: str = "cpu"):
         import openmm

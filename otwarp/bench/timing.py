@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -42,8 +43,7 @@ class Spread:
         return f"{self.median:{pattern}} ({self.low:{pattern}} – {self.high:{pattern}})"
 
 
-@dataclass(frozen=True)
-class Pairs:
+class Pairs(NamedTuple):
     """Samples of two measurements taken in turns, equally many."""
 
     first: list[float]
@@ -93,15 +93,21 @@ def calls_for(work: Callable[[int], object], device: wp.Device, seconds: float) 
 Measurement = Callable[[], float]
 
 
-def interleaved(pairs: Mapping[str, tuple[Measurement, Measurement]], rounds: int) -> dict[str, Pairs]:
+def interleaved(
+    pairs: Mapping[str, tuple[Measurement, Measurement]],
+    rounds: int,
+    *,
+    note: Callable[[str], None] = lambda name: None,
+) -> dict[str, Pairs]:
     """Measure every pair once per round, the order within a pair swapped from round to round.
 
     The samples of a pair are spread over the whole benchmark and its halves taken one right after the other, so
-    neither a slow second nor a slow drift of the machine decides a figure.
+    neither a slow second nor a slow drift of the machine decides a figure. `note` hears which pair is next.
     """
     out = {name: Pairs([], []) for name in pairs}
     for i in range(rounds):
         for name, (first, second) in pairs.items():
+            note(name)
             found = out[name]
             for kept, measurement in ((found.first, first), (found.second, second))[:: 1 if i % 2 == 0 else -1]:
                 kept.append(measurement())

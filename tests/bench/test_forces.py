@@ -13,7 +13,8 @@ import pytest
 from otwarp.bench.forces.figure import draw_runs, pareto_front
 from otwarp.bench.forces.measure import Probes, Runner, bench_forces, thermal_points
 from otwarp.bench.forces.result import ForcesBench
-from otwarp.bench.forces.table import HEAD, NOTHING, caption, table_rows
+from otwarp.bench.forces.table import HEAD, caption, table
+from otwarp.bench.report import NOTHING
 from otwarp.bench.rungs import HARMONIC, LADDER, RELAXATION, TrappedBead, chosen_rungs
 from otwarp.bench.timing import Spread
 from otwarp.device import pick_device
@@ -216,11 +217,11 @@ def test_runs_of_two_devices_share_a_picture(found, tmp_path: Path):
 
 
 def test_the_table_says_what_was_found(found):
-    rows = table_rows(found)
+    rows = table(found, "").rows
     assert all(len(row) == len(HEAD) for row in rows)
     assert rows[0][0] == "no trap" and rows[0][4:] == (NOTHING,) * 5
     slow = replace(found.rows[2], cost=Spread(100.0, 80.0, 125.0), ratio=Spread(2.0, 1.5, 2.5), build_seconds=0.512)
-    cells = table_rows(replace(found, rows=(slow,)))[0]
+    cells = table(replace(found, rows=(slow,)), "").rows[0]
     assert cells[1:4] == ("10 (8 – 12.5)", "100", "2 (1.5 – 2.5)") and cells[8] == "0.51"
     for words in ("16 beads", "r = 0.5 µm", "20 mW", "100 random points"):
         assert words in caption(found)

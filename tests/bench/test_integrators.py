@@ -30,7 +30,6 @@ from otwarp.bench.integrators.observables import (
 )
 from otwarp.bench.integrators.result import IntegratorsBench, Line, Point
 from otwarp.bench.integrators.table import (
-    NOTHING,
     SUMMARY_HEAD,
     VARIANTS_HEAD,
     error_cell,
@@ -40,6 +39,7 @@ from otwarp.bench.integrators.table import (
     variant_rows,
 )
 from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
+from otwarp.bench.report import NOTHING
 from otwarp.bench.timing import Spread
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
@@ -316,7 +316,7 @@ def test_the_tables_and_the_page(measured):
     assert all(len(row) == len(VARIANTS_HEAD) for row in variant_rows(measured))
     assert error_cell(None) == error_cell(Measured(math.nan, math.nan)) == NOTHING
     assert error_cell(Measured(-0.0123, 0.001)) == "-1.23 ± 0.1"
-    titles = [table.title for table in section.tables(measured)]
+    titles = [table.title for table in section.page_tables(measured)]
     assert titles[0] == "Time to 1 %" and len(titles) == 3
     page = (PAGES / "integrators.md").read_text()
     for kind in ("cpu", "cuda"):

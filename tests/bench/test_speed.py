@@ -13,23 +13,21 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from benchmarks import crowd as crowd_module
-from benchmarks.peers import c_bead
-from benchmarks.peers.case_b import spheres
-from otwarp.bench import beside as beside_module
-from otwarp.bench.beside import beside
+from benchmarks.speed import BEAD_PEERS, CROWD_PEERS
+from otwarp.bench.report import NOTHING
 from otwarp.bench.speed.figure import draw_speed
-from otwarp.bench.speed.measure import Measured, bench_speed
+from otwarp.bench.speed.many_body import RADIUS, ManySpheres, spheres
+from otwarp.bench.speed.measure import TimedWorkload, bench_speed
+from otwarp.bench.speed.peers import c_bead
 from otwarp.bench.speed.result import SpeedBench, SpeedRow
-from otwarp.bench.speed.table import HEAD, NOTHING, caption, table_rows
+from otwarp.bench.speed.table import HEAD, caption, table
 from otwarp.bench.speed.workloads import (
-    BEAD_PEERS,
     CASES,
-    CROWD_PEERS,
+    DELIVERY,
     LISTED,
     PARTICLES,
     RELAXATION,
-    Runner,
+    Prepared,
     Setting,
     Workload,
     case_a,
@@ -55,7 +53,8 @@ def kind_of(device: str) -> str:
 def found(device) -> SpeedBench:
     said: list[str] = []
     scale = BEADS / PARTICLES[kind_of(device)]
-    out = bench_speed(cases=["bead"], device=device, rounds=2, seconds=1e-3, scale=scale, note=said.append)
+    how = {"rounds": 2, "seconds": 1e-3, "scale": scale, "bead_peers": BEAD_PEERS}
+    out = bench_speed(cases=["bead"], device=device, note=said.append, **how)
     assert {"bead in a spring, eulerMaruyama: building", "bead in a spring, heun: measuring"} <= set(said)
     return out
 
@@ -81,9 +80,9 @@ def test_every_code_of_a_case_does_the_work(found):
         assert row.check == pytest.approx(1.0, abs=CHANCE), row.label
 
 
-@pytest.mark.parametrize("name", BEAD_PEERS)
-def test_a_peer_runs_or_says_why_not(name, device):
-    code, kind = beside(f"peers.{name}"), kind_of(device)
+@pytest.mark.parametrize("peer", BEAD_PEERS, ids=lambda peer: peer.label)
+def test_a_peer_runs_or_says_why_not(peer, device):
+    code, kind = peer.code, kind_of(device)
     other = "cuda" if kind == "cpu" else "cpu"
     reason = code.missing(kind)
     if reason is not None:
@@ -122,23 +121,22 @@ CROWD, CROWD_STEPS = 4000, 300
 def touching(places: np.ndarray) -> np.ndarray:
     """Distances of pairs that touch."""
     place = places.astype(float)
-    near = cKDTree(place).query_pairs(2.0 * crowd_module.RADIUS, output_type="ndarray")
+    near = cKDTree(place).query_pairs(2.0 * RADIUS, output_type="ndarray")
     return np.linalg.norm(place[near[:, 0]] - place[near[:, 1]], axis=1)
 
 
 @pytest.fixture(scope="module")
 def own_crowd() -> tuple[np.ndarray, np.ndarray]:
     """Places of otwarp's crowd at the start and the end."""
-    crowd = beside("crowd").Crowd(CROWD, pick_device("cpu"))
+    crowd = ManySpheres(CROWD, pick_device("cpu"))
     start = crowd.state.position.numpy()[0].copy()
     crowd.step(CROWD_STEPS)
     return start, crowd.state.position.numpy()[0]
 
 
-@pytest.mark.parametrize("name", CROWD_PEERS)
-def test_a_crowd_of_a_peer_pushes_apart_what_touches(name, own_crowd):
+@pytest.mark.parametrize("code", [peer.code for peer in CROWD_PEERS], ids=[peer.label for peer in CROWD_PEERS])
+def test_a_crowd_of_a_peer_pushes_apart_what_touches(code, own_crowd):
     """As many pairs touch, with as much energy, as in otwarp's own crowd."""
-    code = beside(f"peers.{name}")
     if reason := code.missing("cpu"):
         pytest.skip(reason)
     peer, what = code.Peer(CROWD, seed=5), spheres(CROWD)
@@ -161,9 +159,8 @@ def test_a_crowd_of_a_peer_pushes_apart_what_touches(name, own_crowd):
     assert peer.name and isinstance(code.missing("cuda"), str | None)
 
 
-@pytest.mark.parametrize("name", CROWD_PEERS)
-def test_a_pair_of_a_peer_moves_apart_as_hertz_says(name, monkeypatch):
-    code = beside(f"peers.{name}")
+@pytest.mark.parametrize("code", [peer.code for peer in CROWD_PEERS], ids=[peer.label for peer in CROWD_PEERS])
+def test_a_pair_of_a_peer_moves_apart_as_hertz_says(code, monkeypatch):
     if reason := code.missing("cpu"):
         pytest.skip(reason)
     overlap, normal = 0.3, np.array([0.6, 0.0, 0.8])
@@ -207,17 +204,17 @@ def test_what_is_not_done_in_every_step_has_its_share(device):
     taken: list[int] = []
     setting = Setting(pick_device(device))
     for least in (1, 50):
-        work = Workload(case="c", label="l", make=lambda _: Runner(taken.append, 1, 1), least_steps=least)
-        measured = Measured(work, work.make(setting), setting, 1e-9)
+        work = Workload(case="c", label="l", make=lambda _: Prepared(taken.append, 1, 1), least_steps=least)
+        measured = TimedWorkload(work, work.make(setting), setting, 1e-9)
         measured.sample()
         assert taken[-1] == measured.steps >= least
-    crowds = [w for w in workloads("cpu") if w.case.startswith("crowd")]
+    crowds = [w for w in workloads("cpu", BEAD_PEERS, CROWD_PEERS) if w.case.startswith("crowd")]
     assert len(crowds) == 3 * (1 + len(CROWD_PEERS)) and {w.least_steps for w in crowds} == {LISTED}
 
 
 @pytest.mark.parametrize("kind", ["cpu", "cuda"])
 def test_labels_and_cases(kind):
-    rows = list(workloads(kind))
+    rows = list(workloads(kind, BEAD_PEERS, CROWD_PEERS))
     assert len({row.label for row in rows}) == len(rows)
     assert {row.case.split()[0] for row in rows} | {"threads"} == set(CASES)
     assert any("fast math" in row.label for row in rows) == (kind == "cuda")
@@ -225,9 +222,8 @@ def test_labels_and_cases(kind):
 
 def test_the_delivery_starts_anew(device):
     runner = next(w for w in workloads("cpu") if w.case == "delivery").make(Setting(pick_device(device)))
-    sim = runner.step.__closure__
-    assert sim is not None and runner.worlds == 1 and runner.per_step > 0.0
-    simulation = next(c.cell_contents for c in sim if hasattr(c.cell_contents, "state"))
+    simulation = runner.sim
+    assert simulation is not None and runner.worlds == 1 and runner.per_step > 0.0
     whole = round(simulation.scene.settings.duration / simulation.time_step)
     start = simulation.state.position.numpy().copy()
     simulation.state.step = whole - 2
@@ -248,7 +244,7 @@ def test_the_table_says_what_was_found():
         row("theirs", peer=True, skipped="nothing is installed"),
     )
     bench = SpeedBench(kind="cpu", hardware="a processor", machine={}, rounds=3, rows=rows)
-    cells = table_rows(bench)
+    cells = table(bench, "Speed").rows
     assert all(len(line) == len(HEAD) for line in cells)
     assert cells[0] == ("ours", "3", "2e+08 (1e+08 – 3e+08)", "steps/s", "1", "1.2e+08 reached", "1.0000")
     assert cells[1][4:6] == ("0.05 (0.05 – 0.05)", "1e+08 missed")
@@ -272,12 +268,8 @@ def test_files(found, tmp_path: Path):
         draw_speed(replace(found, rows=(row("none", skipped="x"),)), picture)
 
 
-def test_without_the_source_peers_are_skipped(monkeypatch, device):
-    monkeypatch.setattr(beside_module, "ROOT", Path("/nowhere"))
-    scale = 16 / PARTICLES[kind_of(device)]
-    out = bench_speed(cases=["bead"], device=device, rounds=1, seconds=1e-4, scale=scale)
-    assert {r.skipped for r in out.rows if r.peer} == {"the folder benchmarks/ of the source is not here"}
-    assert all(r.rate is not None for r in out.rows if not r.peer)
+def test_the_shipped_delivery_is_the_scene():
+    assert DELIVERY.read_bytes() == (Path(__file__).parents[2] / "scenes" / "cell_delivery.usda").read_bytes()
 
 
 def test_the_command_prints_the_table_and_writes_files(device, capfd, tmp_path: Path):

@@ -12,11 +12,13 @@ import pytest
 
 from benchmarks import headlines, realtime, startup, terms
 from benchmarks.__main__ import BENCHMARKS
-from benchmarks.machine import Machine
-from benchmarks.numpy_bead import NumpyBeads
-from benchmarks.report import PAGES, Section, Table, markers, put_on_page, save_json, write_pages
-from benchmarks.term_scenes import COMPARISONS, SCENES, TOGETHER, Comparison
-from benchmarks.timing import Spread, interleaved
+from benchmarks.report import PAGES, Section, markers, put_on_page, save_json, write_pages
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.speed.peers import numpy_bead
+from otwarp.bench.terms.measure import SNAPSHOTS, TIME_STEP
+from otwarp.bench.terms.scenes import COMPARISONS, SCENES, TOGETHER, Comparison
+from otwarp.bench.timing import Spread, interleaved
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
 
@@ -90,19 +92,19 @@ def test_terms_table_tells_with_from_without(term_section: Section, tmp_path: Pa
 def test_numpy_loop_and_otwarp_sample_the_variance_of_the_scheme(term_section: Section):
     variance = term_section.data["numpy"]["variance"]
     # 5 standard errors of a variance from independent snapshots of 400 beads × 3 components
-    tolerance = 5.0 * math.sqrt(2.0 / (3 * 400 * terms.SNAPSHOTS)) * variance["theory"]
+    tolerance = 5.0 * math.sqrt(2.0 / (3 * 400 * SNAPSHOTS)) * variance["theory"]
     assert abs(variance["otwarp"] - variance["theory"]) < tolerance
     assert abs(variance["numpy"] - variance["theory"]) < tolerance
 
 
 def test_numpy_loop_takes_the_step_it_documents():
-    beads = NumpyBeads(np.array([1.0, 2.0, 3.0]), beads=5, relaxation=0.25, kick=0.5, seed=3)
+    beads = numpy_bead.Peer(5, relaxation=0.25, kick=0.5, seed=3)
     beads.position += np.float32(1.0)
     start = beads.position.copy()
     noise = np.random.Generator(np.random.SFC64(3)).standard_normal((5, 3), dtype=np.float32)
-    beads.step()
+    beads.step(1)
     # float32 rounding of numbers of order 1
-    assert np.allclose(beads.position, start + 0.25 * (np.array([1, 2, 3]) - start) + 0.5 * noise, atol=1e-5)
+    assert np.allclose(beads.position, start + 0.25 * (beads.centre - start) + 0.5 * noise, atol=1e-5)
 
 
 FEATURE_OF = {
@@ -126,7 +128,7 @@ FEATURE_OF = {
 @pytest.mark.parametrize("case", COMPARISONS, ids=lambda c: c.term)
 def test_a_pair_of_scenes_differs_by_its_term(case: Comparison):
     without, with_ = (
-        Model.build(SCENES[name](), device="cpu", time_step=terms.TIME_STEP) for name in (case.without, case.with_)
+        Model.build(SCENES[name](), device="cpu", time_step=TIME_STEP) for name in (case.without, case.with_)
     )
     a, b = vars(without.features), vars(with_.features)
     changed = {key for key in a if a[key] != b[key]}

@@ -8,6 +8,7 @@ import json
 import numpy as np
 
 from benchmarks import crowd
+from otwarp.bench.speed import many_body
 from otwarp.device import pick_device
 from otwarp.scene import Scene, Settings
 from otwarp.simulation.simulation import Simulation
@@ -17,13 +18,13 @@ COUNT = 1000
 
 def test_repeated_arrays_make_the_same_crowd_as_a_scene(device):
     """Bit for bit over steps that make new lists."""
-    one = crowd.Crowd(COUNT, pick_device(device))
+    one = many_body.ManySpheres(COUNT, pick_device(device))
     first = one.model.scene.bodies[0]
     bodies = tuple(
         dataclasses.replace(first, prim=f"/World/B{i}", position=tuple(map(float, p)))
-        for i, p in enumerate(crowd.start_places(COUNT))
+        for i, p in enumerate(many_body.start_places(COUNT))
     )
-    scene = Scene(bodies=bodies, settings=Settings(time_step=crowd.time_step()))
+    scene = Scene(bodies=bodies, settings=Settings(time_step=many_body.time_step()))
     whole = Simulation(scene, device=device)
     assert whole.model.features == one.model.features
     whole.step(40)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from benchmarks.machine import Machine
 
 from benchmarks import validation
-from benchmarks.machine import Machine
 from benchmarks.validation import Collector
 from otwarp.device import pick_device
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from otwarp.bench.terms import measure
+from otwarp.bench.terms.scenes import COMPARISONS
 from otwarp.cli.main import main
 
 BENCH = ["bench", "forces", "--device", "cpu"]
@@ -139,11 +141,8 @@ def test_bad_input_of_integrators(arguments, words, capfd, tmp_path, monkeypatch
 
 
 def test_terms_prints_costs_and_writes_numbers(tmp_path, capfd, monkeypatch):
-    from otwarp.bench.beside import beside
-
-    code = beside("terms")
-    few = [c for c in code.COMPARISONS if c.with_ in ("noise", "harmonic")]
-    monkeypatch.setattr(code, "measure", functools.partial(code.measure, comparisons=few, beads=256))
+    few = [c for c in COMPARISONS if c.with_ in ("noise", "harmonic")]
+    monkeypatch.setattr(measure, "bench_terms", functools.partial(measure.bench_terms, comparisons=few, beads=256))
     file = tmp_path / "terms.json"
     options = ["--rounds", "1", "--seconds", "0.001", "--bodies", "64", "--device", "cpu", "--json", str(file)]
     assert main(["bench", "terms", *options]) == 0

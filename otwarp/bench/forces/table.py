@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from otwarp.bench.forces.result import ForcesBench, Row
+from otwarp.bench.report import NOTHING, Table
 
 HEAD = (
     "force model",
@@ -16,13 +17,10 @@ HEAD = (
     "build [s]",
 )
 
-NOTHING = "–"
-"""In a cell that does not apply."""
 
-
-def table_rows(bench: ForcesBench) -> list[tuple[str, ...]]:
-    """Cells of all rows."""
-    return [_cells(row) for row in bench.rows]
+def table(bench: ForcesBench, title: str) -> Table:
+    """A row for every force model, and below how they were measured."""
+    return Table(title=title, head=HEAD, rows=[_cells(row) for row in bench.rows], note=caption(bench))
 
 
 def _cells(row: Row) -> tuple[str, ...]:

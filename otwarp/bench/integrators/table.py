@@ -7,9 +7,7 @@ import math
 from otwarp.bench.integrators.cases import PLAIN
 from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, SEEN, Measured, bound_of
 from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line
-
-NOTHING = "–"
-"""In a cell that does not apply."""
+from otwarp.bench.report import NOTHING, Table
 
 BASELINE = "eulerMaruyama"
 
@@ -24,6 +22,19 @@ SUMMARY_HEAD = (
 )
 
 VARIANTS_HEAD = ("force model or precision", "ns per bead-step", "of the default", "z", *OBSERVABLES.values())
+
+
+def tables(bench: IntegratorsBench) -> list[Table]:
+    """The integrators, their errors step by step, and force models and precisions if they were measured."""
+    out = [
+        Table(title=f"Integrators on {bench.hardware}", head=SUMMARY_HEAD, rows=summary_rows(bench)),
+        Table(title="Their errors", head=error_head(bench), rows=error_rows(bench), note=caption(bench)),
+    ]
+    variants = variant_rows(bench)
+    if variants:
+        title = "Force models and precisions with the default integrator and step"
+        out.append(Table(title=title, head=VARIANTS_HEAD, rows=variants))
+    return out
 
 
 def error_cell(found: Measured | None) -> str:

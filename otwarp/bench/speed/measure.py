@@ -8,8 +8,8 @@ from functools import partial
 
 from otwarp.bench.machine import Machine
 from otwarp.bench.speed.result import SpeedBench, SpeedRow
-from otwarp.bench.speed.workloads import CASES, Runner, Setting, Workload, workloads
-from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.bench.speed.workloads import BEAD_PEERS, CASES, PeerCode, Prepared, Setting, Workload, workloads
+from otwarp.bench.timing import Pairs, Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -23,27 +23,33 @@ Note = Callable[[str], None]
 """Called with what is being done, often enough to stop there."""
 
 
-class Measured:
+class TimedWorkload:
     """A prepared workload, ready to be sampled."""
 
-    def __init__(self, work: Workload, runner: Runner, setting: Setting, seconds: float):
-        self.work, self.runner, self.device = work, runner, setting.device
-        self.steps = max(work.least_steps, calls_for(runner.step, setting.device, seconds))
+    def __init__(self, work: Workload, ready: Prepared, setting: Setting, seconds: float):
+        self.work, self.ready, self.device = work, ready, setting.device
+        self.steps = max(work.least_steps, calls_for(ready.step, setting.device, seconds))
         self.cores: list[float] = []
 
     def sample(self) -> float:
         """Seconds per unit of work."""
-        taken = elapsed(partial(self.runner.step, self.steps), self.device)
+        taken = elapsed(partial(self.ready.step, self.steps), self.device)
         self.cores.append(taken.cpu / taken.wall)
         spent = taken.wall if self.work.wall or not self.device.is_cpu else taken.cpu
-        return spent / (self.steps * self.runner.per_step)
+        return spent / (self.steps * self.ready.per_step)
+
+    def label(self) -> str:
+        """Its own name, and where threads are timed how many cores it got."""
+        got = f" (got {Spread.of(self.cores).median:.2f} cores)" if self.work.wall else ""
+        # a neighbour that takes the other core would make threads look useless
+        return (self.ready.name or self.work.label) + got
 
     def check(self) -> float | None:
         """Stationary variance over the exact one of the scheme."""
-        if self.runner.check is None:
+        if self.ready.check is None:
             return None
-        self.runner.step(LEAST_STEPS)
-        return self.runner.check()
+        self.ready.step(LEAST_STEPS)
+        return self.ready.check()
 
 
 def bench_speed(
@@ -53,6 +59,8 @@ def bench_speed(
     rounds: int = 7,
     seconds: float = SECONDS,
     scale: float = 1.0,
+    bead_peers: Sequence[PeerCode] = BEAD_PEERS,
+    crowd_peers: Sequence[PeerCode] = (),
     note: Note = lambda text: None,
 ) -> SpeedBench:
     """Measure the workloads.
@@ -63,6 +71,7 @@ def bench_speed(
         rounds: Repeats.
         seconds: Length of one measured call; compilation and the first calls do not count.
         scale: Part of the usual number of worlds and particles; those of `scaling` do not follow.
+        bead_peers, crowd_peers: Other codes for the cases `bead` and `crowd`.
         note: Hears what is being done.
 
     Raises:
@@ -80,8 +89,8 @@ def bench_speed(
     setting = Setting(place, scale)
     machine = Machine.look(place)
     groups: dict[str, list[Workload]] = {}
-    for work in workloads(setting.kind):
-        if (not cases or work.case.split()[0] in cases) and setting.kind in work.kinds:
+    for work in workloads(setting.kind, bead_peers, crowd_peers):
+        if not cases or work.case.split()[0] in cases:
             groups.setdefault(work.case, []).append(work)
     rows: list[SpeedRow] = []
     for group in groups.values():
@@ -95,40 +104,31 @@ def measure_case(
     group: Sequence[Workload], setting: Setting, *, rounds: int, seconds: float, note: Note
 ) -> list[SpeedRow]:
     """Rows of one case, each measured in turns with the first; what cannot run here says why."""
-    ready: dict[str, Measured] = {}
+    ready: dict[str, TimedWorkload] = {}
     skipped: dict[str, str] = {}
     for work in group:
         note(f"{work.label}: building")
         try:
-            ready[work.label] = Measured(work, work.make(setting), setting, seconds)
+            ready[work.label] = TimedWorkload(work, work.make(setting), setting, seconds)
         except ImportError as error:
             skipped[work.label] = " ".join(str(error).split())
-    pairs = {}
-    if ready:
-        base = next(iter(ready.values()))
-
-        def noted(one: Measured) -> Callable[[], float]:
-            def measure() -> float:
-                note(f"{one.work.label}: measuring")
-                return one.sample()
-
-            return measure
-
-        pairs = interleaved({label: (noted(one), base.sample) for label, one in ready.items()}, rounds)
+    base = next(iter(ready.values()), None)
+    pairs = interleaved(
+        {label: (one.sample, base.sample) for label, one in ready.items() if base},
+        rounds,
+        note=lambda label: note(f"{label}: measuring"),
+    )
     rows = []
     for work in group:
-        fields = {"case": work.case, "label": work.label, "unit": work.unit, "peer": work.peer}
-        goal = work.goals.get(setting.kind)
+        about = {"case": work.case, "unit": work.unit, "peer": work.peer, "goal": work.goals.get(setting.kind)}
         if work.label in skipped:
-            rows.append(SpeedRow(**fields, worlds=0, goal=goal, skipped=skipped[work.label]))
-            continue
-        one, pair = ready[work.label], pairs[work.label]
-        first = one is base
-        ratio = None if first else Spread.of([b / a for a, b in zip(pair.first, pair.second, strict=True)])
-        rate = Spread.of([1.0 / s for s in pair.first])
-        fields["label"] = one.runner.name or work.label
-        if work.wall:
-            # a neighbour that takes the other core would make threads look useless
-            fields["label"] += f" (got {Spread.of(one.cores).median:.2f} cores)"
-        rows.append(SpeedRow(**fields, worlds=one.runner.worlds, rate=rate, ratio=ratio, goal=goal, check=one.check()))
+            rows.append(SpeedRow(**about, label=work.label, worlds=0, skipped=skipped[work.label]))
+        else:
+            one, (ours, first) = ready[work.label], pairs[work.label]
+            rate = Spread.of([1.0 / s for s in ours])
+            ratio = None if one is base else Pairs(first, ours).ratio()
+            check = one.check()
+            rows.append(
+                SpeedRow(**about, label=one.label(), worlds=one.ready.worlds, rate=rate, ratio=ratio, check=check)
+            )
     return rows

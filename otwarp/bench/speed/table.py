@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from otwarp.bench.report import NOTHING, Table
 from otwarp.bench.speed.result import SpeedBench, SpeedRow
 
 HEAD = ("workload", "count", "rate", "unit", "of the case's first", "goal", "variance")
-NOTHING = "–"
-"""In a cell that does not apply."""
 
 
-def table_rows(bench: SpeedBench) -> list[tuple[str, ...]]:
-    """Cells of all rows, peers after an arrow."""
-    return [_cells(row) for row in bench.rows]
+def table(bench: SpeedBench, title: str) -> Table:
+    """A row for every workload, peers after an arrow, and below how they were measured."""
+    return Table(title=title, head=HEAD, rows=[_cells(row) for row in bench.rows], note=caption(bench))
 
 
 def _cells(row: SpeedRow) -> tuple[str, ...]:
@@ -37,6 +36,6 @@ def caption(bench: SpeedBench) -> str:
     clock = "processor time of one thread, unless a row says wall time" if bench.kind == "cpu" else "wall time"
     return (
         f"{bench.hardware}; {clock}; median (lower – upper quartile) of {bench.rounds} repeats, taken in turns with "
-        "the first row of the case. Arrows mark codes for that one workload (benchmarks/peers). A variance is the "
+        "the first row of the case. Arrows mark codes for that one workload. A variance is the "
         "stationary one over that of the scheme at this step; it is 1 but for chance."
     )

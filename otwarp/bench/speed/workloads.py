@@ -1,23 +1,25 @@
 """The workloads of `otwarp bench speed`: what is stepped, how it is counted, and how fast it should be.
 
-Every workload is made by a function of a `Setting` and is a `Runner`: something that takes steps. Those of a case are
-measured in turns with the case's first one.
+Every workload is made by a function of a `Setting` and is then `Prepared`: something that takes steps. Those of a case
+are measured in turns with the case's first one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial as p
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from otwarp.bench.beside import beside
 from otwarp.bench.rungs import TrappedBead, chosen_rungs
 from otwarp.bench.scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
+from otwarp.bench.speed.many_body import ManySpheres
+from otwarp.bench.speed.peers import c_bead, numba_bead, numpy_bead
 from otwarp.optics import Beam, Sphere
 from otwarp.scene import Scene, Track, Trap
 from otwarp.simulation.simulation import Simulation
@@ -31,11 +33,42 @@ SEED = 7
 
 EULER, DEFAULT = "eulerMaruyama", "heun"
 
-BEAD_PEERS = (
-    "numpy_bead", "c_bead", "numba_bead", "torch_bead", "jax_bead", "cupy_bead", "lammps_bead", "openmm_bead",
-)  # fmt: skip
-CROWD_PEERS = ("c_crowd", "numba_crowd", "lammps_crowd", "openmm_crowd")
-"""Modules of `benchmarks.peers`."""
+DELIVERY = Path(__file__).with_name("cell_delivery.usda")
+"""The shipped cell delivery, which is part of the package for this benchmark."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeerCode:
+    """Another code for a workload.
+
+    Attributes:
+        label: For people, until its own name is known.
+        code: A module as `otwarp.bench.speed.peers` describes it.
+        kinds: For which it stands in the table: `cpu`, `cuda`.
+        options: Further arguments of its `Peer`.
+    """
+
+    label: str
+    code: Any
+    kinds: tuple[str, ...] = ("cpu", "cuda")
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def start(self, count: int, setting: Setting, **arguments: Any) -> Any:
+        """The peer, ready to step.
+
+        Raises:
+            ImportError: Why it cannot run here.
+        """
+        reason = self.code.missing(setting.kind)
+        if reason:
+            raise ImportError(reason)
+        return self.code.Peer(count, seed=SEED, kind=setting.kind, **arguments, **self.options)
+
+
+BEAD_PEERS = tuple(
+    PeerCode(label=label, code=code) for label, code in (("numpy", numpy_bead), ("c", c_bead), ("numba", numba_bead))
+)
+"""Peers of case a that come with otwarp; callers may have more of them, and of case b."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +94,7 @@ class Setting:
 
 
 @dataclass
-class Runner:
+class Prepared:
     """Something that takes steps.
 
     Attributes:
@@ -70,6 +103,7 @@ class Runner:
         per_step: Units of work in one step.
         check: Stationary variance over the exact one of the scheme, or None.
         name: What it is called, if that is known only here.
+        sim: The simulation, if it is otwarp's.
     """
 
     step: Callable[[int], object]
@@ -77,6 +111,7 @@ class Runner:
     per_step: float
     check: Callable[[], float] | None = None
     name: str = ""
+    sim: Simulation | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,30 +125,25 @@ class Workload:
         unit: What is counted.
         goals: Rate wanted by kind of device.
         peer: Whether it is not otwarp's.
-        kinds: Where it runs.
         wall: Whether it is timed by the wall on the CPU, too.
         least_steps: In one measured call, so that what is not done in every step has its share.
     """
 
     case: str
     label: str
-    make: Callable[[Setting], Runner]
+    make: Callable[[Setting], Prepared]
     unit: str = "particle-steps/s"
     goals: dict[str, float] = field(default_factory=dict)
     peer: bool = False
-    kinds: tuple[str, ...] = ("cpu", "cuda")
     wall: bool = False
     least_steps: int = 1
 
 
-def simulated(
-    what: Scene, setting: Setting, usual: dict[str, int], *, time_step: float | None = None, **how: Any
-) -> Runner:
-    """Copies of a scene on one thread; a step of one is the unit."""
+def simulated(what: Scene, setting: Setting, usual: dict[str, int], **how: Any) -> Prepared:
+    """Copies of a scene on one thread; a step of one is the unit. `how` are arguments of `Simulation`."""
     worlds = setting.count(usual[setting.kind])
-    how = {"threads": 1, **how}
-    sim = Simulation(what, worlds=worlds, seed=SEED, device=setting.device, time_step=time_step, **how)
-    return Runner(sim.step, worlds, worlds)
+    sim = Simulation(what, worlds=worlds, seed=SEED, device=setting.device, **{"threads": 1, **how})
+    return Prepared(sim.step, worlds, worlds, sim=sim)
 
 
 def case_a() -> tuple[Scene, float]:
@@ -122,42 +152,32 @@ def case_a() -> tuple[Scene, float]:
     return what, RELAXATION * 6.0 * math.pi * what.medium.viscosity / STIFFNESS
 
 
-def _bead(setting: Setting, *, integrator: str = EULER, fast_math: bool = False, noise: str = "gaussian") -> Runner:
+def _bead(setting: Setting, *, integrator: str = EULER, fast_math: bool = False, noise: str = "gaussian") -> Prepared:
     """Case a, with the variance by which its physics is checked."""
     what, time_step = case_a()
     what = replace(what, settings=replace(what.settings, noise=noise))
-    worlds = setting.count(PARTICLES[setting.kind])
-    how: dict[str, Any] = {"integrator": integrator, "fast_math": fast_math, "threads": 1, "time_step": time_step}
-    sim = Simulation(what, worlds=worlds, seed=SEED, device=setting.device, **how)
+    out = simulated(what, setting, PARTICLES, integrator=integrator, fast_math=fast_math, time_step=time_step)
+    sim = out.sim
+    assert sim is not None
 
     def check() -> float:
         x = sim.state.position.numpy()[:, 0].astype(float) - np.array(PLACE, dtype=np.float32).astype(float)
         exact = BOLTZMANN * what.medium.temperature / STIFFNESS * (1.0 + sim.model.scales.variance_error)
         return float(np.mean(x**2)) / exact
 
-    return Runner(sim.step, worlds, worlds, check)
+    return replace(out, check=check)
 
 
-def _peer(module: str, **how: Any) -> Callable[[Setting], Runner]:
-    """A peer of case a."""
-
-    def make(setting: Setting) -> Runner:
-        """The peer, or the reason why it is not here."""
-        code = beside(f"peers.{module}")
-        reason = code.missing(setting.kind)
-        if reason:
-            raise ImportError(reason)
-        beads = setting.count(PARTICLES[setting.kind])
-        what, _ = case_a()
-        variance = BOLTZMANN * what.medium.temperature / STIFFNESS
-        kick = math.sqrt(2.0 * variance * RELAXATION)
-        peer = code.Peer(beads, relaxation=RELAXATION, kick=kick, seed=SEED, kind=setting.kind, **how)
-        return Runner(peer.step, beads, beads, lambda: peer.variance() / variance * (1.0 - 0.5 * RELAXATION), peer.name)
-
-    return make
+def _bead_peer(setting: Setting, *, peer: PeerCode) -> Prepared:
+    """Case a in another code."""
+    what, _ = case_a()
+    variance = BOLTZMANN * what.medium.temperature / STIFFNESS
+    beads, kick = setting.count(PARTICLES[setting.kind]), math.sqrt(2.0 * variance * RELAXATION)
+    run = peer.start(beads, setting, relaxation=RELAXATION, kick=kick)
+    return Prepared(run.step, beads, beads, lambda: run.variance() / variance * (1.0 - 0.5 * RELAXATION), run.name)
 
 
-def _table(setting: Setting, *, rung: str, integrator: str = EULER, fast_math: bool = False) -> Runner:
+def _table(setting: Setting, *, rung: str, integrator: str = EULER, fast_math: bool = False) -> Prepared:
     """The bead of `otwarp bench forces` in a tabulated trap."""
     what = TrappedBead(Beam(numerical_aperture=1.2, power=POWER), Sphere(radius=1.0, index=1.59))
     found = next(r for r in chosen_rungs((rung,)) if r.name == rung)
@@ -190,52 +210,48 @@ def table_robot(reach: float = math.inf) -> Scene:
     return replace(what, traps=traps)
 
 
-def _robot(setting: Setting, *, reach: float = math.inf, **how: Any) -> Runner:
+def _robot(setting: Setting, *, reach: float = math.inf, **how: Any) -> Prepared:
     return simulated(table_robot(reach), setting, ROBOTS, **how)
 
 
-def _crowd(setting: Setting, *, count: int, fast_math: bool = False) -> Runner:
+def _crowd(setting: Setting, *, count: int, fast_math: bool = False) -> Prepared:
     """Case b: soft Brownian spheres at volume fraction 0.15."""
-    crowd = beside("crowd").Crowd(setting.count(count), setting.device, fast_math=fast_math)
+    crowd = ManySpheres(setting.count(count), setting.device, fast_math=fast_math)
     # lists and clocks, not equilibrium
-    crowd.step(20)
-    return Runner(crowd.step, crowd.count, crowd.count)
+    crowd.step(LISTED)
+    return Prepared(crowd.step, crowd.count, crowd.count)
 
 
-def _crowd_peer(setting: Setting, *, count: int, module: str) -> Runner:
+def _crowd_peer(setting: Setting, *, count: int, peer: PeerCode) -> Prepared:
     """The same spheres in another code."""
-    code = beside(f"peers.{module}")
-    reason = code.missing(setting.kind)
-    if reason:
-        raise ImportError(reason)
     spheres = setting.count(count)
-    peer = code.Peer(spheres, seed=SEED, kind=setting.kind)
-    peer.step(20)
-    return Runner(peer.step, spheres, spheres, name=f"{peer.name}, {spheres:.0e} spheres")
+    run = peer.start(spheres, setting)
+    run.step(LISTED)
+    return Prepared(run.step, spheres, spheres, name=f"{run.name}, {spheres:.0e} spheres")
 
 
-def _many(setting: Setting, *, worlds: int) -> Runner:
+def _many(setting: Setting, *, worlds: int) -> Prepared:
     """Case a in so many worlds, whatever the scale."""
     what, time_step = case_a()
     return simulated(what, replace(setting, scale=1.0), {setting.kind: worlds}, time_step=time_step, integrator=EULER)
 
 
-def _threads(setting: Setting, *, threads: int, model: str) -> Runner:
+def _threads(setting: Setting, *, threads: int, model: str) -> Prepared:
     if model == "robot":
         return _robot(setting, integrator=EULER, threads=threads)
     what, time_step = case_a()
     return simulated(what, setting, PARTICLES, time_step=time_step, integrator=EULER, threads=threads)
 
 
-def _delivery(setting: Setting, *, worlds: int) -> Runner:
+def _delivery(setting: Setting, *, worlds: int) -> Prepared:
     """The shipped cell delivery with contact, from its start; a simulated second of one world is the unit.
 
     Once the cell is delivered it starts anew, because at rest there is less to do.
     """
-    scenes = beside("startup").ROOT / "scenes"
-    what = Scene.load(scenes / "cell_delivery.usda")
-    count = setting.count(worlds)
-    sim = Simulation(what, worlds=count, seed=SEED, device=setting.device, threads=1)
+    what = Scene.load(DELIVERY)
+    out = simulated(what, setting, {setting.kind: worlds})
+    sim = out.sim
+    assert sim is not None
     moving = (sim.state.position, sim.state.orientation, sim.state.trap_position)
     start = [wp.clone(array) for array in moving]
     whole = round(what.settings.duration / sim.time_step)
@@ -251,7 +267,7 @@ def _delivery(setting: Setting, *, worlds: int) -> Runner:
                 for array, first in zip(moving, start, strict=True):
                     wp.copy(array, first)
 
-    return Runner(step, count, count * sim.time_step)
+    return replace(out, step=step, per_step=out.worlds * sim.time_step)
 
 
 def _robots(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
@@ -266,9 +282,8 @@ def _robots(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
                 yield Workload(case="robot", label=label, make=make, unit="robot-steps/s", goals=best)
 
 
-def workloads(kind: str) -> Iterator[Workload]:
-    """All rows for a kind of device, case by case."""
-    math_kinds = (False,) if kind == "cpu" else (False, True)
+def _beads(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) -> Iterator[Workload]:
+    """Case a, ours and others'."""
     goals = {False: {"cpu": 1.2e8, "cuda": 1.3e11}, True: {"cuda": 2.3e11}}
     for fast in math_kinds:
         word = ", fast math" if fast else ""
@@ -280,37 +295,51 @@ def workloads(kind: str) -> Iterator[Workload]:
         wanted = {"cuda": 2.9e11} if fast else {}
         label = f"bead in a spring, {EULER}, three-point noise{word}"
         yield Workload(case="bead", label=label, make=make, goals=wanted)
-    for module in BEAD_PEERS:
-        yield Workload(case="bead", label=module.removesuffix("_bead"), make=_peer(module), peer=True)
-    if kind == "cuda":
-        yield Workload(case="bead", label="cupy, fast intrinsics", make=_peer("cupy_bead", fast=True), peer=True)
-    for rung, wanted in (
-        ("bilinear-1e-3", {"cpu": 6e7, "cuda": 1.3e11}),
-        ("bicubic-1e-3", {"cuda": 6e10}),
-    ):
+    for peer in peers:
+        if kind in peer.kinds:
+            yield Workload(case="bead", label=peer.label, make=p(_bead_peer, peer=peer), peer=True)
+
+
+def _tables(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
+    """The bead in tabulated traps."""
+    for rung, wanted in (("bilinear-1e-3", {"cpu": 6e7, "cuda": 1.3e11}), ("bicubic-1e-3", {"cuda": 6e10})):
         for fast in math_kinds:
             for integrator in (EULER, DEFAULT):
                 label = f"bead in a {rung.replace('-', ' table ', 1)}, {integrator}{', fast math' if fast else ''}"
                 make = p(_table, rung=rung, integrator=integrator, fast_math=fast)
                 best = wanted if integrator == EULER and fast == math_kinds[-1] else {}
                 yield Workload(case="table", label=label, make=make, goals=best)
+
+
+def _crowds(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) -> Iterator[Workload]:
+    """Case b at several sizes, each a case of its own, ours and others'."""
+    for count in (10_000, 100_000, 1_000_000) if kind == "cpu" else (10_000, 100_000, 1_000_000, 10_000_000):
+        case = f"crowd {count:.0e}"
+        wanted = {"cuda": 4.7e9} if count == 1_000_000 else {}
+        for fast in math_kinds:
+            label = f"case b, {count:.0e} spheres{', fast math' if fast else ''}"
+            make, best = p(_crowd, count=count, fast_math=fast), wanted if fast == math_kinds[-1] else {}
+            yield Workload(case=case, label=label, make=make, goals=best, least_steps=LISTED)
+        for peer in peers:
+            if kind in peer.kinds:
+                label, make = f"{peer.label}, {count:.0e} spheres", p(_crowd_peer, count=count, peer=peer)
+                yield Workload(case=case, label=label, make=make, peer=True, least_steps=LISTED)
+
+
+def workloads(
+    kind: str, bead_peers: Sequence[PeerCode] = BEAD_PEERS, crowd_peers: Sequence[PeerCode] = ()
+) -> Iterator[Workload]:
+    """All rows for a kind of device, case by case; peers of case a and of case b."""
+    math_kinds = (False,) if kind == "cpu" else (False, True)
+    yield from _beads(kind, math_kinds, bead_peers)
+    yield from _tables(math_kinds)
     yield from _robots(math_kinds)
     for worlds in (1, 64) if kind == "cpu" else (1, 4096, 65536):
         label = f"cell delivery, {worlds} world{'s' if worlds > 1 else ''}, default integrator"
         wanted = {"cpu": 30.0} if worlds == 1 else {}
         make = p(_delivery, worlds=worlds)
         yield Workload(case="delivery", label=label, make=make, unit="worlds × real time", goals=wanted)
-    for count in (10_000, 100_000, 1_000_000) if kind == "cpu" else (10_000, 100_000, 1_000_000, 10_000_000):
-        wanted = {"cuda": 4.7e9} if count == 1_000_000 else {}
-        for fast in math_kinds:
-            label = f"case b, {count:.0e} spheres{', fast math' if fast else ''}"
-            make, best = p(_crowd, count=count, fast_math=fast), wanted if fast == math_kinds[-1] else {}
-            case = f"crowd {count:.0e}"
-            yield Workload(case=case, label=label, make=make, goals=best, least_steps=LISTED)
-        for module in CROWD_PEERS:
-            label = f"{module.removesuffix('_crowd')}, {count:.0e} spheres"
-            make = p(_crowd_peer, count=count, module=module)
-            yield Workload(case=f"crowd {count:.0e}", label=label, make=make, peer=True, least_steps=LISTED)
+    yield from _crowds(kind, math_kinds, crowd_peers)
     for worlds in (1_000, 10_000, 100_000) if kind == "cpu" else (1_000, 10_000, 100_000, 1_000_000):
         yield Workload(case="scaling", label=f"bead in a spring, {worlds:.0e} worlds", make=p(_many, worlds=worlds))
     if kind == "cpu":

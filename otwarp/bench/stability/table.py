@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 
+from otwarp.bench.report import NOTHING
 from otwarp.bench.stability.measure import GridResult, StabilityBench
 from otwarp.bench.stability.verdict import LEGEND, Cell, Verdict
-
-NOTHING = "–"
-"""Where a grid has no cell."""
 
 
 def letters(grid: GridResult) -> list[tuple[str, ...]]:

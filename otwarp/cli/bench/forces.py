@@ -31,7 +31,7 @@ def forces(power: float, **typed: Any) -> None:
     """
     from otwarp.bench.forces.measure import bench_forces
     from otwarp.bench.forces.result import ForcesBench
-    from otwarp.bench.forces.table import HEAD, caption, table_rows
+    from otwarp.bench.forces.table import table
 
     output: Output = taken(Output, typed)
     earlier = [ForcesBench.read(file) for file in output.others]
@@ -44,5 +44,5 @@ def forces(power: float, **typed: Any) -> None:
         from otwarp.bench.forces.figure import draw_runs
 
         draw_runs([found, *earlier], output.plot)
-    print_table(f"Force models on {found.hardware}", HEAD, table_rows(found), caption(found))
+    print_table(table(found, f"Force models on {found.hardware}"))
     output.report()

@@ -34,6 +34,7 @@ def integrators(**typed: Any) -> None:
     """
     from otwarp.bench.integrators.measure import bench_integrators
     from otwarp.bench.integrators.result import IntegratorsBench
+    from otwarp.bench.integrators.table import tables
 
     output: Output = taken(Output, typed)
     earlier = [IntegratorsBench.read(file) for file in output.others]
@@ -46,23 +47,6 @@ def integrators(**typed: Any) -> None:
         from otwarp.bench.integrators.figure import draw_integrators
 
         draw_integrators([found, *earlier], output.plot)
-    _print(found)
+    for table in tables(found):
+        print_table(table)
     output.report()
-
-
-def _print(found: Any) -> None:
-    from otwarp.bench.integrators.table import (
-        SUMMARY_HEAD,
-        VARIANTS_HEAD,
-        caption,
-        error_head,
-        error_rows,
-        summary_rows,
-        variant_rows,
-    )
-
-    print_table(f"Integrators on {found.hardware}", SUMMARY_HEAD, summary_rows(found))
-    print_table("Their errors", error_head(found), error_rows(found), caption(found))
-    variants = variant_rows(found)
-    if variants:
-        print_table("Force models and precisions with the default integrator and step", VARIANTS_HEAD, variants)

@@ -14,6 +14,7 @@ from otwarp.cli import stop
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
+    from otwarp.bench.report import Table as ResultTable
     from otwarp.optics.beam import Beam
     from otwarp.optics.mie import Sphere
 
@@ -161,7 +162,7 @@ def note(text: str) -> None:
         click.echo(f"\r\x1b[K{text}", nl=False, err=True)
 
 
-def print_table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]], caption: str | None = None) -> None:
+def print_table(what: ResultTable) -> None:
     """A table on the terminal, its first column text and the others numbers."""
     from rich.console import Console
     from rich.table import Table
@@ -170,11 +171,11 @@ def print_table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]], 
     if sys.stderr.isatty():
         click.echo("\r\x1b[K", nl=False, err=True)
     # plain text: rich would take units in brackets for markup
-    table = Table(title=title, title_justify="left", caption=caption)
+    table = Table(title=what.title, title_justify="left", caption=what.note or None)
     table.caption_justify = "left"
-    for n, column in enumerate(head):
+    for n, column in enumerate(what.head):
         table.add_column(Text(column), justify="left" if n == 0 else "right")
-    for row in rows:
+    for row in what.rows:
         table.add_row(*row)
     # cells break to fit a terminal; a pipe or a file gets them whole
     Console(width=None if sys.stdout.isatty() else 200).print(table)

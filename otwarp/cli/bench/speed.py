@@ -32,13 +32,13 @@ def speed(
 ) -> None:
     """Steps per second of typical scenes, in turns with codes that others would write for one of them.
 
-    Cases: bead (in a spring, beside NumPy, C, numba, torch, JAX and CUDA C, as far as they are installed), table (bead
-    in a tabulated trap), robot (five spheres, three tabulated traps), delivery (the shipped cell delivery), crowd (many
-    spheres that touch), scaling (more and more worlds), threads (two against one). The other programs and the crowd
-    come from the source's folder benchmarks/.
+    Cases: bead (in a spring, beside NumPy, C and numba, as far as they are installed), table (bead in a tabulated
+    trap), robot (five spheres, three tabulated traps), delivery (the shipped cell delivery), crowd (many spheres that
+    touch), scaling (more and more worlds), threads (two against one). python -m benchmarks.speed, in a checkout of the
+    source, sets more programs beside them.
     """
     from otwarp.bench.speed.measure import bench_speed
-    from otwarp.bench.speed.table import HEAD, caption, table_rows
+    from otwarp.bench.speed.table import table
 
     output = Output(json_file=json_file, plot=plot, others=())
     found = bench_speed(cases=cases, device=device, rounds=rounds, seconds=seconds, scale=scale, note=note)
@@ -48,5 +48,5 @@ def speed(
         from otwarp.bench.speed.figure import draw_speed
 
         draw_speed(found, plot)
-    print_table(f"Speed on {found.hardware}", HEAD, table_rows(found), caption(found))
+    print_table(table(found, f"Speed on {found.hardware}"))
     output.report()

@@ -25,20 +25,15 @@ from otwarp.errors import InputError
 def terms(rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None) -> None:
     """Each term of the step by two scenes that differ by it, measured in turns; then several together.
 
-    A scene pays for the terms it has: one that it lacks is neither compiled nor launched nor allocated. The scenes come
-    from the source's folder benchmarks/.
+    A scene pays for the terms it has: one that it lacks is neither compiled nor launched nor allocated.
     """
-    from otwarp.bench.beside import beside
-    from otwarp.device import pick_device
+    from otwarp.bench.terms.measure import bench_terms
+    from otwarp.bench.terms.table import tables
 
     if not 0.0 < seconds <= 60.0:
         raise InputError(f"--seconds is {seconds:g}; allowed: above 0, up to 60")
-    try:
-        code, report = beside("terms"), beside("report")
-    except ImportError as error:
-        raise InputError(f"otwarp bench terms needs a checkout of the source: {error}") from error
-    section = code.measure(pick_device(device).alias, rounds=rounds, seconds=seconds, bodies=bodies)
+    found = bench_terms(device, rounds=rounds, seconds=seconds, bodies=bodies)
     if json_file is not None:
-        report.save_json(json_file, [section])
-    for table in section.tables:
-        print_table(table.title, table.head, table.rows, table.note)
+        found.save(json_file)
+    for table in tables(found):
+        print_table(table)

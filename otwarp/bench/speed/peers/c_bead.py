@@ -152,7 +152,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """See `benchmarks.peers`."""
+    """See `otwarp.bench.speed.peers`."""
 
     name = "C, gcc -O3 -march=native -ffast-math"
 
@@ -164,6 +164,7 @@ class Peer:
         self.seed, self.taken = seed, 0
 
     def step(self, steps: int) -> None:
+        """Take steps."""
         place = [ctypes.c_void_p(row.ctypes.data) for row in self.position]
         centre, beads = ctypes.c_void_p(self.centre.ctypes.data), self.position.shape[1]
         self.call(
@@ -172,4 +173,5 @@ class Peer:
         self.taken += steps
 
     def variance(self) -> float:
+        """Of the distance from the trap along one axis [µm²]."""
         return float(np.mean((self.position.astype(float) - self.centre[:, None]) ** 2))

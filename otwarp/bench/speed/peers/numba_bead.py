@@ -18,7 +18,7 @@ def missing(kind: str) -> str | None:
 
 
 class Peer:
-    """See `benchmarks.peers`."""
+    """See `otwarp.bench.speed.peers`."""
 
     def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
         import numba
@@ -42,7 +42,9 @@ class Peer:
         self.rng = np.random.default_rng(seed)
 
     def step(self, steps: int) -> None:
+        """Take steps."""
         self.run(self.position, self.centre, *self.constants, steps, self.rng)
 
     def variance(self) -> float:
+        """Of the distance from the trap along one axis [µm²]."""
         return float(np.mean((self.position.astype(float) - self.centre) ** 2))
