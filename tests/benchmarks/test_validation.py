@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from benchmarks.machine import Machine
 
 from benchmarks import validation
 from benchmarks.validation import Collector
+from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
 
 TESTS = Path(validation.ROOT, "tests", "validation")
