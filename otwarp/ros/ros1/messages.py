@@ -2,6 +2,10 @@
 
 `geomagic_control` is the package of the Touch's driver node. Its two messages are registered here as its sources define
 them; `tf2_msgs/TFMessage` is not among the types that `rosbags` brings for Noetic.
+
+Of `rosbags` (0.11) this is the only file of the ROS bridges. It relies on what its documentation does not promise: the
+attributes `fielddefs` and `types` of a type store, `max_sequence_length` set after it was made, and whatever exceptions
+its generated code raises. tests/ros/ros1/test_messages.py fails where a version does otherwise.
 """
 
 from __future__ import annotations

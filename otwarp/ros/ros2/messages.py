@@ -1,9 +1,9 @@
 """ROS 2 messages as IDL dataclasses: what `rosidl` would generate, for the few types of the bridge.
 
-Needs `cyclonedds`; reach it through `otwarp.ros.ros2.node.load_messages`, which says what to install. Field names,
-order and types are those of the `.msg` files of ROS 2 (common_interfaces, geometry2, rcl_interfaces), type names those
-that every rmw implementation over DDS uses: `package::msg::dds_::Name_`. On the wire they are plain CDR (XCDR1), final,
-keyless.
+Needs `cyclonedds` (11.0; here, in `node` and in `qos` by its documented interface alone); reach it through
+`otwarp.ros.ros2.node.load_messages`, which says what to install. Field names, order and types are those of the `.msg`
+files of ROS 2 (common_interfaces, geometry2, rcl_interfaces), type names those that every rmw implementation over DDS
+uses: `package::msg::dds_::Name_`. On the wire they are plain CDR (XCDR1), final, keyless.
 """
 
 # No `from __future__ import annotations` here: cyclonedds reads the annotations as types, not as strings.

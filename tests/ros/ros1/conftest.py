@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from otwarp.ros.ros1.node import check_master
+from otwarp.ros.ros1.node import Ros1Node, check_master
 
-from .setups import MasterDouble, wait_for
+from .setups import POLL, MasterDouble, wait_for
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 REQUIRED = "OTWARP_REQUIRE_ROS1"
@@ -102,3 +102,17 @@ def rospy_python() -> str:
     if done.returncode != 0:
         _absent("rospy")
     return SYSTEM_PYTHON
+
+
+@pytest.fixture
+def node(master):
+    """Makes nodes on the double, closed at the end."""
+    made = []
+
+    def make(name: str) -> Ros1Node:
+        made.append(Ros1Node(name, master.uri, poll=POLL))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()

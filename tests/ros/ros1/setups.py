@@ -13,12 +13,23 @@ from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from otwarp.ros.ros1.log import EventLog
-from otwarp.ros.ros1.messages import message_type
+from otwarp.ros.ros1.messages import message_type, types
 from otwarp.ros.ros1.subscriber import SubscribedTopic, Subscription
 from otwarp.ros.ros1.wire import MOST_MESSAGE, encode_header
 
 PATIENCE = 30.0
 """Seconds until a test gives up; what it waits for takes milliseconds, also on a busy machine seconds at most."""
+
+
+POLL = 0.05
+"""Seconds between looks at the master: often, so that the tests need not wait."""
+TWIST = "geometry_msgs/Twist"
+
+
+def twist(x: float, y: float = 0.0, z: float = 0.0) -> Any:
+    """A linear velocity."""
+    t = types()
+    return t.Twist(t.Vector3(x, y, z), t.Vector3(0.0, 0.0, 0.0))
 
 
 def wait_for(condition: Callable[[], Any], what: str = "") -> Any:

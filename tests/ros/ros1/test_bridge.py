@@ -11,9 +11,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import IDENTITY
 from otwarp.ros.contract import SIMULATOR_TOPICS, ContractConfig
 from otwarp.ros.ros1.bridge import Ros1Bridge
-from otwarp.ros.ros1.messages import types
 
-from .setups import LocalNode
+from .setups import LocalNode, twist
 
 EXACT = 1e-12
 PLAIN = ContractConfig(axis_map=IDENTITY, scene_unit=20.0, motion_gain=0.01)
@@ -35,11 +34,6 @@ class Clock:
 
 def bridge_on(node: LocalNode, config: ContractConfig = PLAIN, clock: Clock | None = None) -> Ros1Bridge:
     return Ros1Bridge(node, config, clock=clock or Clock(), stamp=lambda: 12.25)
-
-
-def twist(x: float, y: float = 0.0, z: float = 0.0):
-    t = types()
-    return t.Twist(t.Vector3(x, y, z), t.Vector3(0.0, 0.0, 0.0))
 
 
 def test_each_topic_has_exactly_one_transform_in_scene_units():

@@ -56,6 +56,17 @@ def test_no_bytes_break_a_type(name, data):
         assert len(kind.encode(message)) == len(body)
 
 
+def test_a_type_store_is_what_we_take_it_for():
+    """Attributes of `rosbags` that its documentation does not promise."""
+    store = typestore()
+    assert "geometry_msgs/msg/Twist" in store.fielddefs and "geometry_msgs/msg/Nothing" not in store.fielddefs
+    assert store.max_sequence_length == MOST_ELEMENTS
+    definition, md5 = store.generate_msgdef("geomagic_control/msg/DeviceButtonEvent")
+    assert (definition.split("\n")[0], md5) == ("int32 grey_button", MD5["geomagic_control/DeviceButtonEvent"])
+    vector = store.types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0)
+    assert (vector.x, vector.y, vector.z) == (1.0, 2.0, 3.0)
+
+
 def test_long_sequences_are_refused_before_they_are_made():
     count = MOST_ELEMENTS + 1
     body = bytes(48) + count.to_bytes(4, "little") + bytes(count)
