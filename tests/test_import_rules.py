@@ -40,6 +40,13 @@ ALLOWED: dict[str, set[str]] = {
 """Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
 
 INNER: dict[str, set[str]] = {
+    "scene": {"scene.read", "scene.schema"},
+    "scene.vocabulary": set(),
+    "scene.schema": {"scene.vocabulary"},
+    "scene.read": {"scene", "scene.vocabulary", "scene.schema"},
+    "scene.write": {"scene", "scene.vocabulary", "scene.schema", "scene.read"},
+    "scene.recording": {"scene", "scene.vocabulary", "scene.read"},
+    "scene.drawing": {"scene.read"},
     "ros": set(),
     "ros.ros1": {"ros"},
     "ros.ros2": {"ros"},

@@ -25,6 +25,7 @@ from otwarp import __version__
 from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
+from otwarp.record.netcdf4_internals import abandon
 from otwarp.scene import Obstacle, Scene, Track
 
 LARGEST_RECORD = 2**32 - 4
@@ -128,14 +129,10 @@ class NetcdfRecording:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         """Turn the library's errors into an OSError, and let go of the file."""
-        import netCDF4
-
         try:
             yield
         except RuntimeError as error:
-            # After a failed write the library crashes when it closes the file, as it also would when the object is
-            # collected; marked as closed, the file is left alone, but for the number of its records.
-            netCDF4.Dataset._isopen.__set__(self._file, 0)  # type: ignore[attr-defined]
+            abandon(self._file)
             self._forget_record()
             raise OSError(f"{self._path}: could not be written ({error})") from None
 
