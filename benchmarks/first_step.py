@@ -21,8 +21,8 @@ def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
     import otwarp.scene.read.load  # noqa: F401 imported lazily by Scene.load; here it belongs to the imports
     from otwarp.device import pick_device
     from otwarp.record.recorder import Recorder
-    from otwarp.record.run import capture_frame
     from otwarp.scene import Scene
+    from otwarp.simulation.frame import capture_frame
     from otwarp.simulation.model import Model
     from otwarp.simulation.simulation import Simulation
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.record.frame import SHAPES
 from otwarp.scene import Scene
+from otwarp.simulation.frame import SHAPES
 
 COPIES = 3
 """Frames held on the host at the same time: the one that is read, the last one, and sums for the statistics."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from otwarp.record.frame import Frame
 from otwarp.record.statistics import RunningStatistics
 from otwarp.scene import Scene
+from otwarp.simulation.frame import Frame
 
 UNDECIDED, DELIVERED, ROBOT_LOST, CELL_LOST = range(4)
 OUTCOMES = ("undecided", "delivered", "robot lost", "cell lost")

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from otwarp import __version__
-from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf4_internals import abandon
 from otwarp.scene import Obstacle, Scene, Track
+from otwarp.simulation.frame import SHAPES, Frame
 
 LARGEST_RECORD = 2**32 - 4
 """Bytes that one variable may have per frame in this format."""

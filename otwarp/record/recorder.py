@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.record.frame import Frame
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import LARGEST_RECORD, NetcdfRecording, check_size
 from otwarp.record.summary import summarize, write_json
 from otwarp.scene import Scene
+from otwarp.simulation.frame import Frame
 
 FILES = ("run.usda", "trajectory.usdc", "trajectory", "run.nc", "summary.json", "figure.png")
 """What a run leaves in its folder (`trajectory/` only while it goes on); nothing else there is ever touched."""

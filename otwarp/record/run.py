@@ -14,54 +14,15 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.record.capacity import check_worlds
-from otwarp.record.frame import Frame
 from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene import Scene
+from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 
 MOST_STEPS = 1e12
 """A run of more steps is refused: at a microsecond each it takes twelve days."""
-
-
-def capture_frame(sim: Simulation) -> Frame:
-    """The present state and readout of a simulation, on the host."""
-    readout = sim.readout
-    position, orientation = sim.prim_poses()
-    worlds, bodies = position.shape[:2]
-    touching = sim.model.features.contacts
-    traps = len(sim.scene.traps)
-    empty = np.zeros((worlds, traps, 3))
-    # traps that nothing feels are not evaluated on the device: they stand where they were authored
-    acting = sim.model.features.traps > 0
-    return Frame(
-        step=sim.state.step,
-        time=sim.time,
-        position=position,
-        orientation=np.asarray(orientation),
-        trap_position=readout.trap_position.numpy() if acting else empty + _authored(sim, 3),
-        trap_power=readout.trap_power.numpy() if acting else empty[..., 0] + _authored(sim, 1)[..., 0],
-        trap_force=readout.trap_force.numpy() if acting else empty,
-        trap_distance=readout.trap_distance.numpy() if acting else np.full((worlds, traps), np.nan),
-        escape_time=_escape_time(sim, readout.escape_step.numpy()),
-        contact_force=readout.contact_force.numpy() if touching else np.zeros((worlds, bodies, 3)),
-        contact_load=readout.contact_load.numpy() if touching else np.zeros((worlds, bodies)),
-    )
-
-
-def _escape_time(sim: Simulation, step: np.ndarray) -> np.ndarray:
-    """(W, T) times of the first escapes [s], nan for none; all nan where no trap has an end to its reach."""
-    if not step.size:
-        return np.full((sim.model.worlds, len(sim.scene.traps)), np.nan)
-    # a step notes a loss when it arrives: on average half of it is past
-    return np.where(step >= 0, (step - 0.5) * sim.time_step, np.nan)
-
-
-def _authored(sim: Simulation, width: int) -> np.ndarray:
-    """(T, width) authored positions (3) or powers (1) of the traps at the present time."""
-    tracks = [t.position if width == 3 else t.power for t in sim.scene.traps]
-    return np.array([track.at(sim.time) for track in tracks]).reshape(len(tracks), width)
 
 
 def record_run(

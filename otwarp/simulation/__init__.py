@@ -1,7 +1,26 @@
-"""Model, State, Control, Readout, and the one object that steps: Simulation."""
+"""Model, State, Control, Readout, the one object that steps them: Simulation; and a moment of it on the host: Frame."""
 
-from otwarp.simulation.model import Model
-from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.state import Control, Readout, State
+from __future__ import annotations
 
-__all__ = ["Control", "Model", "Readout", "Simulation", "State"]
+from typing import TYPE_CHECKING
+
+from otwarp.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from otwarp.simulation.frame import Frame as Frame
+    from otwarp.simulation.frame import capture_frame as capture_frame
+    from otwarp.simulation.model import Model as Model
+    from otwarp.simulation.simulation import Simulation as Simulation
+    from otwarp.simulation.state import Control as Control
+    from otwarp.simulation.state import Readout as Readout
+    from otwarp.simulation.state import State as State
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "frame": ("Frame", "capture_frame"),
+        "model": ("Model",),
+        "simulation": ("Simulation",),
+        "state": ("Control", "Readout", "State"),
+    },
+)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.record.frame import Frame
 from otwarp.scene import Scene
+from otwarp.simulation.frame import Frame
 
 HELD = ((0, 0), (1, 0))
 RATE = 60.0

@@ -8,12 +8,12 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.record.frame import Frame
 from otwarp.scene import Scene
 from otwarp.scene.recording import usd as record_module
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, SHORTEST
 from otwarp.scene.recording.usd import CLIP_FRAMES, UsdRecording
 from otwarp.scene.transforms import multiply, rotation_matrix
+from otwarp.simulation.frame import Frame
 from tests.record.small_run import HELD, RATE, frame, write_stage
 
 UNIT = 0.5

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from otwarp.record.monitor import Monitor
-from otwarp.record.run import capture_frame
 from otwarp.scene import Scene
+from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.simulation import Simulation
 from scenes.author import strategy_a

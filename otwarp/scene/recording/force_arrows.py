@@ -22,7 +22,7 @@ from otwarp.scene.scene import Scene
 from otwarp.scene.transforms import rotate
 
 if TYPE_CHECKING:
-    from otwarp.record.frame import Frame
+    from otwarp.simulation.frame import Frame
 
 ARROW_SCALE = 3.0
 """Default length of an arrow [µm/pN]."""

@@ -21,7 +21,7 @@ from otwarp.scene.transforms import conjugate, decompose, multiply, rotate
 from otwarp.scene.vocabulary.values import authored
 
 if TYPE_CHECKING:
-    from otwarp.record.frame import Frame
+    from otwarp.simulation.frame import Frame
 
 TRANSLATE, ORIENT, SCALE = "xformOp:translate:run", "xformOp:orient:run", "xformOp:scale:run"
 

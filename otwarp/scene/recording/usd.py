@@ -38,7 +38,7 @@ from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Tra
 from otwarp.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from otwarp.record.frame import Frame
+    from otwarp.simulation.frame import Frame
 
 CLIP_FRAMES = 32
 """Frames per clip: what is rewritten with each flush."""

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from otwarp.record.run import capture_frame
 from otwarp.scene import Scene
+from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
 
 FRAME_RATE = 120.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.servo.link import ServoStatus
-from otwarp.record.frame import Frame
+from otwarp.simulation.frame import Frame
 
 HANDS = ("left", "right")
 """PageOrder of `LiveFrame.hand_force`, as the simulation's readout has it."""

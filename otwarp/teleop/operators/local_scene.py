@@ -11,9 +11,9 @@ import numpy as np
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import TableLaw
-from otwarp.record.frame import Frame
 from otwarp.scene import description
 from otwarp.scene.transforms import rotate
+from otwarp.simulation.frame import Frame
 from otwarp.simulation.model import Model
 
 SLOTS = 16
@@ -92,7 +92,7 @@ class LocalScene:
 
     def now(self, beat: int, frame: Frame) -> SceneFrame:
         """A state as the servo takes it; the frame's numbers may be anything, the servo refuses what is not finite."""
-        place = frame.position[0][self._body] + rotate(frame.orientation[0][self._body], self._offset)
+        place = frame.spheres(self._body, self._offset)[0]
         self._choose(place, frame.trap_position[0][self._hands])
         body, rows = self._body, place[self._chosen].tolist()
         spheres = tuple(SphereFrame(_vector(row), int(body[i])) for row, i in zip(rows, self._chosen, strict=True))

@@ -14,8 +14,8 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
-from otwarp.record.frame import Frame
 from otwarp.scene import Body, Scene, Sphere, Track, Trap
+from otwarp.simulation.frame import Frame
 from otwarp.teleop.core.frame import LiveFrame
 from otwarp.teleop.page.process import PageProcess
 

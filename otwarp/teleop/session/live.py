@@ -6,7 +6,6 @@ own and does not wait for the loop; a loop that dies or stalls is a simulation t
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,10 +14,9 @@ import numpy as np
 from otwarp.errors import InputError, SimulationError
 from otwarp.haptics.core.clock import Clock, RealClock, next_deadline
 from otwarp.haptics.core.types import SceneFrame
-from otwarp.record.frame import SHAPES, Frame
 from otwarp.record.monitor import Monitor
-from otwarp.record.run import capture_frame
 from otwarp.scene import Scene
+from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.commands import Sink
@@ -262,8 +260,7 @@ class LiveLoop:
 
     def _capture(self) -> Frame:
         """The present state, in arrays of its own: sinks may keep them."""
-        frame = capture_frame(self.sim)
-        return dataclasses.replace(frame, **{name: np.array(getattr(frame, name)) for name in SHAPES})
+        return capture_frame(self.sim).copy()
 
     def _watchers(self) -> tuple[SessionMonitor, Monitor]:
         model = self.sim.model

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from otwarp.record.frame import Frame
 from otwarp.record.summary import statistics, strict, task
 from otwarp.scene import Scene
+from otwarp.simulation.frame import Frame
 from otwarp.simulation.model import Model
 from otwarp.teleop.core.frame import HandFrame, PaceNow
 

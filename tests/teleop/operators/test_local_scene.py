@@ -11,8 +11,8 @@ import pytest
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
-from otwarp.record.run import capture_frame
 from otwarp.scene import Body, Scene, Sphere
+from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.operators.local_scene import LocalScene, reach_of
 from tests.teleop.scenes import three_beads

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import otwarp as ot
-from otwarp.record.run import capture_frame
+from otwarp.simulation.frame import capture_frame
 from otwarp.teleop.core.commands import MoveTraps, Pause, SetPower
 from otwarp.teleop.core.frame import HandFrame, LiveFrame, PaceNow
 

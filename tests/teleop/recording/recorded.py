@@ -18,8 +18,8 @@ from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import ForceGrid, TableLaw
 from otwarp.haptics.servo.link import Cycles
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
-from otwarp.record.frame import SHAPES, Frame
 from otwarp.scene import Scene
+from otwarp.simulation.frame import SHAPES, Frame
 from otwarp.teleop.core.frame import HandFrame, LiveFrame
 from otwarp.teleop.recording.writer import RecordingWriter
 from tests.haptics.setups import AXIAL, RADIAL

@@ -25,7 +25,7 @@ from otwarp.haptics.core.types import ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.haptics.recording.mcap import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start
-from otwarp.record.frame import SHAPES
+from otwarp.simulation.frame import SHAPES
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.frame import HandFrame
 from otwarp.teleop.recording import writer as writer_module
