@@ -50,6 +50,12 @@ INNER: dict[str, set[str]] = {
     "ros": set(),
     "ros.ros1": {"ros"},
     "ros.ros2": {"ros"},
+    "teleop.core": set(),
+    "teleop.operators": {"teleop.core"},
+    "teleop.recording": {"teleop.core"},
+    "teleop.budget": set(),
+    "teleop.page": {"teleop.core"},
+    "teleop.session": {f"teleop.{room}" for room in ("core", "operators", "recording", "budget", "page")},
 }
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 
@@ -243,6 +249,7 @@ assert code == 0, code
         ("import otwarp.kernels.step", HEAVY - {"warp"}, {"warp"}),
         ("import otwarp; otwarp.Simulation", HEAVY - {"warp"}, {"warp"}),
         ("import otwarp.hydrodynamics", HEAVY, {"numpy"}),
+        ("import otwarp.teleop.page.child", HEAVY, {"numpy"}),
         ("import otwarp.haptics.servo.process", HEAVY | {"numpy"}, {"otwarp"}),
         ("import otwarp.haptics.chain.chain", HEAVY | {"numpy"}, {"otwarp"}),
         ("import otwarp.ros.ros1.node, otwarp.ros.ros2.node", HEAVY, {"otwarp"}),
