@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from typing import Any
 
 import click
 
 import otwarp
+from otwarp.cli.lazy import LazyGroup
 from otwarp.cli.stop import Terminated, terminable
 from otwarp.errors import InputError, SimulationError
 
@@ -39,18 +39,8 @@ class Stopped(Exception):
     """An interrupt on its way through click, which would print an empty line at a KeyboardInterrupt."""
 
 
-class LazyGroup(click.Group):
-    """A group that knows its commands by name and imports one only when it is called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of all commands."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one command."""
-        if cmd_name not in COMMANDS:
-            return None
-        return getattr(importlib.import_module(f"otwarp.cli.{cmd_name}"), cmd_name)
+class Otwarp(LazyGroup):
+    """The whole command line."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Call the subcommand."""
@@ -59,14 +49,11 @@ class LazyGroup(click.Group):
         except KeyboardInterrupt as error:
             raise Stopped(error) from error
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands without importing any."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
-
 
 @click.group(
-    cls=LazyGroup,
+    cls=Otwarp,
+    package="otwarp.cli",
+    rows=COMMANDS,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )

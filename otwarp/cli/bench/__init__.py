@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-
 import click
+
+from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
     "forces": "Error against run time of every force model.",
@@ -17,25 +16,6 @@ COMMANDS = {
 """Benchmarks and their one-line help; each lives in the module of its name and is imported when called."""
 
 
-class LazyBenchmarks(click.Group):
-    """A group that knows its commands by name and imports one only when it is called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of the benchmarks that this installation has."""
-        return [name for name in COMMANDS if importlib.util.find_spec(f"{__name__}.{name}") is not None]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one benchmark."""
-        if cmd_name not in self.list_commands(ctx):
-            return None
-        return getattr(importlib.import_module(f"{__name__}.{cmd_name}"), cmd_name)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of benchmarks without importing any."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name]) for name in self.list_commands(ctx)])
-
-
-@click.group(cls=LazyBenchmarks)
+@click.group(cls=LazyGroup, package=__name__, rows=COMMANDS)
 def bench() -> None:
     """Measure what accuracy costs on this machine."""

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from otwarp.cli.haptics_check import check
+from otwarp.cli.haptics.check import check
 from otwarp.errors import InputError
 
-SCENE = Path(__file__).parents[2] / "scenes" / "single_bead.usda"
+SCENE = Path(__file__).parents[3] / "scenes" / "single_bead.usda"
 
 
 def test_json_has_all_parts(device: str) -> None:
@@ -48,7 +48,7 @@ def test_bad_input_is_one_line_and_told_first(options: list[str], words: str, mo
     def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
         yield told.append
 
-    monkeypatch.setattr("otwarp.cli.haptics_check._progress", _progress)
+    monkeypatch.setattr("otwarp.cli.haptics.check._progress", _progress)
     with pytest.raises(InputError, match=words) as caught:
         CliRunner().invoke(check, ["--seconds", "0.05", "--no-width", *options], catch_exceptions=False)
     assert "\n" not in str(caught.value)
