@@ -21,6 +21,7 @@ from otwarp.bench.speed.peers import numpy_bead
 from otwarp.bench.terms.scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, TOGETHER, Comparison, alone, trap
 from otwarp.bench.timing import Pairs, Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
+from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Scene
 from otwarp.simulation.info import device_bytes
@@ -239,6 +240,7 @@ class TermsBench(Findings):
 def bench_terms(
     device: str | None = None,
     *,
+    names: Sequence[str] = (),
     comparisons: Sequence[Comparison] = COMPARISONS,
     rounds: int = 9,
     seconds: float = 0.02,
@@ -249,12 +251,21 @@ def bench_terms(
 
     Args:
         device: `cpu`, `cuda:0`, … or None for the best available.
-        comparisons: Terms.
+        names: Terms among the comparisons, none for all.
+        comparisons: Pairs of scenes that differ by a term.
         rounds: Pairs of samples of each.
         seconds: Length of a sample.
         bodies: In all worlds together; None for `BODIES`.
         beads: Beside NumPy; None for `BEADS`.
+
+    Raises:
+        InputError: A name that no comparison has.
     """
+    known = {case.term: case for case in comparisons}
+    for name in names:
+        if name not in known:
+            raise InputError(f"--term is {name!r}; allowed: {', '.join(known)}")
+    comparisons = [known[name] for name in names] or comparisons
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)

@@ -12,6 +12,9 @@ from otwarp.errors import InputError
 
 
 @click.command()
+@click.option(
+    "--term", "names", multiple=True, metavar="NAME", help="Measure this term; may be repeated. Default: all."
+)
 @click.option("--rounds", type=click.IntRange(min=1), default=9, show_default=True, help="Pairs of samples of a term.")
 @click.option("--seconds", type=float, default=0.02, show_default=True, help="Length of one sample [s].")
 @click.option(
@@ -22,7 +25,9 @@ from otwarp.errors import InputError
 )
 @click.option("--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Write all numbers to FILE.")
 @device_option
-def terms(rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None) -> None:
+def terms(
+    names: tuple[str, ...], rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None
+) -> None:
     """Each term of the step by two scenes that differ by it, measured in turns; then several together.
 
     A scene pays for the terms it has: one that it lacks is neither compiled nor launched nor allocated.
@@ -32,7 +37,7 @@ def terms(rounds: int, seconds: float, bodies: int | None, json_file: Path | Non
 
     if not 0.0 < seconds <= 60.0:
         raise InputError(f"--seconds is {seconds:g}; allowed: above 0, up to 60")
-    found = bench_terms(device, rounds=rounds, seconds=seconds, bodies=bodies)
+    found = bench_terms(device, names=names, rounds=rounds, seconds=seconds, bodies=bodies)
     if json_file is not None:
         found.save(json_file)
     for table in tables(found):
