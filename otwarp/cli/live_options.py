@@ -67,8 +67,8 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
     """Options of a live session.
 
     Args:
-        page: Whether the page is served unless told otherwise.
-        browser: Whether a browser is opened unless told otherwise.
+        page: Whether the page is served by default.
+        browser: Whether a browser is opened by default.
     """
     page_option = click.option("--page/--no-page", default=page, show_default=True, help="Serve the browser page.")
     open_option = click.option(

@@ -141,7 +141,7 @@ def reduce_scene(
         before=before,
         after=after,
         accuracy=(scene.settings.accuracy, reduced.settings.accuracy),
-        reach=_told(reach),
+        reach=_rule(reach),
         nearest=_nearest(reach, chosen),
         log=tuple(search.log),
     )
@@ -164,7 +164,7 @@ def _bodies(count: int) -> str:
     return f"{count} bod{'y' if count == 1 else 'ies'}"
 
 
-def _told(reach: Reach | None) -> dict[str, float | str] | None:
+def _rule(reach: Reach | None) -> dict[str, float | str] | None:
     """What the report says of the rule of reach."""
     if reach is None:
         return None

@@ -156,7 +156,7 @@ def load_config(file: str | Path) -> Mapping[str, Any]:
             raise InputError(
                 f"it holds {type(data).__name__}; allowed: keys and values, as otwarp haptics config prints"
             )
-        changed(two_hands((), ()), data)  # told with the file's name, before there is a scene
+        changed(two_hands((), ()), data)  # refused with the file's name, before there is a scene
     except InputError as error:
         raise InputError(f"--config {file}: {error}") from None
     return data

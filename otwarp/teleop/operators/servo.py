@@ -157,14 +157,14 @@ class Hands:
         if servo is None:
             return {}
         self.status = status = servo.status()
-        # one that ended by itself has told its devices to let go; the session goes on without hands
+        # one that ended by itself has let the forces of its devices fall; the session goes on without hands
         self._dead = self._dead or not servo.alive
         frames = []
         for n, frame in enumerate(self.frames):
-            told = status.hands[n] if status else None
-            now, present = servo.hand(n), told is not None and told.present and not self._dead
+            reported = status.hands[n] if status else None
+            now, present = servo.hand(n), reported is not None and reported.present and not self._dead
             self._notice(n, now)
-            message = told.message if told and told.message else self._notes[n]
+            message = reported.message if reported and reported.message else self._notes[n]
             message = "the servo has ended, nothing is felt any more; start the session anew" if self._dead else message
             frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)

@@ -54,7 +54,7 @@ class TrapCommands:
             dtype=int,
         )
         self._ways: list[dict[int, np.ndarray]] = []  # trap → goal; one for each gentle move
-        self._told, self._told_follows = self.position.copy(), np.full(len(traps), -1)
+        self._written, self._written_follows = self.position.copy(), np.full(len(traps), -1)
         self._changed = True
 
     def restart(self) -> None:
@@ -136,25 +136,25 @@ class TrapCommands:
 
     @property
     def changed(self) -> bool:
-        """Whether the simulation has yet to be told."""
+        """Whether the simulation does not know yet what is commanded."""
         return self._changed
 
     def write(self, sim: Simulation, share: float = 1.0) -> None:
-        """Tell the simulation, if anything changed: a share of the way from what it was told before."""
+        """Write into the simulation, if anything changed: a share of the way from what was written before."""
         if not self._changed or not len(self.position):
             return
-        place = self._told + share * (self.position - self._told) if share < 1.0 else self.position.copy()
+        place = self._written + share * (self.position - self._written) if share < 1.0 else self.position.copy()
         # said only where it matters, for it costs as much again
-        says = bool(np.any(self._follows)) or not np.array_equal(self._follows, self._told_follows)
+        says = bool(np.any(self._follows)) or not np.array_equal(self._follows, self._written_follows)
         sim.control.set(trap_position=place, follow=self._follows if says else None)
-        self._told_follows = self._follows.copy()
+        self._written_follows = self._follows.copy()
         if share >= 1.0:
-            self._told, self._changed = place, False
+            self._written, self._changed = place, False
 
     def note(self, position: np.ndarray) -> None:
         """Where the traps that follow their time samples are, so that moving them begins there; (T, 3) [µm]."""
         following = (self._follows & 1).astype(bool)
-        self.position[following] = self._told[following] = position[following]
+        self.position[following] = self._written[following] = position[following]
 
     def _fastest(self, trap: int) -> float:
         return min(GENTLE, self._scene.traps[trap].speed_limit)

@@ -32,7 +32,7 @@ MODES = ("hands", "traps", "both", "none")
 
 
 class Pointer:
-    """Where one hand is told to be.
+    """Where one hand is to be.
 
     Args:
         write: Puts (x, y, z, buttons) [m] into the mailbox.
@@ -51,7 +51,7 @@ class Pointer:
         return self._target
 
     def take(self, hand: Vec3 | None) -> None:
-        """The gizmo is taken while the hand is there [m]; None if nobody knows, for where it was told to be."""
+        """The gizmo is taken while the hand is there [m]; None if nobody knows, for where it was to be."""
         self._base = self._target if hand is None else hand
 
     def move(self, shift: Vec3, gain: float) -> None:
@@ -69,7 +69,7 @@ class Pointer:
         self._written = float("-inf")
 
     def tick(self, now: float, watched: bool) -> None:
-        """Write if it is time to, and only while somebody watches: silence lets go of the dead-man switch."""
+        """Write if it is time to, and only while a window is open: silence lets go of the dead-man switch."""
         if watched and now - self._written >= POINTER_EVERY:
             self._written = now
             self._write((*self._target, DEAD_MAN))

@@ -24,7 +24,7 @@ LOAD_WITHIN = 30.0
 """Seconds that a browser has to load the page and to answer for the first time."""
 
 END_WITHIN = 5.0
-"""Seconds that it has to end when it is told to."""
+"""Seconds that it has to end once it is asked to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

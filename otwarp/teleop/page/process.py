@@ -62,7 +62,7 @@ class PageProcess:
             `mouse`: the page moves them.
         axis_maps: Hand → its axis map, scene = A·device; `FACING_USER` where none is given.
         rate: Frames per second that the page wants.
-        ended: Told one line, once, when the page's process ends by itself; default writes it to stderr.
+        ended: Called with one line, once, when the page's process ends by itself; default writes it to stderr.
 
     Raises:
         InputError: A number, a hand, an axis map or a token that cannot be; viser is not installed.

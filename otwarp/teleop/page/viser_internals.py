@@ -40,7 +40,7 @@ ANSWER_WITHIN = 5.0
 
 
 def without_override(environment: MutableMapping[str, str]) -> MutableMapping[str, str]:
-    """The environment of a process whose viser listens where it is told to."""
+    """The environment of a process whose viser listens at the port that was asked for."""
     environment.pop(PORT_OVERRIDE, None)
     return environment
 
@@ -101,7 +101,7 @@ def refuses(access: Access, place: tuple[str, int]) -> bool:
     answer: list[int] = []
 
     def ask() -> None:
-        """In a thread: a server that does not answer must not hold up the start for longer than told."""
+        """In a thread: a server that does not answer must not hold up the start for longer than that."""
         with suppress(OSError, http.client.HTTPException):
             connection.request("GET", "/", headers={"Host": "elsewhere.invalid", "Origin": "http://other.invalid"})
             answer.append(connection.getresponse().status)

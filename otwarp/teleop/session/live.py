@@ -1,4 +1,4 @@
-"""The live loop: hands and pages command traps, the simulation follows the wall's time, everybody is told.
+"""The live loop: hands and pages command traps, the simulation follows the wall's time, sinks get frames.
 
 One tick: commands → hands → traps → as many steps as are due → readout → servo → sinks. The servo is a process of its
 own and does not wait for the loop; a loop that dies or stalls is a simulation that stands still, and its watchdog acts.
@@ -53,7 +53,7 @@ class LiveLoop:
     Args:
         scene: What is simulated.
         plans: Hands with a device.
-        sinks: Who watches and commands.
+        sinks: Get frames and give commands.
         make_servo: Makes the servo of the hands.
         make_recording: Begins a recording; None refuses to record.
         notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
@@ -107,7 +107,7 @@ class LiveLoop:
         self._sinks: list[Sink] = []
         self._due: list[float] = []
         self._make_recording, self._notice = make_recording, notice
-        self._told = [""] * len(self.plans)
+        self._reported = [""] * len(self.plans)
         for sink in sinks:
             self.add(sink)
         self.sim = self._make_sim()
@@ -115,7 +115,7 @@ class LiveLoop:
         self.local = LocalScene.of(self.sim.model, moved)
         self.hands = Hands(plans, make_servo(plans, self.local) if make_servo and plans else None)
         self._traps = TrapCommands(scene, moved)
-        self._watch, self.monitor = self._watchers()
+        self._safety, self.monitor = self._monitors()
         now, longest = self._clock.now(), LONGEST_TICK if self.plans else np.inf
         self.pace = Pace(self.sim.time_step, rate=rate, speed=speed, now=now, longest_tick=longest)
         self._recordings = Recordings()
@@ -135,7 +135,7 @@ class LiveLoop:
         return self._recordings.file
 
     def add(self, sink: Sink) -> None:
-        """One more who watches and commands; closed with the session."""
+        """One more that gets frames and gives commands; closed with the session."""
         self._sinks.append(sink)
         self._due.append(-np.inf)
 
@@ -159,10 +159,10 @@ class LiveLoop:
     def run(
         self, duration: float | None = None, *, arm: bool = False, started: Callable[[], None] | None = None
     ) -> None:
-        """Start, tick until told to stop or for `duration` seconds of the clock, and close.
+        """Start, tick until a command stops it or for `duration` seconds of the clock, and close.
 
         Args:
-            duration: [s]; None until told to stop.
+            duration: [s]; None until a command stops it.
             arm: As `start`.
             started: Called once it has started.
 
@@ -262,7 +262,7 @@ class LiveLoop:
         """The present state, in arrays of its own: sinks may keep them."""
         return capture_frame(self.sim).copy()
 
-    def _watchers(self) -> tuple[SessionMonitor, Monitor]:
+    def _monitors(self) -> tuple[SessionMonitor, Monitor]:
         model = self.sim.model
         return SessionMonitor(model), Monitor(model.scene, model.held, 1)
 
@@ -284,7 +284,7 @@ class LiveLoop:
     def _live(self, frame: Frame) -> LiveFrame:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
-        warnings = self._watch.warnings(frame, hands, pace)
+        warnings = self._safety.warnings(frame, hands, pace)
         if self._recordings.complaint:
             warnings = (*warnings, self._recordings.complaint)
         forces = self.sim.readout.hand_force.numpy()
@@ -305,8 +305,8 @@ class LiveLoop:
     def _tell_of_hands(self) -> None:
         """Each hand's news, once."""
         for n, hand in enumerate(self.hands.frames):
-            if hand.message != self._told[n]:
-                self._told[n] = hand.message
+            if hand.message != self._reported[n]:
+                self._reported[n] = hand.message
                 if hand.message and self._notice is not None:
                     self._notice(f"{hand.name} hand: {hand.message}")
 
@@ -317,7 +317,7 @@ class LiveLoop:
             self.hands.arm()
 
     def _obey(self) -> None:
-        """Carry out what was asked; a refusal is told to all sinks, and the session goes on."""
+        """Carry out what was asked; a refusal is reported to all sinks, and the session goes on."""
         for sink in self._sinks:
             for command in sink.commands():
                 try:
@@ -381,7 +381,7 @@ class LiveLoop:
         self.failure = ""
         self._traps.restart()
         self.pace.restart(self._clock.now())
-        self._watch, self.monitor = self._watchers()
+        self._safety, self.monitor = self._monitors()
         self._traps.write(self.sim)
         self.hands.publish(self._next_state(self._capture()))
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from otwarp.teleop.session.live import LiveLoop
 
 AT_THE_CLAMP = 0.98
-"""Part of the clamp from which a hand is told that it feels less than there is."""
+"""Part of the clamp from which an operator is warned that he feels less than there is."""
 AHEAD = 1.0
 """Micrometres by which a hand may be ahead of its traps: more than one goes in a tick at 100 µm/s."""
 BEHIND = 0.95
-"""Part of the wanted speed below which the operator is told."""
+"""Part of the wanted speed below which the operator is warned."""
 
 
 class SessionMonitor:

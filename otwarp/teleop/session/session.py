@@ -39,7 +39,7 @@ class PageOptions:
     """Where the page is served.
 
     Attributes:
-        host: Interface; loopback unless told otherwise.
+        host: Interface; loopback unless another is asked for.
         port: That one or an error; 0 for any, None for 8080 or the next that is free.
         token: What a browser must know, None to make one where it is needed.
         browser: Whether to open a browser here.
@@ -68,7 +68,7 @@ class SessionOptions:
         rate: Frames per second of the loop.
         servo_rate: Cycles per second of the servo [Hz].
         speed: Simulated seconds per second.
-        duration: Seconds of the clock after which it ends, None for when it is told to.
+        duration: Seconds of the clock after which it ends, None for when a command stops it.
         seed, device: As `Simulation`.
     """
 
@@ -96,7 +96,7 @@ class Session:
     Args:
         scene: What is simulated.
         options: How.
-        sinks: More who watch and command, beside the page.
+        sinks: More that get frames and give commands, beside the page.
         say: Takes lines for the user.
 
     Raises:
@@ -133,7 +133,7 @@ class Session:
         self._recorded: str | None = None
         self.budget: dict[str, Any] | None = None
         try:
-            if plans:  # a bad name is told before anything is compiled
+            if plans:  # a bad name is refused before anything is compiled
                 specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
                 if self._boxes and o.page is None:
                     hand = next(iter(self._boxes))
@@ -142,11 +142,11 @@ class Session:
             scene, speed = self._reduced(scene, hands=bool(plans))
             plans = slowed(plans, speed)
             self._page = self._open_page(scene, plans)
-            watching = (*sinks, self._page) if self._page else tuple(sinks)
+            sinks = (*sinks, self._page) if self._page else tuple(sinks)
             self.loop = LiveLoop(
                 scene,
                 plans,
-                sinks=watching,
+                sinks=sinks,
                 make_servo=self._make_servo,
                 make_recording=self._make_recording,
                 notice=say,
@@ -160,7 +160,7 @@ class Session:
             raise
 
     def run(self) -> dict[str, Any]:
-        """Until the session is told to stop; returns its `summary.summarize`, with `budget` and `recording`.
+        """Until a command stops the session; returns its `monitor.summarize`, with `budget` and `recording`.
 
         Raises:
             InputError: A device is not there, or the page's port is taken; nothing is armed.
