@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.laws.table import Interpolation
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points
 from otwarp.optics.field import Field, force
 from otwarp.optics.fit import CurveFit, ForceCurves, fit_piecewise, pull, sample_curves
 from otwarp.optics.mie import Sphere
-from otwarp.optics.table import ForceTable, Interpolation, check_accuracy
+from otwarp.optics.table import ForceTable, check_accuracy
 from otwarp.optics.table_build import build_table
 
 MODELS: dict[str, str] = {

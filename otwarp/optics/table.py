@@ -11,27 +11,22 @@ equal m (or m + 1, with the factor that turns F_x + iF_y into F_ρ + iF_φ). Pro
 - both, with a vortex: the remaining sin 2φ, sin 2φ and cos 2φ make a third.
 
 Far from the focus the force falls as 1/d² only, and its features widen. So grids are nested: level l serves distances
-up to radius·2^l, the last one up to the cutoff, where the force is within the tolerance of zero. Levels are blended
-over the outer fifth of each with a continuous first derivative, and the last one into zero.
+up to radius·2^l, the last one up to the cutoff, where the force is within the tolerance of zero. How nodes are laid out
+and levels blended is told in `otwarp.laws.table`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.laws.table import BLEND, STENCILS, Interpolation, coordinates, layer_factors
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.mie import Sphere
-
-Interpolation = Literal["bilinear", "bicubic"]
-
-BLEND = 0.8
-"""Fraction of a level's radius beyond which it passes into the next one, or the last into zero."""
 
 LOWEST_TOLERANCE, HIGHEST_TOLERANCE = 1e-5, 0.1
 
@@ -75,8 +70,7 @@ class TableLevel:
     Attributes:
         radius: Distance from the focus up to which the grid reaches, and serves [µm].
         spacing: Of its nodes, along ρ and z [µm].
-        node: (rows, columns, layers, 3) float32, node [j, i] at ρ = (i − 1)·spacing, z = (j − 1)·spacing − radius: one
-            more than the disc needs on every side. Values of Q for bilinear, B-spline coefficients for bicubic.
+        node: (rows, columns, layers, 3) float32: values of Q for bilinear, B-spline coefficients for bicubic.
         cut: Distance at which the force is made to end before the grid does [µm].
     """
 
@@ -188,11 +182,10 @@ class ForceTable:
         self, level: TableLevel, rho: np.ndarray, z: np.ndarray, cosine: np.ndarray, sine: np.ndarray
     ) -> np.ndarray:
         """(n, 3) F_ρ, F_φ, F_z of one level."""
-        u, v = rho / level.spacing + 1.0, (z + level.radius) / level.spacing + 1.0
+        u, v = coordinates(rho, z, level.spacing, level.radius)
         i, j = u.astype(int), v.astype(int)
-        weights = _LINEAR if self.interpolation == "bilinear" else _CUBIC
+        first, weights = STENCILS[self.interpolation]
         wu, wv = weights(u - i), weights(v - j)
-        first = 0 if self.interpolation == "bilinear" else -1
         total = np.zeros((len(rho), *level.node.shape[2:]))
         for b, row in enumerate(wv, first):
             for a, column in enumerate(wu, first):
@@ -208,11 +201,8 @@ def blend_weight(distance: np.ndarray, radius: float) -> np.ndarray:
 def combine(layers: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> np.ndarray:
     """(n, 3) cylindrical components from (n, layers, 3) at azimuths with these cosines and sines."""
     out = layers[:, 0]
-    if layers.shape[1] > 1:
-        c2, s2 = cosine**2 - sine**2, 2.0 * cosine * sine
-        out = out + np.stack([c2, s2, c2], axis=1) * layers[:, 1]
-        if layers.shape[1] > 2:
-            out = out + np.stack([s2, c2, s2], axis=1) * layers[:, 2]
+    for n, factors in enumerate(layer_factors(cosine, sine)[: layers.shape[1] - 1], 1):
+        out = out + np.stack(factors, axis=1) * layers[:, n]
     return out
 
 
@@ -234,21 +224,3 @@ def steepest_slope(table: ForceTable) -> float:
         jacobian = np.stack(slopes, axis=2)
         worst = max(worst, float(np.linalg.eigvalsh(-0.5 * (jacobian + jacobian.transpose(0, 2, 1))).max()))
     return worst * table.beam.force_scale
-
-
-def _linear(t: np.ndarray) -> tuple[np.ndarray, ...]:
-    return 1.0 - t, t
-
-
-def _cubic(t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Weights of the uniform cubic B-spline at offset t in a cell, for nodes −1, 0, 1, 2."""
-    s = 1.0 - t
-    return (
-        s**3 / 6.0,
-        (4.0 - 6.0 * t**2 + 3.0 * t**3) / 6.0,
-        (4.0 - 6.0 * s**2 + 3.0 * s**3) / 6.0,
-        t**3 / 6.0,
-    )
-
-
-_LINEAR, _CUBIC = _linear, _cubic

@@ -17,15 +17,14 @@ from scipy.interpolate import RectBivariateSpline
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
+from otwarp.laws.table import BLEND, STENCILS, Interpolation
 from otwarp.optics import table_cache
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import Field, force
 from otwarp.optics.mie import Sphere
 from otwarp.optics.table import (
-    BLEND,
     ForceTable,
-    Interpolation,
     TableLevel,
     check_accuracy,
     combine,
@@ -351,17 +350,16 @@ def _node_error(spline: _Spline, level: TableLevel, inner: float, interpolation:
     """
     h, radius = level.spacing, level.radius
     rows, columns = level.node.shape[0] - 3, level.node.shape[1] - 3
-    weights = {
-        "bilinear": (np.array([0.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.5, 0.0])),
-        "bicubic": (np.array([1.0, 4.0, 1.0, 0.0]) / 6.0, np.array([1.0, 23.0, 23.0, 1.0]) / 48.0),
-    }[interpolation]
+    first, weights_at = STENCILS[interpolation]
+    weights = [(t, np.array(weights_at(t))) for t in (0.0, 0.5)]
+    stencil = range(first + 1, first + 1 + len(weights[0][1]))
     worst = 0.0
-    for row_shift, row_weight in zip((0.0, 0.5), weights, strict=True):
+    for row_shift, row_weight in weights:
         z = (np.arange(rows) + row_shift) * h - radius
-        along = _weighted(row_weight, [level.node[k : k + rows] for k in range(4)])
-        for column_shift, column_weight in zip((0.0, 0.5), weights, strict=True):
+        along = _weighted(row_weight, [level.node[k : k + rows] for k in stencil])
+        for column_shift, column_weight in weights:
             rho = (np.arange(columns) + column_shift) * h
-            value = _weighted(column_weight, [along[:, k : k + columns] for k in range(4)])
+            value = _weighted(column_weight, [along[:, k : k + columns] for k in stencil])
             distance = np.hypot(rho[None, :], z[:, None])
             served = (distance >= BLEND * inner) & (distance <= radius)
             gap = np.linalg.norm(value - spline.grid(rho, z), axis=-1)[served]

@@ -11,10 +11,11 @@ import numpy as np
 
 from otwarp import cache
 from otwarp.cache import cache_folder
+from otwarp.laws.table import Interpolation
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.mie import Sphere
-from otwarp.optics.table import ForceTable, Interpolation, TableLevel
+from otwarp.optics.table import ForceTable, TableLevel
 
 __all__ = ["cache_folder", "describe", "file_of", "load", "save"]
 

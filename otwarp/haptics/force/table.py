@@ -1,4 +1,4 @@
-"""Tabulated trap forces in plain floats: nested (ρ, z) grids, as `otwarp.optics.table` tells.
+"""Tabulated trap forces in plain floats: nested (ρ, z) grids, as `otwarp.laws.table` lays them out.
 
 Nodes lie in `array`s of float32, one after another, layer by layer, component by component.
 """
@@ -14,9 +14,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.force.law import UPWARD, check_axis
-
-BLEND = 0.8
-"""Fraction of a level's radius beyond which it passes into the next one, as `otwarp.optics.table.BLEND`."""
+from otwarp.laws.table import BLEND, cubic_weights, layer_factors
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class ForceGrid:
 
     Attributes:
         spacing: Of its nodes along ρ and z [µm].
-        radius: Half its height [µm]; node (j, i) is at ρ = (i − 1)·spacing, z = (j − 1)·spacing − radius.
+        radius: Half its height [µm].
         end: Distance from the focus up to which it serves [µm].
         columns: Nodes along ρ.
         node: float32, 3·layers numbers per node, rows along z.
@@ -142,6 +140,7 @@ class TableLaw:
 
     def _level(self, grid: ForceGrid, rho: float, z: float, c: float, s: float) -> Vec3:
         """(Q_ρ, Q_φ, Q_z) of one level at azimuth with this cosine and sine."""
+        # `otwarp.laws.table.coordinates` without the call, which would be 5 % of a period
         u, v = rho / grid.spacing + 1.0, (z + grid.radius) / grid.spacing + 1.0
         i, j = int(u), int(v)
         u, v, width = u - i, v - j, 3 * self.layers
@@ -163,20 +162,16 @@ class TableLaw:
                 a * node[n + k] + b * node[n + width + k] + c0 * node[m + k] + d * node[m + width + k]
                 for k in range(width)
             ]
-        if self.layers > 1:
-            c2, s2 = c * c - s * s, 2.0 * c * s
-            for k, factor in enumerate((c2, s2, c2)):
-                sums[k] += factor * sums[3 + k]
-            if self.layers > 2:
-                for k, factor in enumerate((s2, c2, s2)):
-                    sums[k] += factor * sums[6 + k]
+        for n, factors in enumerate(layer_factors(c, s)[: self.layers - 1], 1):
+            for k, factor in enumerate(factors):
+                sums[k] += factor * sums[3 * n + k]
         return sums[0], sums[1], sums[2]
 
 
 def _cubic_sums(grid: ForceGrid, i: int, j: int, u: float, v: float, width: int) -> list[float]:
     """Sums of sixteen coefficients for the offsets u, v in cell i, j."""
-    node, across, sums = grid.node, _cubic(u), [0.0] * width
-    for b, row in enumerate(_cubic(v), j - 1):
+    node, across, sums = grid.node, cubic_weights(u), [0.0] * width
+    for b, row in enumerate(cubic_weights(v), j - 1):
         n = (b * grid.columns + i - 1) * width
         for column in across:
             weight = row * column
@@ -190,14 +185,3 @@ def _blend(d2: float, radius: float) -> float:
     """Share of what lies beyond `radius`: a smooth step in distance² from `BLEND`·radius to radius."""
     x = min(max((d2 / (radius * radius) - BLEND * BLEND) / (1.0 - BLEND * BLEND), 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
-
-
-def _cubic(t: float) -> tuple[float, float, float, float]:
-    """Weights of the uniform cubic B-spline at offset t in a cell, for nodes −1, 0, 1, 2."""
-    s, t2 = 1.0 - t, t * t
-    return (
-        s * s * s / 6.0,
-        (4.0 - 6.0 * t2 + 3.0 * t * t2) / 6.0,
-        (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0,
-        t * t2 / 6.0,
-    )

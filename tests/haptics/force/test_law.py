@@ -15,14 +15,12 @@ from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
 from otwarp.laws import TrapLaw
-from otwarp.optics import ForceTable
-from otwarp.optics.table import major_axis
 from otwarp.scene import description
 from otwarp.simulation.model import Model
-from tests.kernels.optics.test_force_table import BEAMS, made_up_table, probe_points
 from tests.kernels.optics.test_traps import SCENE, TRAPS, displacements, probe_force
 from tests.kernels.samples import evaluate, on_device
 from tests.reference.rotations import matrix
+from tests.reference.tables import BEAMS, made_up_table, probe_points
 
 ROUNDING = 5e-6
 """float32 forces relative to the largest, as in the tests of the kernels."""
@@ -63,19 +61,6 @@ def test_laws_are_those_of_the_simulation(device):
     error = np.abs(np.array(got) - expected).max(axis=1)
     assert np.abs(expected).max(axis=0).min() > 0.3
     assert error.max() < ROUNDING * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("interpolation", ["bilinear", "bicubic"])
-@pytest.mark.parametrize("layers", [1, 2, 3])
-def test_tables_are_those_of_optics(interpolation, layers):
-    beam = BEAMS[layers - 1]
-    table: ForceTable = made_up_table(beam, interpolation, layers)
-    law = TableLaw.of(table, turn=major_axis(beam))
-    points = probe_points(np.random.default_rng(layers), 600, table.cutoff).astype(float)
-    expected = table.force(points) * beam.force_scale / beam.power
-    got = np.array([law.pull(0.0, 0.0, 0.0, [(float(x), float(y), float(z))]) for x, y, z in points])
-    assert np.abs(expected).max() > 1.0
-    assert np.abs(got - expected).max() < TABLE_ROUNDING * np.abs(expected).max()
 
 
 def test_table_turns_with_its_beam():
