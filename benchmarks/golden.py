@@ -81,10 +81,15 @@ def obstacle(kind: str, place: tuple[float, float, float], **sizes: object) -> E
 
 
 def one_curve(stage: Usd.Stage) -> None:
-    """Take the axial force curve away from the bead's trap."""
+    """Let the radial force curve of the bead's trap serve for all directions."""
     prim = stage.GetPrimAtPath("/World/Traps/trap")
-    prim.RemoveAppliedSchema("OtTrapLawAPI:axial")
-    for name in [n for n in prim.GetPropertyNames() if n.startswith("ot:trapLaw:axial:")]:
+    for schema in ("axial", "radial"):
+        prim.RemoveAppliedSchema(f"OtTrapLawAPI:{schema}")
+    prim.AddAppliedSchema("OtTrapLawAPI:isotropic")
+    for name in [n for n in prim.GetPropertyNames() if n.startswith("ot:trapLaw:")]:
+        law, curve = prim.GetAttribute(name), name.replace(":radial:", ":isotropic:")
+        if curve != name:
+            prim.CreateAttribute(curve, law.GetTypeName()).Set(law.Get())
         prim.RemoveProperty(name)
 
 
@@ -171,7 +176,7 @@ CASES: dict[str, Case] = {
     "models, solo": Case(scene="force_models", edits=(LOOSE,), integrators=HEUN, steps=50),
     "models, bicubic": Case(
         scene="force_models",
-        edits=(LOOSE, values("Traps", ot_trap_interpolation="bicubic", ot_trap_polarization="linearX")),
+        edits=(LOOSE, values("Traps", ot_trap_interpolation="bicubic", ot_trap_polarization="x")),
         integrators=HEUN,
         precisions=SINGLE,
         steps=20,
@@ -197,7 +202,7 @@ CASES: dict[str, Case] = {
         precisions=SINGLE,
     ),
     "dimer, rod": Case(
-        scene="two_trap_dimer", edits=(*RODS, obstacle("Sphere", (0.1, 0.3, 6.5), radius=2.92)), integrators=HEUN
+        scene="two_trap_dimer", edits=(*RODS, obstacle("Sphere", (0.1, 0.3, 7.92), radius=1.5)), integrators=HEUN
     ),
     # hydrodynamic walls and coupling
     "bead, wall": Case(scene="single_bead", edits=(LOOSE, plate(1.5)), integrators=("heun", "eulerMaruyama")),
@@ -317,8 +322,9 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.what == "record":
         known = json.loads(asked.file.read_text()) if asked.only and asked.file.exists() else {}
-        known |= dict(measure(asked.scenes, asked.only))
-        asked.file.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
+        for name, found in measure(asked.scenes, asked.only):
+            known[name] = found
+            asked.file.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
         return
     known, bad = json.loads(asked.file.read_text()), []
     for name, found in measure(asked.scenes, asked.only):
