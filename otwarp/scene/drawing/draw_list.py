@@ -21,6 +21,9 @@ import numpy as np
 
 SPHERE, BOX, TUBE, CAPSULE, PLANE, MESH = range(6)
 
+EMPTY = np.full((1, 3), -10.0), np.full((1, 3), 10.0)
+"""Lower and upper corner of the box that is framed where there is nothing to see [µm]."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TriangleMesh:
@@ -69,14 +72,8 @@ class View:
     def window(self, width: int, height: int) -> tuple[float, float]:
         """Window fitted to a picture of `width` × `height` pixels: the smallest of its shape that contains this one."""
         aspect = width / height
-        return (
-            (self.height * aspect, self.height)
-            if aspect > self.width / self.height
-            else (
-                self.width,
-                self.width / aspect,
-            )
-        )
+        wider = aspect > self.width / self.height
+        return (self.height * aspect, self.height) if wider else (self.width, self.width / aspect)
 
     def pixel_size(self, width: int, height: int) -> float:
         """Length that one pixel of a `width` × `height` picture covers at the focus distance [µm]."""

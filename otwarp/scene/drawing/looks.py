@@ -80,13 +80,12 @@ class Looks:
             np.clip(colour.reshape(1, 3), 0.0, 1.0), np.clip(opacity.reshape(1), 0.0, 1.0), np.clip(roughness, 0.0, 1.0)
         )
 
-    def per_instance(self, instancer: Usd.Prim, keep: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Colours (k, 3) and opacities (k,) that an instancer gives to its instances `keep` (a mask), or None."""
+    def per_instance(self, instancer: Usd.Prim, count: int) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Colours (n, 3) and opacities (n,) that an instancer gives to its n instances, each by itself, or None."""
         given: list[np.ndarray | None] = []
-        for name, width in (("displayColor", 3), ("displayOpacity", 1)):
+        for name, shape in (("displayColor", (-1, 3)), ("displayOpacity", (-1,))):
             local = UsdGeom.PrimvarsAPI(instancer).GetPrimvar(name)
             values = local.ComputeFlattened(self.time) if local and local.HasValue() else None
-            array = None if values is None else np.asarray(values, dtype=float).reshape(-1, width)
-            given.append(array[keep] if array is not None and len(array) == len(keep) else None)
-        colour, opacity = given
-        return colour, None if opacity is None else opacity[:, 0]
+            array = None if values is None else np.asarray(values, dtype=float).reshape(shape)
+            given.append(array if array is not None and len(array) == count else None)
+        return given[0], given[1]

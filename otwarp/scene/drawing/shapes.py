@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
 from otwarp.scene.drawing.looks import Look, Looks
+from otwarp.scene.read.obstacles import fan
 
 _AXES = {"Z": [0, 1, 2], "X": [1, 2, 0], "Y": [2, 0, 1]}
 SMOOTHING_ANGLE = np.cos(np.radians(50.0))
@@ -110,12 +111,7 @@ def triangulated(prim: Usd.Prim, time: Usd.TimeCode) -> TriangleMesh | None:
     indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or [], dtype=np.int64)
     if len(points) == 0 or len(indices) == 0 or counts.sum() != len(indices) or indices.max() >= len(points):
         return None
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    fan = np.maximum(counts - 2, 0)
-    face = np.repeat(np.arange(len(counts)), fan)
-    corner = np.arange(len(face)) - np.repeat(np.cumsum(fan) - fan, fan)
-    start = first[face]
-    triangles = np.stack([indices[start], indices[start + corner + 1], indices[start + corner + 2]], axis=1)
+    triangles = fan(counts, indices)
     if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
         triangles = triangles[:, ::-1]
     return TriangleMesh(points=points, triangles=triangles, normals=corner_normals(points, triangles))

@@ -7,7 +7,6 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from otwarp.errors import InputError
 from otwarp.scene.drawing.draw_list import Lights, View
-from otwarp.scene.drawing.shapes import column_matrix
 
 _APERTURE_UNIT = 0.1
 """UsdGeomCamera measures focal length and apertures in tenths of the scene unit."""
@@ -156,13 +155,3 @@ def read_lights(
         irradiance=np.array(power).reshape(-1, 3),
         ambient=ambient,
     )
-
-
-def light_matrix(cache: UsdGeom.XformCache, prim: Usd.Prim) -> np.ndarray:
-    """(4, 4) transform of a light in stage units."""
-    return column_matrix(cache.GetLocalToWorldTransform(prim))
-
-
-def is_light(prim: Usd.Prim) -> bool:
-    """Whether `prim` emits light."""
-    return prim.HasAPI(UsdLux.LightAPI)

@@ -130,7 +130,7 @@ def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[
 
 def fan(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Triangles (m, 3) of polygons given by their corner counts and concatenated corner indices, as fans."""
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    face = np.repeat(np.arange(len(counts)), counts - 2)
-    step = np.arange(len(face)) - np.repeat(np.concatenate([[0], np.cumsum(counts - 2)[:-1]]), counts - 2)
-    return np.stack([corners[first[face]], corners[first[face] + step + 1], corners[first[face] + step + 2]], axis=1)
+    many = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, many)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(many) - many, many)
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
