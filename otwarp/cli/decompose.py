@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from otwarp.cli.options import FILE, json_file_option
+from otwarp.cli.output import is_stdout, tables_console, write_json
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decompose import Decomposition
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("mesh", type=click.Path(path_type=Path))
+@click.argument("mesh", type=FILE)
 @click.option("-n", "--spheres", type=int, metavar="N", help="At most how many spheres.")
 @click.option(
     "--volume-error",
@@ -24,10 +25,8 @@ if TYPE_CHECKING:
     help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
 )
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
-@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="FILE", help="USD file for the body.")
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write JSON; - prints it."
-)
+@click.option("-o", "--out", type=FILE, metavar="FILE", help="USD file for the body.")
+@json_file_option
 def decompose(
     mesh: Path,
     spheres: int | None,
@@ -41,17 +40,16 @@ def decompose(
 
     found = run(mesh, spheres=spheres, volume_error=volume_error, scale=scale)
     about = _describe(mesh, found)
-    if json_file is None or str(json_file) != "-":
+    if not is_stdout(json_file):
         _print(about)
     if out is not None:
         from otwarp.scene.write.body_file import write_body
 
         write_body(_body(mesh, found), out)
-        if str(json_file) != "-":
+        if not is_stdout(json_file):
             click.echo(f"wrote {out}: prim {_body(mesh, found).prim}, for a scene to reference")
     if json_file is not None:
-        text = json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False)
-        click.echo(text) if str(json_file) == "-" else json_file.write_text(text + "\n", encoding="utf-8")
+        write_json(about, json_file)
 
 
 def _body(mesh: Path, found: Decomposition) -> Body:
@@ -85,10 +83,9 @@ def _describe(mesh: Path, found: Decomposition) -> dict[str, Any]:
 
 
 def _print(about: dict[str, Any]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    console = tables_console(120)
     table = Table("sphere", "x (µm)", "y (µm)", "z (µm)", "radius (µm)", title=f"Spheres for {about['mesh']}")
     for k, row in enumerate(about["spheres"]):
         table.add_row(str(k), *(f"{round(x, 4) + 0.0:.4f}" for x in (*row["centre"], row["radius"])))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import os
 import time
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli.forces_options import GROUPS, ForcesRequest, GroupedCommand, check_request, make_ladder
+from otwarp.cli.output import json_text
 from otwarp.units import BOLTZMANN
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def forces(**typed: Any) -> None:
             if not request.as_json:
                 click.echo("\n".join(lines))
     if request.as_json:
-        click.echo(json.dumps(_plain(found), indent=2, ensure_ascii=False, allow_nan=False))
+        click.echo(json_text(_plain(found)))
 
 
 Result = tuple[dict[str, Any], list[str]]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from otwarp.cli.options import FILE
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ def _option(*names: str, **settings: Any) -> click.Option:
 def _flag(name: str, text: str) -> click.Option:
     return click.Option([name], is_flag=True, help=text)
 
-
-FILE = click.Path(path_type=Path)
 
 GROUPS: dict[str, list[click.Option]] = {
     "Sphere and medium": [

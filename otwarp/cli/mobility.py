@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import scene_argument
+from otwarp.cli.options import json_file_option, scene_argument
+from otwarp.cli.output import is_stdout, tables_console, write_json
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics import BodyMobility
@@ -25,9 +24,7 @@ if TYPE_CHECKING:
     metavar="X",
     help="Wanted relative error, 0 for the pair mobilities of the spheres alone; default: what each body asks for.",
 )
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write JSON; - prints it."
-)
+@json_file_option
 def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> None:
     """Print diffusion along principal axes, centre of diffusion and error of each distinct body of SCENE."""
     from otwarp.scene import Scene
@@ -38,11 +35,10 @@ def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> Non
         bodies = tuple(dataclasses.replace(b, mobility_accuracy=accuracy) for b in loaded.bodies)
         loaded = dataclasses.replace(loaded, bodies=bodies)
     rows = _distinct(loaded, mobilities(loaded))
-    text = json.dumps({"scene": str(scene), "bodies": rows}, indent=2, ensure_ascii=False, allow_nan=False)
-    if json_file is None or str(json_file) != "-":
+    if not is_stdout(json_file):
         _print(rows, loaded.root)
     if json_file is not None:
-        click.echo(text) if str(json_file) == "-" else json_file.write_text(text + "\n", encoding="utf-8")
+        write_json({"scene": str(scene), "bodies": rows}, json_file)
 
 
 def describe(move: BodyMobility, energy_over_viscosity: float) -> dict[str, Any]:
@@ -94,10 +90,8 @@ def _distinct(scene: Scene, moves: list[BodyMobility]) -> list[dict[str, Any]]:
 
 
 def _print(rows: list[dict[str, Any]], root: str) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
     columns = ("bodies", "spheres, rods", "D_t (µm²/s)", "D_r (rad²/s)", "centre of diffusion (µm)", "error", "blobs")
     table = Table(*columns, title="Diffusion along principal axes, fastest first")
     for row in rows:
@@ -111,4 +105,4 @@ def _print(rows: list[dict[str, Any]], root: str) -> None:
             "not estimated" if error is None else "exact" if error == 0.0 else f"{100.0 * error:.2g} %",
             str(row["blobs"]) if row["blobs"] else "–",
         )
-    console.print(table)
+    tables_console(160).print(table)

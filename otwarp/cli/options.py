@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
-scene_argument = click.argument("scene", type=click.Path(path_type=Path))
+FILE = click.Path(path_type=Path)
+"""Type of an option that names a file or folder, there or not."""
+
+scene_argument = click.argument("scene", type=FILE)
 
 device_option = click.option("--device", metavar="NAME", help="cpu, cuda:0, …; default: the best available.")
 
@@ -42,3 +47,16 @@ fast_math_option = click.option(
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")
+
+json_file_option = click.option("--json", "json_file", type=FILE, metavar="FILE", help="Also write JSON; - prints it.")
+
+
+def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a command with options, in this order."""
+
+    def _decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return _decorate

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.options import device_option
+from otwarp.cli.options import FILE, device_option
 from otwarp.errors import InputError
 
 
@@ -38,13 +38,13 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 
 
 @click.command()
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), help="PNG to write; default: NAME.png in this folder.")
+@click.argument("path", type=FILE)
+@click.option("-o", "--out", type=FILE, help="PNG to write; default: NAME.png in this folder.")
 @click.option("--frame", type=int, help="Frame of the run or of the stage's time codes; default: the first.")
 @click.option("--time", type=float, metavar="SECONDS", help="Instead of a frame: seconds from the start.")
 @click.option(
     "--movie",
-    type=click.Path(path_type=Path),
+    type=FILE,
     metavar="GIF",
     # measured with single_bead, cell_delivery and teleop_small at 640x360
     help="Write a movie of the whole run: at most 150 pictures, of 0.3 to 1.4 s each on two CPU cores; a bar on the "

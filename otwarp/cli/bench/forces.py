@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
-from otwarp.cli.bench.options import BEAD, OUTPUT, Bead, Output, check_same, note, print_table, taken, with_options
-from otwarp.cli.options import device_option
+from otwarp.cli.bench.options import BEAD, OUTPUT, Bead, Output, check_same, note, print_table, taken
+from otwarp.cli.options import device_option, with_options
 
 
 @click.command()

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from otwarp.cli import stop
+from otwarp.cli.options import FILE
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
     from otwarp.bench.report import Table as ResultTable
     from otwarp.optics.beam import Beam
     from otwarp.optics.mie import Sphere
-
-FILE = click.Path(path_type=Path)
 
 
 def _shown(name: str, text: str, default: Any) -> Callable[..., Any]:
@@ -128,17 +127,6 @@ class Run(Protocol):
 def taken(group: type, typed: dict[str, Any]) -> Any:
     """A `Bead` or an `Output` out of what was typed, whose options are removed from `typed`."""
     return group(**{field.name: typed.pop(field.name) for field in fields(group)})
-
-
-def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command with options, in this order."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
 
 
 def check_same(

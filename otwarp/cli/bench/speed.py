@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.bench.options import OUTPUT, Output, note, print_table, with_options
-from otwarp.cli.options import device_option
+from otwarp.cli.bench.options import OUTPUT, Output, note, print_table
+from otwarp.cli.options import device_option, with_options
 
 
 @click.command()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.bench.options import OUTPUT, Output, note, with_options
-from otwarp.cli.options import device_option
+from otwarp.cli.bench.options import OUTPUT, Output, note
+from otwarp.cli.options import device_option, with_options
 
 EXIT_WRONG = 1
 

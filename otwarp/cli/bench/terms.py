@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from otwarp.cli.bench.options import print_table
-from otwarp.cli.options import device_option
+from otwarp.cli.options import FILE, device_option
 from otwarp.errors import InputError
 
 
@@ -23,7 +23,7 @@ from otwarp.errors import InputError
     metavar="N",
     help="Bodies in all worlds together; default 4096, on CUDA 262144.",
 )
-@click.option("--json", "json_file", type=click.Path(path_type=Path), metavar="FILE", help="Write all numbers to FILE.")
+@click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all numbers to FILE.")
 @device_option
 def terms(
     names: tuple[str, ...], rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None

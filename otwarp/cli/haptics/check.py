@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import json_option
+from otwarp.cli.options import FILE, json_option
+from otwarp.cli.output import json_text, tables_console
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
 @click.option("--page/--no-page", default=True, show_default=True, help="Measure the latency from state to page.")
 @click.option("--browser", metavar="FILE", help="Browser to measure it with; default: a Chromium, if there is one.")
-@click.option("--scene", type=click.Path(path_type=Path), help="Also say how fast this scene runs here.")
+@click.option("--scene", type=FILE, help="Also say how fast this scene runs here.")
 @click.option("--scene-device", metavar="NAME", help="Where it runs: cpu, cuda:0, …; default: the best available.")
 @json_option
 def check(
@@ -61,7 +61,7 @@ def check(
         if measured is not None:
             found = dataclasses.replace(found, scene=_scene_cost(measured, scene_device, say))
     if as_json:
-        click.echo(json.dumps(found.json(), indent=2, ensure_ascii=False, allow_nan=False))
+        click.echo(json_text(found.json()))
     else:
         _print(found)
 
@@ -145,12 +145,9 @@ def _page_text(page: dict[str, Any]) -> str:
 
 
 def _print(found: Check) -> None:
-    from rich.console import Console
-
     from otwarp.haptics.check.tables import check_tables
 
-    # a pipe or file has no width of its own: do not cut lines there
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    console = tables_console(140)
     console.print(found.system, markup=False)
     for table in check_tables(found):
         console.print(table)

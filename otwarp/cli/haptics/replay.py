@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from otwarp.cli.options import json_option
+from otwarp.cli.options import FILE, json_option
+from otwarp.cli.output import json_text
 
 if TYPE_CHECKING:
     from otwarp.teleop.recording.replay import HandReplay
@@ -17,7 +17,7 @@ EXIT_DIFFERS = 1
 
 
 @click.command()
-@click.argument("take", type=click.Path(path_type=Path))
+@click.argument("take", type=FILE)
 @json_option
 def replay(take: Path, as_json: bool) -> int:
     """Run the haptic chains of TAKE, an .mcap file of `otwarp teleop --record`, on what they were given, and compare
@@ -31,7 +31,7 @@ def replay(take: Path, as_json: bool) -> int:
 
     report = replay_recording(take)
     if as_json:
-        click.echo(json.dumps(report.to_dict(), indent=2, ensure_ascii=False, allow_nan=False))
+        click.echo(json_text(report.to_dict()))
     else:
         click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}")
         if not report.complete:

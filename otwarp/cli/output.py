@@ -1,0 +1,39 @@
+"""What commands print: JSON for programs, tables for people."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def json_text(value: Any) -> str:
+    """A value as JSON that people can read as well; numbers that are not finite raise `ValueError`."""
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def write_json(value: Any, file: Path) -> None:
+    """Write a value as JSON to a file; `-` prints it."""
+    if is_stdout(file):
+        click.echo(json_text(value))
+    else:
+        file.write_text(json_text(value) + "\n", encoding="utf-8")
+
+
+def is_stdout(file: Path | None) -> bool:
+    """Whether a file was given as `-`: then nothing else may be printed there."""
+    return file is not None and str(file) == "-"
+
+
+def tables_console(width: int) -> Console:
+    """A console for tables; a pipe or a file, which has no width of its own, gets `width` columns, so that nothing is
+    cut."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else width)
