@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import VirtualClock
+from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.ros.contract import UPRIGHT
 from otwarp.ros.roles import Roles, surface_distance
 from otwarp.scene import Obstacle, Scene, Track

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import VirtualClock
+from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.ros.contract import ContractConfig, TopicState
 from otwarp.ros.ros2.bridge import Ros2Commands
 from otwarp.ros.sinks import LINES, Ros1Sink, Ros2Sink

@@ -13,8 +13,19 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import Gains, checked_gains
-from otwarp.haptics.core.ring import ACTION_BITS, ARMED, DISARMED, GAINS, MADE, MOST_ACTIONS
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3
+from otwarp.haptics.core.types import (
+    ACTION_BITS,
+    ARMED,
+    DISARMED,
+    GAINS,
+    MADE,
+    MOST_ACTIONS,
+    DeviceInfo,
+    DeviceSample,
+    SceneFrame,
+    ServoFrame,
+    Vec3,
+)
 
 ROUNDING = 1.0 + 1e-9
 """A force scaled to the limit of its device may exceed it by rounding."""

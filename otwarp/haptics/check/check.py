@@ -13,7 +13,7 @@ from otwarp.haptics.check.costs import STEPS, CallCost, chain_costs, mailbox_cos
 from otwarp.haptics.check.jitter import FASTEST, LONGEST, Jitter, measure_jitter
 from otwarp.haptics.check.latency import SHORTEST, VIRTUAL, ServoLatency, measure_latency
 from otwarp.haptics.check.width import FeltLimit, Width, limits, widths
-from otwarp.haptics.core.platform import Grant
+from otwarp.haptics.core.realtime import Grant
 from otwarp.haptics.devices import KINDS, Kind, parse_devices
 
 BUSY = 2

@@ -14,10 +14,11 @@ from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.check.jitter import Percentiles
 from otwarp.haptics.check.latency import CURVE, TRAPS, check_hand, check_scene
 from otwarp.haptics.core.config import CouplingConfig, HandConfig, LowPass
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
 from otwarp.haptics.core.presets import PAPER_CHAIN
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import DeviceSample, ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.haptics.servo.link import HandLayout, SceneLayout, SceneReader
 
 STEPS = 2000
 """Steps that are timed."""

@@ -17,8 +17,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import Clock, RealClock, next_deadline
-from otwarp.haptics.core.platform import Grant, request_realtime
+from otwarp.haptics.core.realtime import Clock, Grant, RealClock, next_deadline, request_realtime
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""What the rooms of haptics tell each other: samples of a device, the scene near a hand, and what a hand commands.
+"""What the rooms of haptics tell each other: samples, the scene, what the servo commands, the record of a cycle.
 
 Device side in SI units (m, s, N), scene side in µm, s, mW, pN. Vectors are tuples of three floats: the servo makes a
 few hundred of them per millisecond, and NumPy's overhead per call would cost more than the arithmetic.
@@ -6,8 +6,11 @@ few hundred of them per millisecond, and NumPy's overhead per call would cost mo
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+from otwarp.errors import InputError
 
 Vec3 = tuple[float, float, float]
 ZERO: Vec3 = (0.0, 0.0, 0.0)
@@ -153,6 +156,92 @@ class ServoFrame:
     state: str
     energy: float
     buttons: int = 0
+
+
+STATES = ("disarmed", "ramping", "armed", "decaying", "fault")
+"""What `ServoFrame.state` may be, in the order of their codes."""
+
+CYCLE = struct.Struct("<Q2d3d4Q4d3d3ddQ3d")
+"""One cycle of a hand, in the order of `Cycle`."""
+ARMED, DISARMED, SILENT, ENDING, GAINS, MADE = 1, 2, 3, 4, 5, 6
+ACTIONS = {
+    ARMED: "armed",
+    DISARMED: "disarmed by order",
+    SILENT: "disarmed, no orders were heard",
+    ENDING: "disarmed, the servo ends",
+    GAINS: "gains set",
+    MADE: "chain made anew",
+}
+"""What may happen to a chain before a step; `Cycle.actions` holds up to 16, four bits each, the first lowest."""
+ACTION_BITS, MOST_ACTIONS = 4, 16
+
+SAMPLED, FRESH, STEPPED, FAILED, LOST, BACK, PRESENT, ABSOLUTE = (1 << n for n in range(8))
+"""Bits of `Cycle.flags`: the device gave a sample; a fresh one; the chain was stepped; it raised or its numbers were
+not finite; the device was lost in this cycle; it came back in this cycle; it is there at its end; it tells places, not
+rates."""
+
+
+class Cycle(NamedTuple):
+    """One cycle of one hand.
+
+    Attributes:
+        tick: Counts the cycles of the servo.
+        time: On the servo's clock, when the cycle began [s].
+        sample_time: The device's word for when its sample was taken [s].
+        position: Of the hand, device frame [m].
+        buttons: As the device has them.
+        flags: Bits `SAMPLED` to `ABSOLUTE`.
+        beat: Of the simulation's state that was used.
+        actions: What happened to the chain before its step, see `actions_of`.
+        motion_gain, force_gain: Set by order, nan for as configured [µm/m, N/pN].
+        limit, continuous: Largest force of the device, and what it can hold for ever [N].
+        force: Sent [N].
+        asked: What the chain asked of safety [N].
+        energy: What the passivity observer has counted [J].
+        state: Index into `STATES`.
+        moved: How far the traps are commanded from where the hand took hold of them [µm].
+    """
+
+    tick: int
+    time: float
+    sample_time: float
+    position: Vec3
+    buttons: int
+    flags: int
+    beat: int
+    actions: int
+    motion_gain: float
+    force_gain: float
+    limit: float
+    continuous: float
+    force: Vec3
+    asked: Vec3
+    energy: float
+    state: int
+    moved: Vec3
+
+
+def cycles_of(records: bytes) -> list[Cycle]:
+    """The cycles of a batch.
+
+    Raises:
+        InputError: It is no whole number of records.
+    """
+    if len(records) % CYCLE.size:
+        raise InputError(f"cycles: {len(records)} bytes; must be a multiple of {CYCLE.size}")
+    out = []
+    for v in CYCLE.iter_unpack(records):
+        out.append(Cycle(*v[:3], v[3:6], *v[6:14], v[14:17], v[17:20], v[20], v[21], v[22:25]))
+    return out
+
+
+def actions_of(word: int) -> tuple[int, ...]:
+    """The actions of a cycle, in order; ends at the first that is 0."""
+    found = []
+    while word:
+        found.append(word & (1 << ACTION_BITS) - 1)
+        word >>= ACTION_BITS
+    return tuple(found)
 
 
 def as_tuples(value: Any) -> Any:

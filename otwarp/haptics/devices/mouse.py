@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.mailbox import Mailbox, RecordLayout
+from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 

@@ -137,7 +137,7 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
 
 def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
-    from otwarp.haptics.core.ring import FRESH, SAMPLED, cycles_of
+    from otwarp.haptics.core.types import FRESH, SAMPLED, cycles_of
     from otwarp.haptics.recording.messages import CYCLES_TYPE, unpack_cycles
 
     batches: dict[str, list[bytes]] = {}

@@ -11,13 +11,12 @@ from array import array
 from collections.abc import Sequence
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
 
 CYCLES_TYPE, SCENE_TYPE = "otwarp_msgs/msg/ServoCycles", "otwarp_msgs/msg/SceneNow"
 
 DEFINITIONS = {
-    "otwarp_msgs/msg/ServoCycle": """# One cycle of one hand, see otwarp.haptics.core.ring.Cycle
+    "otwarp_msgs/msg/ServoCycle": """# One cycle of one hand, see Cycle of otwarp.haptics
 uint64 tick
 float64 time  # servo's clock [s]
 float64 sample_time

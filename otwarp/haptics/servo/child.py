@@ -21,13 +21,20 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
-from otwarp.haptics.core.clock import RealClock
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
-from otwarp.haptics.core.platform import parent_is_gone, request_realtime
-from otwarp.haptics.core.ring import Ring
+from otwarp.haptics.core.realtime import RealClock, parent_is_gone, request_realtime
+from otwarp.haptics.core.shared_memory import Mailbox, Ring
 from otwarp.haptics.core.types import DeviceInfo
 from otwarp.haptics.devices import DeviceSpec, create_device
-from otwarp.haptics.servo.link import HandStatus, OrdersLayout, ServoStatus, StartLayout, StatusLayout
+from otwarp.haptics.servo.link import (
+    HandLayout,
+    HandStatus,
+    OrdersLayout,
+    SceneLayout,
+    SceneReader,
+    ServoStatus,
+    StartLayout,
+    StatusLayout,
+)
 from otwarp.haptics.servo.servo import Hand, Servo
 
 SWITCH = 2e-4

@@ -1,14 +1,15 @@
-"""What passes between the servo and its parent besides scenes and hands: orders one way, status the other."""
+"""What passes between the servo and its parent by shared memory: scenes and orders one way, forces and status back."""
 
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass, replace
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import Gains
-from otwarp.haptics.core.mailbox import RecordLayout
-from otwarp.haptics.core.types import SceneFrame
+from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
+from otwarp.haptics.core.types import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 
 TEXT = 160
 """Bytes of a line about one hand."""
@@ -18,6 +19,11 @@ START, START_SPHERE, START_TRAP = 16384, 384, 512
 """Bytes for what a chain remembers, and for each sphere and trap of its scene: a number takes up to 24 of them."""
 RUNS = ("starting", "running", "ending", "stopped", "failed")
 """What `ServoStatus.state` may be, in the order of their codes."""
+LARGEST = 4096
+"""Most spheres or traps that a box may be created for; a typing error otherwise reserves the machine's memory."""
+
+
+_STATE_CODES = {name: code for code, name in enumerate(STATES)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,13 +109,13 @@ class OrdersLayout:
         self.capacities, self.size = (hands, 0), self._record.size
 
     def pack(self, buffer: bytearray, value: Orders) -> None:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         gains = value.gains or ((None, None),) * self._hands
         flat = [math.nan if gain is None else gain for pair in gains for gain in pair]
         self._record.pack(buffer, (value.beat, value.stop, value.take, *value.arm, *value.disarm, *flat))
 
     def unpack(self, buffer: bytearray) -> Orders:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         n = self._hands
         beat, stop, take, *rest = self._record.unpack(buffer)
         flat = [None if gain != gain else gain for gain in rest[2 * n :]]
@@ -124,7 +130,7 @@ class Start:
     Attributes:
         take: Number of the recording.
         tick: Its first cycle.
-        text: `Rendering.snapshot` as JSON; "" if it was too long for its mailbox.
+        text: `Rendering.state` as JSON; "" if it was too long for its mailbox.
     """
 
     take: int
@@ -164,14 +170,14 @@ class StartLayout:
         self.capacities, self.size = (spheres, traps), self._record.size
 
     def pack(self, buffer: bytearray, value: Start) -> None:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         data = value.text.encode()
         if len(data) > self._room:
             raise InputError(f"start of a recording: {len(data)} bytes; must be at most {self._room}")
         self._record.pack(buffer, (value.take, value.tick, len(data), data))
 
     def unpack(self, buffer: bytearray) -> Start:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         take, tick, size, data = self._record.unpack(buffer)
         return Start(take, tick, data[:size].decode())
 
@@ -186,7 +192,7 @@ class StatusLayout:
         self.capacities, self.size = (hands, 0), self._record.size
 
     def pack(self, buffer: bytearray, value: ServoStatus) -> None:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         head = (value.tick, value.time, RUNS.index(value.state), value.late, value.lateness, value.refused, value.torn)
         flat: list[float | bytes] = [*head, _cut(value.grants, GRANTS)]
         for hand in value.hands:
@@ -194,7 +200,7 @@ class StatusLayout:
         self._record.pack(buffer, flat)
 
     def unpack(self, buffer: bytearray) -> ServoStatus:
-        """See `mailbox.Layout`."""
+        """See `shared_memory.Layout`."""
         tick, time, state, late, lateness, refused, torn, grants, *rest = self._record.unpack(buffer)
         rows = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
         hands = tuple(HandStatus(bool(present), losses, _text(message)) for present, losses, message in rows)
@@ -208,3 +214,148 @@ def _cut(text: str, size: int) -> bytes:
 
 def _text(data: bytes) -> str:
     return data.rstrip(b"\0").decode(errors="ignore")
+
+
+def _capacity(argument: str, value: int) -> int:
+    if not isinstance(value, int) or not 0 <= value <= LARGEST:
+        raise InputError(f"{argument} = {value!r}: must be a whole number from 0 to {LARGEST}")
+    return value
+
+
+def _fits(what: str, count: int, capacity: int) -> None:
+    if count > capacity:
+        raise InputError(f"{what} = {count}: this mailbox was created for at most {capacity}")
+
+
+class SceneLayout:
+    """`SceneFrame`: beat, time, contact force, counts, then traps (index, x, y, z, power) and spheres (body, x, y, z).
+
+    Args:
+        spheres: Most trapped spheres that a state may hold.
+        traps: Most traps.
+    """
+
+    kind = b"scene"
+
+    def __init__(self, spheres: int, traps: int):
+        self.capacities = (_capacity("spheres", spheres), _capacity("traps", traps))
+        self._head = struct.Struct("Qdd2Q")
+        self.size = self._head.size + 40 * traps + 32 * spheres
+        self._bodies: dict[tuple[int, int], struct.Struct] = {}
+
+    def _body(self, traps: int, spheres: int) -> struct.Struct:
+        """Layout of that many traps and spheres; made once per count."""
+        key = (traps, spheres)
+        body = self._bodies.get(key)
+        if body is None:
+            body = self._bodies[key] = struct.Struct("q4d" * traps + "q3d" * spheres)
+        return body
+
+    def pack(self, buffer: bytearray, value: SceneFrame) -> None:
+        """See `shared_memory.Layout`."""
+        traps, spheres = value.traps, value.spheres
+        _fits("traps", len(traps), self.capacities[1])
+        _fits("spheres", len(spheres), self.capacities[0])
+        flat: list[float] = []
+        for trap in traps:
+            flat += (trap.index, *trap.position, trap.power)
+        for sphere in spheres:
+            flat += (sphere.body, *sphere.position)
+        try:
+            self._body(len(traps), len(spheres)).pack_into(buffer, self._head.size, *flat)
+            self._head.pack_into(buffer, 0, value.beat, value.time, value.contact_force, len(traps), len(spheres))
+        except struct.error as error:
+            raise InputError(f"scene state {value}: {error}; numbers must be reals, beat and indices whole") from None
+
+    def unpack(self, buffer: bytearray) -> SceneFrame:
+        """See `shared_memory.Layout`."""
+        beat, time, contact, n_traps, n_spheres = self._head.unpack_from(buffer, 0)
+        flat = self._body(n_traps, n_spheres).unpack_from(buffer, self._head.size)
+        edge = 5 * n_traps
+        rows = zip(*[iter(flat[:edge])] * 5, strict=True)
+        traps = tuple([TrapFrame(i, (x, y, z), power) for i, x, y, z, power in rows])
+        balls = zip(*[iter(flat[edge:])] * 4, strict=True)
+        spheres = tuple([SphereFrame((x, y, z), body) for body, x, y, z in balls])
+        return SceneFrame(beat, time, spheres, traps, contact)
+
+
+class HandLayout:
+    """`ServoFrame`: tick, time, position, force, energy, state, buttons, count, then traps (index, x, y, z).
+
+    Args:
+        traps: Most traps that the hand may command.
+    """
+
+    kind = b"hand"
+
+    def __init__(self, traps: int):
+        self.capacities = (0, _capacity("traps", traps))
+        self._head = struct.Struct("Q8d3Q")
+        self.size = self._head.size + 32 * traps
+        self._trap = struct.Struct("q3d")
+
+    def pack(self, buffer: bytearray, value: ServoFrame) -> None:
+        """See `shared_memory.Layout`."""
+        _fits("traps of a hand", len(value.traps), self.capacities[1])
+        state = _STATE_CODES.get(value.state)
+        if state is None:
+            raise InputError(f"state = {value.state!r}: must be one of {', '.join(STATES)}")
+        moving = (value.time, *value.position, *value.force, value.energy)
+        try:
+            self._head.pack_into(buffer, 0, value.tick, *moving, state, value.buttons, len(value.traps))
+            at = self._head.size
+            for index, position in value.traps:
+                self._trap.pack_into(buffer, at, index, *position)
+                at += 32
+        except struct.error as error:
+            raise InputError(f"hand state {value}: {error}; numbers must be reals, tick and indices whole") from None
+
+    def unpack(self, buffer: bytearray) -> ServoFrame:
+        """See `shared_memory.Layout`."""
+        tick, time, x, y, z, fx, fy, fz, energy, state, buttons, n = self._head.unpack_from(buffer, 0)
+        traps = []
+        for at in range(self._head.size, self._head.size + 32 * n, 32):
+            index, px, py, pz = self._trap.unpack_from(buffer, at)
+            traps.append((index, (px, py, pz)))
+        return ServoFrame(tick, time, (x, y, z), (fx, fy, fz), tuple(traps), STATES[state], energy, buttons)
+
+
+class SceneReader:
+    """The latest state of the simulation that can be trusted, for a servo that has one at any time.
+
+    A state with a number that is not finite is refused: the beat that the chains see then stands still, and their
+    watchdogs do what they do for a simulation that stalled.
+    """
+
+    def __init__(self, box: Mailbox[SceneFrame]):
+        self._box = box
+        self.scene = SceneFrame(0, 0.0, (), ())
+        self.refused = 0
+        """States that were not finite."""
+
+    @property
+    def torn(self) -> int:
+        """Reads given up, see `Mailbox.read`."""
+        return self._box.torn
+
+    def latest(self) -> SceneFrame:
+        """The newest finite state; the same object as before when there is none newer, beat 0 before the first."""
+        new = self._box.read()
+        if new is not None:
+            if is_finite(new):
+                self.scene = new
+            else:
+                self.refused += 1
+        return self.scene
+
+
+def is_finite(scene: SceneFrame) -> bool:
+    """Whether every number of a state is finite: sums keep NaN and infinity, and one test costs less than a hundred."""
+    total = scene.time + scene.contact_force
+    for sphere in scene.spheres:
+        x, y, z = sphere.position
+        total += x + y + z
+    for trap in scene.traps:
+        x, y, z = trap.position
+        total += x + y + z + trap.power
+    return math.isfinite(total)

@@ -16,12 +16,21 @@ from typing import Any, BinaryIO
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
 from otwarp.haptics.core.config import checked_gains
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout
-from otwarp.haptics.core.ring import CYCLE, SECONDS, Ring
-from otwarp.haptics.core.types import DeviceInfo, SceneFrame, ServoFrame
+from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
+from otwarp.haptics.core.types import CYCLE, DeviceInfo, SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.child import LENGTH, ServoOrder
-from otwarp.haptics.servo.link import Cycles, Orders, OrdersLayout, ServoStatus, Start, StartLayout, StatusLayout
+from otwarp.haptics.servo.link import (
+    Cycles,
+    HandLayout,
+    Orders,
+    OrdersLayout,
+    SceneLayout,
+    ServoStatus,
+    Start,
+    StartLayout,
+    StatusLayout,
+)
 
 RATES = (10.0, 5000.0)
 START_WITHIN = 60.0

@@ -15,9 +15,9 @@ from dataclasses import replace
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike, Rendering
-from otwarp.haptics.core.clock import Clock, next_deadline
-from otwarp.haptics.core.mailbox import STATES, Mailbox, SceneReader
-from otwarp.haptics.core.ring import (
+from otwarp.haptics.core.realtime import Clock, next_deadline
+from otwarp.haptics.core.shared_memory import Mailbox, Ring
+from otwarp.haptics.core.types import (
     ABSOLUTE,
     BACK,
     DISARMED,
@@ -28,11 +28,18 @@ from otwarp.haptics.core.ring import (
     PRESENT,
     SAMPLED,
     SILENT,
+    STATES,
     STEPPED,
-    Ring,
+    ZERO,
+    Device,
+    DeviceInfo,
+    DeviceLost,
+    DeviceSample,
+    SceneFrame,
+    ServoFrame,
+    Vec3,
 )
-from otwarp.haptics.core.types import ZERO, Device, DeviceInfo, DeviceLost, DeviceSample, SceneFrame, ServoFrame, Vec3
-from otwarp.haptics.servo.link import HandStatus, Orders, ServoStatus, Start
+from otwarp.haptics.servo.link import HandStatus, Orders, SceneReader, ServoStatus, Start
 
 MOST_BUTTONS = 2**63
 """Buttons are bits of a number below it; a device that says otherwise cannot be relied on."""

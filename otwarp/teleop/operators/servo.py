@@ -14,12 +14,20 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import make_chain
-from otwarp.haptics.core.clock import VirtualClock
 from otwarp.haptics.core.config import checked_gains
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.servo.link import Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.servo.link import (
+    HandLayout,
+    Orders,
+    OrdersLayout,
+    SceneLayout,
+    SceneReader,
+    ServoStatus,
+    StatusLayout,
+)
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.haptics.servo.servo import Hand, Servo
 from otwarp.teleop.core.frame import HandFrame

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.mailbox import Mailbox
-from otwarp.haptics.core.platform import ordinary
+from otwarp.haptics.core.realtime import ordinary
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.teleop.core.commands import Command

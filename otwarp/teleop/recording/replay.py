@@ -21,8 +21,7 @@ from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.chain.rendering import Rendering
 from otwarp.haptics.core.config import HandConfig, HapticsConfig
 from otwarp.haptics.core.fields import from_dict
-from otwarp.haptics.core.mailbox import STATES
-from otwarp.haptics.core.ring import (
+from otwarp.haptics.core.types import (
     ABSOLUTE,
     ACTIONS,
     ARMED,
@@ -32,12 +31,19 @@ from otwarp.haptics.core.ring import (
     LOST,
     MADE,
     PRESENT,
+    STATES,
     STEPPED,
+    ZERO,
     Cycle,
+    DeviceInfo,
+    DeviceSample,
+    SceneFrame,
+    ServoFrame,
+    Vec3,
     actions_of,
     cycles_of,
+    scene_from_list,
 )
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame, Vec3, scene_from_list
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, McapFile
 from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text

@@ -23,8 +23,7 @@ import otwarp
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig
 from otwarp.haptics.core.fields import to_dict
-from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneFrame
+from otwarp.haptics.core.types import CYCLE, SceneFrame
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording.mcap import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.errors import InputError, SimulationError
-from otwarp.haptics.core.clock import Clock, RealClock, next_deadline
+from otwarp.haptics.core.realtime import Clock, RealClock, next_deadline
 from otwarp.haptics.core.types import SceneFrame
 from otwarp.record.monitor import Monitor
 from otwarp.scene import Scene

@@ -13,8 +13,8 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig
-from otwarp.haptics.core.mailbox import Mailbox
-from otwarp.haptics.core.platform import favour
+from otwarp.haptics.core.realtime import favour
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.scene import Scene

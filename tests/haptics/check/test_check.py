@@ -19,7 +19,7 @@ from otwarp.haptics.check.latency import CURVE, VIRTUAL, TimedChain, check_hand,
 from otwarp.haptics.check.tables import check_tables, device_table, grant_table, width_table
 from otwarp.haptics.check.width import Width, limits, widths
 from otwarp.haptics.check.zwidth import chain_width
-from otwarp.haptics.core.platform import Grant
+from otwarp.haptics.core.realtime import Grant
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample
 from otwarp.haptics.devices import KINDS
 from otwarp.haptics.force.law import IsotropicLaw, local_model

@@ -12,8 +12,7 @@ from rich.console import Console
 
 from otwarp.errors import InputError
 from otwarp.haptics.check.jitter import Jitter, Percentiles, _python, jitter_table, loop_times, measure_jitter
-from otwarp.haptics.core.clock import VirtualClock
-from otwarp.haptics.core.platform import Grant
+from otwarp.haptics.core.realtime import Grant, VirtualClock
 
 
 def test_a_punctual_loop_has_no_jitter_and_late_wakes_show_where_they_were():

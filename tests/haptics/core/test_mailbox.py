@@ -11,18 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core import mailbox
-from otwarp.haptics.core.mailbox import (
-    RETRIES,
-    SEQUENCE_AT,
-    STATES,
-    HandLayout,
-    Mailbox,
-    RecordLayout,
-    SceneLayout,
-    SceneReader,
-)
-from otwarp.haptics.core.types import SceneFrame, ServoFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core import shared_memory
+from otwarp.haptics.core.shared_memory import RETRIES, SEQUENCE_AT, Mailbox, RecordLayout
+from otwarp.haptics.core.types import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame
+from otwarp.haptics.servo.link import HandLayout, SceneLayout, SceneReader
 
 EVENTUALLY = 60.0
 """Seconds after which something that must happen is called missing; generous, as machines may be busy."""
@@ -133,7 +125,8 @@ def test_reads_that_are_spoiled_are_tried_a_bounded_number_of_times(pair):
 
 WRITER = """
 import sys
-from otwarp.haptics.core.mailbox import Mailbox, SceneLayout
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.servo.link import SceneLayout
 from otwarp.haptics.core.types import SceneFrame, SphereFrame
 box = Mailbox.attach(SceneLayout(64, 0), sys.argv[1])
 states = [SceneFrame(b, b, tuple(SphereFrame((b, b, b), b) for _ in range(64)), (), b) for b in range(1, 8)]
@@ -166,7 +159,8 @@ def test_no_torn_read_beside_a_writer_that_never_rests():
 def test_attaching_and_leaving_does_not_remove_the_memory_of_others():
     """Python 3.11 would: the resource tracker of the one that leaves removes all that it registered."""
     with Mailbox.create(SceneLayout(5, 3)) as box:
-        code = "from otwarp.haptics.core.mailbox import *\nfrom otwarp.haptics.core.types import *\n"
+        code = "from otwarp.haptics.core.shared_memory import *\nfrom otwarp.haptics.core.types import *\n"
+        code += "from otwarp.haptics.servo.link import *\n"
         code += f"box = Mailbox.attach(SceneLayout(5, 3), {box.name!r}); box.write({scene(7)!r})"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
@@ -176,7 +170,8 @@ def test_attaching_and_leaving_does_not_remove_the_memory_of_others():
 
 OWNER = """
 import time
-from otwarp.haptics.core.mailbox import Mailbox, HandLayout
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.servo.link import HandLayout
 box = Mailbox.create(HandLayout(2))
 print(box.name, flush=True)
 time.sleep(600)
@@ -217,7 +212,7 @@ def test_other_sizes_kinds_versions_and_foreign_memory_are_refused(monkeypatch):
             with pytest.raises(InputError, match=box.name) as error:
                 Mailbox.attach(layout, box.name)
             assert "\n" not in str(error.value)
-        monkeypatch.setattr(mailbox, "VERSION", 2)
+        monkeypatch.setattr(shared_memory, "VERSION", 2)
         with pytest.raises(InputError, match="must hold"):
             Mailbox.attach(SceneLayout(5, 3), box.name)
     with pytest.raises(InputError, match="is its creator running"):
@@ -288,5 +283,5 @@ def test_states_that_are_not_finite_never_reach_the_chains(pair, place, poison):
 
 
 def test_the_sequence_has_a_cache_line_of_its_own():
-    assert mailbox.HEADER.size <= SEQUENCE_AT
-    assert mailbox.PAYLOAD_AT - SEQUENCE_AT >= 64
+    assert shared_memory.HEADER.size <= SEQUENCE_AT
+    assert shared_memory.PAYLOAD_AT - SEQUENCE_AT >= 64

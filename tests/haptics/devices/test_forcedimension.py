@@ -14,12 +14,13 @@ import threading
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import VirtualClock
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
 from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices
+from otwarp.haptics.servo.link import HandLayout
 from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.dhd_double import FUNCTIONS, PATIENCE, Dhd, Robot
 from tests.haptics.spring import SpringChain

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import VirtualClock
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
 from otwarp.haptics.devices import create_device, inverse3, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange
@@ -29,6 +29,7 @@ from otwarp.haptics.devices.inverse3_messages import (
     read_inventory,
     read_state,
 )
+from otwarp.haptics.servo.link import HandLayout
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.haply_service import PATIENCE, HaplyService

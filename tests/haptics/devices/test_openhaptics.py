@@ -19,13 +19,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import VirtualClock
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame, Vec3
 from otwarp.haptics.devices import create_device, openhaptics, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange, share
 from otwarp.haptics.devices.libhd import OVERRIDE, library_path
 from otwarp.haptics.devices.openhaptics import OpenHapticsDevice
+from otwarp.haptics.servo.link import HandLayout
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.servo.test_servo_process import publishing, until

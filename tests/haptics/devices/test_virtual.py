@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import Device, DeviceLost
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.mouse import POINTER, SILENCE, MouseDevice

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.recording.mcap import MAGIC, McapFile
 from otwarp.haptics.recording.messages import (
     CYCLES_TYPE,

@@ -8,11 +8,21 @@ from itertools import pairwise
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.clock import RealClock, VirtualClock, next_deadline
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox, SceneLayout, SceneReader
+from otwarp.haptics.core.realtime import RealClock, VirtualClock, next_deadline
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, SceneFrame, SphereFrame
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
-from otwarp.haptics.servo.link import RUNS, HandStatus, Orders, OrdersLayout, ServoStatus, StatusLayout
+from otwarp.haptics.servo.link import (
+    RUNS,
+    HandLayout,
+    HandStatus,
+    Orders,
+    OrdersLayout,
+    SceneLayout,
+    SceneReader,
+    ServoStatus,
+    StatusLayout,
+)
 from otwarp.haptics.servo.servo import PARENT_SILENCE, REOPEN_AFTER, STATUS_EVERY, Hand, Servo
 from tests.haptics.spring import DECAY, DISARM, RAMP, SLEW, STIFFNESS, SpringChain
 

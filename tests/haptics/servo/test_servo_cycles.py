@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
-from otwarp.haptics.core.mailbox import STATES, Mailbox
-from otwarp.haptics.core.ring import (
+from otwarp.haptics.core.shared_memory import Mailbox, Ring
+from otwarp.haptics.core.types import (
     ABSOLUTE,
     ARMED,
     BACK,
@@ -23,13 +23,14 @@ from otwarp.haptics.core.ring import (
     PRESENT,
     SAMPLED,
     SILENT,
+    STATES,
     STEPPED,
+    ZERO,
     Cycle,
-    Ring,
+    DeviceLost,
     actions_of,
     cycles_of,
 )
-from otwarp.haptics.core.types import ZERO, DeviceLost
 from otwarp.haptics.servo.link import Orders, OrdersLayout, Start, StartLayout
 from otwarp.haptics.servo.servo import PARENT_SILENCE, REOPEN_AFTER, Hand
 from tests.haptics.servo.test_servo import PERIOD, Breaking, Rig, Traced

@@ -14,11 +14,10 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.mailbox import HandLayout, Mailbox
-from otwarp.haptics.core.ring import CYCLE, ENDING, GAINS, actions_of, cycles_of
-from otwarp.haptics.core.types import ZERO, SceneFrame, SphereFrame
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.core.types import CYCLE, ENDING, GAINS, ZERO, SceneFrame, SphereFrame, actions_of, cycles_of
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.haptics.servo.link import Cycles, StatusLayout
+from otwarp.haptics.servo.link import Cycles, HandLayout, StatusLayout
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from tests.haptics.setups import chain_for, hand_config, scene_at
 from tests.haptics.spring import SpringChain, TellingChain

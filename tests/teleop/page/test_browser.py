@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import otwarp as ot
-from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.teleop.core.commands import MoveTraps, Pause
 from otwarp.teleop.core.frame import HandFrame

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from otwarp.haptics.core.config import FACING_USER
-from otwarp.haptics.core.mailbox import Mailbox
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
 from otwarp.teleop.core.commands import MoveTraps

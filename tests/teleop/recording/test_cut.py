@@ -9,7 +9,7 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.haptics.core.ring import cycles_of
+from otwarp.haptics.core.types import cycles_of
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.recording.mcap import MAGIC, McapFile, part_of
 from otwarp.haptics.recording.messages import CYCLES_TYPE

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import CouplingConfig, LowPass
-from otwarp.haptics.core.ring import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
+from otwarp.haptics.core.types import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
 from otwarp.haptics.recording.mcap import McapFile

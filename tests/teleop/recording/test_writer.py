@@ -20,8 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig, LowPass
 from otwarp.haptics.core.fields import from_dict
-from otwarp.haptics.core.ring import CYCLE
-from otwarp.haptics.core.types import ServoFrame
+from otwarp.haptics.core.types import CYCLE, ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.haptics.recording.mcap import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start

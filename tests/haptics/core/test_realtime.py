@@ -8,13 +8,13 @@ from dataclasses import asdict
 
 import pytest
 
-from otwarp.haptics.core import platform
-from otwarp.haptics.core.platform import Grant, parent_is_gone, request_realtime
+from otwarp.haptics.core import realtime
+from otwarp.haptics.core.realtime import Grant, parent_is_gone, request_realtime
 
 ASK = """
 import json, os
 from dataclasses import asdict
-from otwarp.haptics.core.platform import request_realtime
+from otwarp.haptics.core.realtime import request_realtime
 {before}
 print(json.dumps([asdict(g) for g in request_realtime(cpu={cpu})]))
 print(json.dumps({after}))
@@ -35,8 +35,8 @@ def test_what_is_said_to_be_granted_is_in_force():
     after = "[os.sched_getscheduler(0) & 7, os.sched_getparam(0).sched_priority, sorted(os.sched_getaffinity(0))]"
     grants, (policy, priority, cores) = asked(after=after, cpu=cpu)
     if "SCHED_FIFO" in grants:
-        assert grants["SCHED_FIFO"] == Grant("SCHED_FIFO", True, f"priority {platform.PRIORITY}")
-        assert (policy, priority) == (os.SCHED_FIFO, platform.PRIORITY)
+        assert grants["SCHED_FIFO"] == Grant("SCHED_FIFO", True, f"priority {realtime.PRIORITY}")
+        assert (policy, priority) == (os.SCHED_FIFO, realtime.PRIORITY)
     else:
         assert policy != os.SCHED_FIFO
         assert "SCHED_FIFO: " in grants["nice"].detail
@@ -73,7 +73,7 @@ def test_nothing_raises_on_any_system_even_if_no_call_exists(monkeypatch, system
     def no_library(*_):
         raise OSError("no such library")
 
-    monkeypatch.setattr(platform, "_libc_call", no_library)
+    monkeypatch.setattr(realtime, "_libc_call", no_library)
     grants = request_realtime(cpu=0)
     assert len(grants) == 4
     assert not any(grant.granted for grant in grants)
@@ -90,7 +90,7 @@ def test_a_parent_that_changes_is_gone(monkeypatch):
 
 FAVOUR = """
 import json, os, subprocess, sys
-from otwarp.haptics.core.platform import favour
+from otwarp.haptics.core.realtime import favour
 def how():
     return [os.sched_getscheduler(0) & 7, os.getpriority(os.PRIO_PROCESS, 0)]
 before = how()
@@ -102,10 +102,10 @@ back()
 print(json.dumps([before, during, int(child.stdout), how()]))
 """
 REFUSE = """
-from otwarp.haptics.core import platform
+from otwarp.haptics.core import realtime
 def _no():
     raise PermissionError("no")
-platform._round_robin = _no
+realtime._round_robin = _no
 """
 
 
@@ -117,7 +117,7 @@ def test_a_favoured_thread_goes_back_to_where_it_was(refuse):
     before, during, child, after = json.loads(done.stdout)
     assert after == before and child == os.SCHED_OTHER
     # a system that allows neither leaves everything as it was
-    allowed = [before, [os.SCHED_OTHER, before[1] - platform.FAVOUR]] + ([] if refuse else [[os.SCHED_RR, before[1]]])
+    allowed = [before, [os.SCHED_OTHER, before[1] - realtime.FAVOUR]] + ([] if refuse else [[os.SCHED_RR, before[1]]])
     assert during in allowed
     if os.geteuid() == 0 and not refuse:
         assert during != before

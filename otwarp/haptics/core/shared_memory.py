@@ -1,8 +1,9 @@
-"""One writer, any readers, the latest value: a seqlock over shared memory, with fixed layouts.
+"""Shared memory between two processes: a `Mailbox` for the latest value, a `Ring` for every cycle.
 
-The writer makes the sequence number odd, copies the payload, makes it even again. A reader copies the payload between
-two reads of the number and keeps the copy only if both were the same even number (the seqlock of the Linux kernel;
-H.-J. Boehm, "Can seqlocks get along with programming language memory models?", 2012, doi:10.1145/2247684.2247688).
+A mailbox is a seqlock: one writer, any readers. The writer makes the sequence number odd, copies the payload, makes it
+even again. A reader copies the payload between two reads of the number and keeps the copy only if both were the same
+even number (the seqlock of the Linux kernel; H.-J. Boehm, "Can seqlocks get along with programming language memory
+models?", 2012, doi:10.1145/2247684.2247688).
 
 Memory ordering. Sequence numbers are one aligned 8-byte store or load each, which x86-64 and ARMv8 do not tear. x86
 keeps stores in order and loads in order, and the C compiler cannot move them across CPython's bytecodes, which call
@@ -20,14 +21,13 @@ import threading
 import weakref
 from collections.abc import Iterable
 from contextlib import suppress
-from math import isfinite
 from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, Generic, Protocol, TypeVar
 from zlib import crc32
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneFrame, ServoFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core.types import CYCLE
 
 T = TypeVar("T")
 
@@ -40,14 +40,21 @@ SEQUENCE_AT = 64
 PAYLOAD_AT = 128
 RETRIES = 16
 """Reads that a writer may spoil before a reader goes without: it writes for 0.3 µs, a retry takes about 1 µs."""
-LARGEST = 4096
-"""Most spheres or traps that a box may be created for; a typing error otherwise reserves the machine's memory."""
-STATES = ("disarmed", "ramping", "armed", "decaying", "fault")
-"""What `ServoFrame.state` may be, in the order of their codes."""
-
-_STATE_CODES = {name: code for code, name in enumerate(STATES)}
 _CRC = struct.Struct("Q")
 _SEED = 0xFFFFFFFF
+
+SECONDS = 8.0
+"""What a ring holds at the servo's rate: a consumer that is away longer loses cycles, and is told how many."""
+
+RING_MAGIC, RING_VERSION = b"otwarprg", 1
+RING_HEADER = struct.Struct("8s3Q")
+"""Magic, version, bytes per record, slots."""
+WRITTEN_AT, TAKEN_AT, LOST_AT, SLOTS_AT = 64, 128, 192, 256
+"""The counters have cache lines of their own."""
+_SLOT = CYCLE.size + _CRC.size
+MOST_SLOTS = 1 << 20
+"""Most slots: a typing error otherwise reserves the machine's memory."""
+
 _attach_lock = threading.Lock()
 
 
@@ -208,110 +215,6 @@ def _attach(name: str) -> SharedMemory:
             resource_tracker.register = register
 
 
-def _capacity(argument: str, value: int) -> int:
-    if not isinstance(value, int) or not 0 <= value <= LARGEST:
-        raise InputError(f"{argument} = {value!r}: must be a whole number from 0 to {LARGEST}")
-    return value
-
-
-def _fits(what: str, count: int, capacity: int) -> None:
-    if count > capacity:
-        raise InputError(f"{what} = {count}: this mailbox was created for at most {capacity}")
-
-
-class SceneLayout:
-    """`SceneFrame`: beat, time, contact force, counts, then traps (index, x, y, z, power) and spheres (body, x, y, z).
-
-    Args:
-        spheres: Most trapped spheres that a state may hold.
-        traps: Most traps.
-    """
-
-    kind = b"scene"
-
-    def __init__(self, spheres: int, traps: int):
-        self.capacities = (_capacity("spheres", spheres), _capacity("traps", traps))
-        self._head = struct.Struct("Qdd2Q")
-        self.size = self._head.size + 40 * traps + 32 * spheres
-        self._bodies: dict[tuple[int, int], struct.Struct] = {}
-
-    def _body(self, traps: int, spheres: int) -> struct.Struct:
-        """Layout of that many traps and spheres; made once per count."""
-        key = (traps, spheres)
-        body = self._bodies.get(key)
-        if body is None:
-            body = self._bodies[key] = struct.Struct("q4d" * traps + "q3d" * spheres)
-        return body
-
-    def pack(self, buffer: bytearray, value: SceneFrame) -> None:
-        """See `Layout`."""
-        traps, spheres = value.traps, value.spheres
-        _fits("traps", len(traps), self.capacities[1])
-        _fits("spheres", len(spheres), self.capacities[0])
-        flat: list[float] = []
-        for trap in traps:
-            flat += (trap.index, *trap.position, trap.power)
-        for sphere in spheres:
-            flat += (sphere.body, *sphere.position)
-        try:
-            self._body(len(traps), len(spheres)).pack_into(buffer, self._head.size, *flat)
-            self._head.pack_into(buffer, 0, value.beat, value.time, value.contact_force, len(traps), len(spheres))
-        except struct.error as error:
-            raise InputError(f"scene state {value}: {error}; numbers must be reals, beat and indices whole") from None
-
-    def unpack(self, buffer: bytearray) -> SceneFrame:
-        """See `Layout`."""
-        beat, time, contact, n_traps, n_spheres = self._head.unpack_from(buffer, 0)
-        flat = self._body(n_traps, n_spheres).unpack_from(buffer, self._head.size)
-        edge = 5 * n_traps
-        rows = zip(*[iter(flat[:edge])] * 5, strict=True)
-        traps = tuple([TrapFrame(i, (x, y, z), power) for i, x, y, z, power in rows])
-        balls = zip(*[iter(flat[edge:])] * 4, strict=True)
-        spheres = tuple([SphereFrame((x, y, z), body) for body, x, y, z in balls])
-        return SceneFrame(beat, time, spheres, traps, contact)
-
-
-class HandLayout:
-    """`ServoFrame`: tick, time, position, force, energy, state, buttons, count, then traps (index, x, y, z).
-
-    Args:
-        traps: Most traps that the hand may command.
-    """
-
-    kind = b"hand"
-
-    def __init__(self, traps: int):
-        self.capacities = (0, _capacity("traps", traps))
-        self._head = struct.Struct("Q8d3Q")
-        self.size = self._head.size + 32 * traps
-        self._trap = struct.Struct("q3d")
-
-    def pack(self, buffer: bytearray, value: ServoFrame) -> None:
-        """See `Layout`."""
-        _fits("traps of a hand", len(value.traps), self.capacities[1])
-        state = _STATE_CODES.get(value.state)
-        if state is None:
-            raise InputError(f"state = {value.state!r}: must be one of {', '.join(STATES)}")
-        moving = (value.time, *value.position, *value.force, value.energy)
-        try:
-            self._head.pack_into(buffer, 0, value.tick, *moving, state, value.buttons, len(value.traps))
-            at = self._head.size
-            for index, position in value.traps:
-                self._trap.pack_into(buffer, at, index, *position)
-                at += 32
-        except struct.error as error:
-            raise InputError(f"hand state {value}: {error}; numbers must be reals, tick and indices whole") from None
-
-    def unpack(self, buffer: bytearray) -> ServoFrame:
-        """See `Layout`."""
-        tick, time, x, y, z, fx, fy, fz, energy, state, buttons, n = self._head.unpack_from(buffer, 0)
-        traps = []
-        for at in range(self._head.size, self._head.size + 32 * n, 32):
-            index, px, py, pz = self._trap.unpack_from(buffer, at)
-            traps.append((index, (px, py, pz)))
-        return ServoFrame(tick, time, (x, y, z), (fx, fy, fz), tuple(traps), STATES[state], energy, buttons)
-
-
 class RecordLayout:
     """A tuple of numbers or bytes by a `struct` format of 8-byte fields and `s` fields.
 
@@ -337,42 +240,126 @@ class RecordLayout:
         return self._struct.unpack_from(buffer, 0)
 
 
-class SceneReader:
-    """The latest state of the simulation that can be trusted, for a servo that has one at any time.
+class Ring:
+    """What a servo did in every cycle, on its way from the servo (`push`), which never waits, to its parent (`drain`).
 
-    A state with a number that is not finite is refused: the beat that the chains see then stands still, and their
-    watchdogs do what they do for a simulation that stalled.
+    A record has 8-byte little-endian fields (`CYCLE`), so that a batch of them is at once the body of a ROS 2 message
+    (`otwarp.haptics.recording.messages`). With it, the chain of a hand can be run again on what it was given.
+
+    Memory ordering. The producer fills a slot and then raises `written`; the consumer copies the slots below `written`
+    and then raises `taken`. x86-64 keeps stores in order and loads in order. ARM may not: there a slot may be seen
+    before it is filled. So each slot ends in a CRC-32 of itself, seeded with its number, as a mailbox does; the
+    consumer checks its copy and comes back later for a slot that is not whole. It raises `taken` only after that check,
+    and a store that depends on a branch is not moved before the loads that the branch tests, on ARM either.
+
+    The creator owns the memory: its `close` removes the name. One process and thread may push, one may drain.
     """
 
-    def __init__(self, box: Mailbox[SceneFrame]):
-        self._box = box
-        self.scene = SceneFrame(0, 0.0, (), ())
-        self.refused = 0
-        """States that were not finite."""
+    def __init__(self, memory: SharedMemory, slots: int, owner: bool):
+        self.name, self.slots = memory.name, slots
+        shared = _bytes_of(memory)
+        counters = [shared[at : at + 8].cast("Q") for at in (WRITTEN_AT, TAKEN_AT, LOST_AT)]
+        self._written, self._taken, self._lost = counters
+        self._memory = shared[SLOTS_AT : SLOTS_AT + slots * _SLOT]
+        self._let_go = weakref.finalize(self, _let_go, memory, (*counters, self._memory), os.getpid() * owner)
+        self._staged = bytearray(_SLOT)
+        self._body = memoryview(self._staged)[: CYCLE.size]
+        self._next, self._read, self._doubted = self._written[0], self._taken[0], -1
+        self.spoiled = 0
+        """Records that never became whole, as seen by this consumer."""
+
+    @classmethod
+    def create(cls, slots: int) -> Ring:
+        """A new ring under a fresh name (`name`).
+
+        Raises:
+            InputError: Slots out of range.
+        """
+        if not 1 <= slots <= MOST_SLOTS:
+            raise InputError(f"slots = {slots!r}: must be from 1 to {MOST_SLOTS}")
+        memory = SharedMemory(create=True, size=SLOTS_AT + slots * _SLOT)
+        RING_HEADER.pack_into(_bytes_of(memory), 0, RING_MAGIC, RING_VERSION, CYCLE.size, slots)
+        return cls(memory, slots, owner=True)
+
+    @classmethod
+    def attach(cls, name: str) -> Ring:
+        """The ring that another process created.
+
+        Raises:
+            InputError: There is none of that name, or it is none of this version.
+        """
+        try:
+            memory = _attach(name)
+        except (OSError, ValueError) as error:
+            raise InputError(f"ring {name!r}: cannot be attached ({error}); is its creator running?") from None
+        found = RING_HEADER.unpack_from(_bytes_of(memory), 0) if memory.size >= RING_HEADER.size else (b"", 0, 0, 0)
+        slots = found[3]
+        if found[:3] != (RING_MAGIC, RING_VERSION, CYCLE.size) or memory.size < SLOTS_AT + slots * _SLOT or not slots:
+            memory.close()
+            must = (RING_MAGIC, RING_VERSION, CYCLE.size)
+            raise InputError(f"ring {name!r}: holds {found}, must hold {must} and its slots")
+        return cls(memory, slots, owner=False)
+
+    def push(self, values: tuple[float, ...]) -> bool:
+        """Append a record of `CYCLE`'s fields; False, and counted, if the ring is full or a field does not fit."""
+        n = self._next
+        if n - self._taken[0] >= self.slots:
+            self.miss()
+            return False
+        staged = self._staged
+        try:
+            CYCLE.pack_into(staged, 0, *values)
+        except struct.error:
+            self.miss()
+            return False
+        _CRC.pack_into(staged, CYCLE.size, crc32(self._body, n & _SEED))
+        at = n % self.slots * _SLOT
+        self._memory[at : at + _SLOT] = staged
+        self._next = n + 1
+        self._written[0] = n + 1
+        return True
+
+    def miss(self) -> None:
+        """Count a record that cannot be told."""
+        self._lost[0] += 1
+
+    def drain(self) -> bytes:
+        """All whole records since the last call, one after another.
+
+        Raises:
+            InputError: The counters cannot be: something else wrote into the ring.
+        """
+        n, written = self._read, self._written[0]
+        if not n <= written <= n + self.slots:
+            raise InputError(f"ring {self.name!r}: {written} written with {n} taken; must be 0 to {self.slots} more")
+        whole, memory = [], self._memory
+        while n < written:
+            at = n % self.slots * _SLOT
+            slot = bytes(memory[at : at + _SLOT])
+            body = slot[: CYCLE.size]
+            if _CRC.unpack_from(slot, CYCLE.size)[0] == crc32(body, n & _SEED):
+                whole.append(body)
+            elif self._doubted == n:  # it had its time
+                self.spoiled += 1
+            else:
+                self._doubted = n
+                break
+            n += 1
+        self._read = n
+        self._taken[0] = n
+        return b"".join(whole)
 
     @property
-    def torn(self) -> int:
-        """Reads given up, see `Mailbox.read`."""
-        return self._box.torn
+    def lost(self) -> int:
+        """Records that found the ring full or did not fit, plus those that never became whole."""
+        return self._lost[0] + self.spoiled
 
-    def latest(self) -> SceneFrame:
-        """The newest finite state; the same object as before when there is none newer, beat 0 before the first."""
-        new = self._box.read()
-        if new is not None:
-            if is_finite(new):
-                self.scene = new
-            else:
-                self.refused += 1
-        return self.scene
+    def close(self) -> None:
+        """Let go of the memory, and remove its name if this side created it; may be called more than once."""
+        self._let_go()
 
+    def __enter__(self) -> Ring:
+        return self
 
-def is_finite(scene: SceneFrame) -> bool:
-    """Whether every number of a state is finite: sums keep NaN and infinity, and one test costs less than a hundred."""
-    total = scene.time + scene.contact_force
-    for sphere in scene.spheres:
-        x, y, z = sphere.position
-        total += x + y + z
-    for trap in scene.traps:
-        x, y, z = trap.position
-        total += x + y + z + trap.power
-    return isfinite(total)
+    def __exit__(self, *_: object) -> None:
+        self.close()
