@@ -24,7 +24,7 @@ from otwarp.device import pick_device
 from otwarp.optics.batched import batched_force
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import force
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 BEAM = Beam(numerical_aperture=1.2, polarization="x")
 INDEX = 1.59
@@ -51,7 +51,7 @@ def measure(device: wp.Device, rounds: int) -> Table:
     """One row per radius: first call, points per second, the same of NumPy, largest difference in Q."""
     rows = []
     for radius, few in POINTS.items():
-        sphere = Sphere(radius=radius, index=INDEX)
+        sphere = Particle(radius=radius, index=INDEX)
         count = few if device.is_cpu else CUDA_POINTS[radius]
         points = sample(radius, count)
         kernel = partial(batched_force, BEAM, sphere, points, device=device)

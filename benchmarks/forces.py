@@ -10,10 +10,10 @@ from otwarp.bench.forces.measure import REGION_PROBES, SECONDS, THERMAL_PROBES, 
 from otwarp.bench.forces.table import table
 from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
-from otwarp.optics import Beam, Sphere
+from otwarp.optics import Beam, Particle
 
 BEAM = Beam(numerical_aperture=1.2, power=20.0)
-SPHERE = Sphere(radius=1.0, index=1.59)
+SPHERE = Particle(radius=1.0, index=1.59)
 
 HOW_TO_READ = (
     "Go down the table until the error suits the question, in the region if beads are dragged or escape and at the "
@@ -27,7 +27,7 @@ def measure(
     *,
     models: Sequence[str] = (),
     beam: Beam = BEAM,
-    sphere: Sphere = SPHERE,
+    sphere: Particle = SPHERE,
     rounds: int = 7,
     worlds: int | None = None,
     seconds: float = SECONDS,

@@ -27,7 +27,7 @@ from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, Tra
 from otwarp.haptics.force.law import SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
 from otwarp.laws import TrapLaw
-from otwarp.optics import Beam, Sphere, build_table
+from otwarp.optics import Beam, Particle, build_table
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
 AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, offset=-0.0669, cutoff=1.6, power=1.0)
@@ -176,7 +176,7 @@ def table_costs(steps: int) -> tuple[CallCost, ...]:
     config = check_hand()
     found = []
     for interpolation in ("bilinear", "bicubic"):
-        table = build_table(Beam(), Sphere(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
+        table = build_table(Beam(), Particle(radius=1.525, index=1.52), tolerance=1e-3, interpolation=interpolation)
         model = local_model(config, {i: (TableLaw.of(table),) for i in config.traps})
         found.append(CallCost(f"step: stable, {interpolation} table", step_cost(Chain(config, model), steps)))
     return tuple(found)

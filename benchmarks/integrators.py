@@ -13,10 +13,10 @@ from otwarp.bench.integrators.table import caption, tables
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
-from otwarp.optics import Beam, Sphere
+from otwarp.optics import Beam, Particle
 
 BEAM = Beam(numerical_aperture=1.2)
-SPHERE = Sphere(radius=1.0, index=1.59)
+SPHERE = Particle(radius=1.0, index=1.59)
 
 HOW_TO_READ = (
     "The first table answers which integrator to take: the column `ns per relaxation time` is the least run time that "
@@ -29,7 +29,7 @@ def measure(
     *,
     axes: Sequence[str] = (),
     beam: Beam = BEAM,
-    sphere: Sphere = SPHERE,
+    sphere: Particle = SPHERE,
     rounds: int = 7,
     worlds: int | None = None,
     seconds: float = SECONDS,

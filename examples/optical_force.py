@@ -5,12 +5,12 @@ You see the trap's stiffness and depth, and the table's error beside the toleran
 
 import numpy as np
 
-from otwarp.optics import Beam, Sphere, build_table, force, trap_properties
+from otwarp.optics import Beam, Particle, build_table, force, trap_properties
 
 
 def main(points: int = 500, tolerance: float = 1e-3) -> float:
     beam = Beam(numerical_aperture=1.2, power=20.0)  # mW
-    sphere = Sphere(radius=0.5, index=1.59)  # µm
+    sphere = Particle(radius=0.5, index=1.59)  # µm
     trap = trap_properties(beam, sphere)
     print(f"rests {trap.equilibrium:+.3f} µm from the focus")
     print(f"stiffness across {trap.stiffness[0]:.1f}, along the beam {trap.stiffness[2]:.1f} pN/µm")

@@ -12,7 +12,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
-from otwarp.optics import Beam, CurveFit, Sphere, TrapProperties, fit_piecewise, trap_properties
+from otwarp.optics import Beam, CurveFit, Particle, TrapProperties, fit_piecewise, trap_properties
 from otwarp.scene import Body, Medium, Scene, Settings, Track, Trap
 from otwarp.scene import Sphere as BeadSphere
 from otwarp.units import BOLTZMANN
@@ -91,7 +91,7 @@ class TrappedBead:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     properties: TrapProperties = field(init=False)
     medium: Medium = field(init=False)
 

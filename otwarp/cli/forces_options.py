@@ -165,10 +165,10 @@ def make_ladder(request: ForcesRequest) -> Ladder:
         InputError: A value that the beam, the sphere or the table refuses.
     """
     from otwarp.optics.beam import Beam
-    from otwarp.optics.mie import Sphere
+    from otwarp.optics.mie import Particle
     from otwarp.optics.models import Ladder
 
-    sphere = Sphere(radius=request.radius, index=_index(request.index))
+    sphere = Particle(radius=request.radius, index=_index(request.index))
     beam = Beam(
         kind=request.beam,
         numerical_aperture=request.na,

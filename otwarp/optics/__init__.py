@@ -1,7 +1,7 @@
 """Optical forces: beams as angular spectra, Mie scattering, exact forces, their tables, and fits of their curves.
 
 Float64 throughout: NumPy, and a Warp kernel for large sets of points. Nothing here knows a scene. In comes a `Beam` and
-a `Sphere`, out come forces: lengths in µm, powers in mW, forces as dimensionless Q or in pN (`Beam.force_scale`·Q).
+a `Particle`, out come forces: lengths in µm, powers in mW, forces as dimensionless Q or in pN (`Beam.force_scale`·Q).
 
 Floor plan, each file importing only from those above it; to begin with, open `beam` and `exact`:
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from otwarp.optics.maps import ForceMap as ForceMap
     from otwarp.optics.maps import basin_reach as basin_reach
     from otwarp.optics.maps import force_map as force_map
-    from otwarp.optics.mie import Sphere as Sphere
+    from otwarp.optics.mie import Particle as Particle
     from otwarp.optics.models import Ladder as Ladder
     from otwarp.optics.table import ForceTable as ForceTable
     from otwarp.optics.table_build import build_table as build_table
@@ -54,7 +54,7 @@ __getattr__, __dir__ = lazy_names(
         "field": ("Field", "force"),
         "fit": ("CurveFit", "fit_harmonic", "fit_piecewise", "trap_region"),
         "maps": ("ForceMap", "basin_reach", "force_map"),
-        "mie": ("Sphere",),
+        "mie": ("Particle",),
         "models": ("Ladder",),
         "table": ("ForceTable",),
         "table_build": ("build_table",),

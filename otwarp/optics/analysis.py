@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import force
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 STEP = 0.01
 """Largest step of the central differences [µm]; Richardson extrapolation with half of it."""
@@ -45,7 +45,7 @@ class TrapProperties:
 
 
 def axial_equilibria(
-    beam: Beam, sphere: Sphere, *, reach: float | None = None, device: str | None = None
+    beam: Beam, sphere: Particle, *, reach: float | None = None, device: str | None = None
 ) -> tuple[float, ...]:
     """Stable points on the axis [µm], nearest to the focus first: Q_z falls through zero.
 
@@ -65,7 +65,7 @@ def axial_equilibria(
     return tuple(sorted(roots, key=lambda height: abs(height - beam.focus_shift)))
 
 
-def trap_properties(beam: Beam, sphere: Sphere, *, device: str | None = None) -> TrapProperties:
+def trap_properties(beam: Beam, sphere: Particle, *, device: str | None = None) -> TrapProperties:
     """Equilibrium, stiffness, escape force and depth of a trap; `device` as in `force`.
 
     Raises:
@@ -101,7 +101,7 @@ _WAYS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 
 
 def stiffness(
-    beam: Beam, sphere: Sphere, point: np.ndarray, *, device: str | None = None
+    beam: Beam, sphere: Particle, point: np.ndarray, *, device: str | None = None
 ) -> tuple[float, float, float]:
     """−dF_i/dx_i at `point` [pN/µm], by Richardson-extrapolated central differences.
 
@@ -119,7 +119,7 @@ def stiffness(
 
 
 def _way_out(
-    beam: Beam, sphere: Sphere, start: np.ndarray, direction: np.ndarray, device: str | None
+    beam: Beam, sphere: Particle, start: np.ndarray, direction: np.ndarray, device: str | None
 ) -> tuple[float, float, float]:
     """Largest restoring force [pN] on a straight way out, where it ends [µm], and the work up to there [pN·µm]."""
     reach = 3.0 * sphere.radius + 4.0 * beam.wavelength

@@ -17,7 +17,7 @@ from otwarp.kernels.optics.exact import exact_force_kernel
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points, evaluate, quadrature_nodes
 from otwarp.optics.harmonics import gauss_legendre, wigner_d
-from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
+from otwarp.optics.mie import Particle, highest_order, mie_coefficients
 
 GROWTH = 1.25
 """Nodes of a rule of quadrature over those of the one before, nearly."""
@@ -75,7 +75,7 @@ class PackedForce:
 
 
 def batched_force(
-    beam: Beam, sphere: Sphere, points: np.ndarray, *, device: wp.Device | str | None = None
+    beam: Beam, sphere: Particle, points: np.ndarray, *, device: wp.Device | str | None = None
 ) -> np.ndarray:
     """Dimensionless force Q, in float64, as `otwarp.optics.force` but on a Warp device.
 
@@ -177,7 +177,7 @@ def _furthest(beam: Beam, orders: int, device: wp.Device) -> float:
     return float(max((e for e in extents if quadrature_nodes(orders, float(e) + beam.aberration) <= most), default=0.0))
 
 
-def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | str | None = None) -> PackedForce:
+def pack_force(beam: Beam, sphere: Particle, *, reach: float, device: wp.Device | str | None = None) -> PackedForce:
     """Tables for the force within `reach` [µm] of the focus; the last few are kept.
 
     Raises:
@@ -192,7 +192,7 @@ def pack_force(beam: Beam, sphere: Sphere, *, reach: float, device: wp.Device | 
 
 
 @lru_cache(maxsize=8)
-def _packed(beam: Beam, sphere: Sphere, rules: int, device: str) -> PackedForce:
+def _packed(beam: Beam, sphere: Particle, rules: int, device: str) -> PackedForce:
     orders = highest_order(beam.wavenumber * sphere.radius)
     extents = _extent_of(orders, np.arange(rules))
     parts = [_rule(beam, orders, quadrature_nodes(orders, float(e) + beam.aberration)) for e in extents]
@@ -241,7 +241,7 @@ def _row_start(orders: int) -> np.ndarray:
     return np.cumsum([0, *rows])
 
 
-def _responses(beam: Beam, sphere: Sphere, orders: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _responses(beam: Beam, sphere: Particle, orders: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`same`, `cross` and `turn` of `ExactData`, for n = 0 … orders + 2.
 
     A wave of order n leaves with the fraction 1 − 2b_n (a_n if magnetic) of its amplitude; b'* + b − 2b'* b is the

@@ -12,7 +12,7 @@ from otwarp.errors import InputError
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.fit import trap_region, weak_side
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.models import MODELS, Ladder
 from otwarp.optics.table import layer_count
 
@@ -47,7 +47,7 @@ class Curves:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     properties: TrapProperties
     peak: float
     weak_side: str
@@ -156,7 +156,7 @@ def _plain(axes: Any) -> None:
     axes.tick_params(labelsize=9)
 
 
-def setup_line(beam: Beam, sphere: Sphere) -> str:
+def setup_line(beam: Beam, sphere: Particle) -> str:
     """What a picture shows, in one line."""
     index = complex(sphere.index)
     n = f"{index.real:g}" if index.imag == 0.0 else f"{index.real:g} + {index.imag:g}i"

@@ -18,7 +18,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
 from otwarp.optics.harmonics import across_axis, along_axis, bessel_j, gauss_legendre, raise_m, wigner_d
-from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
+from otwarp.optics.mie import Particle, highest_order, mie_coefficients
 
 LARGEST_SIZE = 250.0
 """Size parameter k·r up to which the recurrences were tested."""
@@ -47,7 +47,7 @@ class Evaluation:
     error: float
 
 
-def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.ndarray, int]:
+def checked_points(beam: Beam, sphere: Particle, points: np.ndarray) -> tuple[np.ndarray, int]:
     """Points as a float array (n, 3), and the highest multipole order that the sphere scatters.
 
     Raises:
@@ -71,7 +71,7 @@ def checked_points(beam: Beam, sphere: Sphere, points: np.ndarray) -> tuple[np.n
     return places, highest_order(size)
 
 
-def evaluate(beam: Beam, sphere: Sphere, points: np.ndarray) -> Evaluation:
+def evaluate(beam: Beam, sphere: Particle, points: np.ndarray) -> Evaluation:
     """Force, torque and absorption with an error estimate.
 
     Args:
@@ -180,7 +180,7 @@ def _coefficients(beam: Beam, points: np.ndarray, orders: int, nodes: int) -> np
     return out
 
 
-def _act(beam: Beam, sphere: Sphere, points: np.ndarray, orders: int, nodes: int) -> np.ndarray:
+def _act(beam: Beam, sphere: Particle, points: np.ndarray, orders: int, nodes: int) -> np.ndarray:
     """(n, 7): force, torque, absorbed power, by momentum balance between incident and outgoing wave."""
     # multipoles of the sphere couple to incident ones one order higher
     incident = _coefficients(beam, points, orders + 1, nodes)

@@ -8,13 +8,13 @@ import numpy as np
 
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import evaluate
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 Field = Callable[[np.ndarray], np.ndarray]
 """Dimensionless force Q (n, 3) at sphere centres (n, 3) from the focus [µm]."""
 
 
-def force(beam: Beam, sphere: Sphere, points: np.ndarray, *, device: str | None = None) -> np.ndarray:
+def force(beam: Beam, sphere: Particle, points: np.ndarray, *, device: str | None = None) -> np.ndarray:
     """Exact force on a sphere, dimensionless: in pN it is `beam.force_scale`·Q.
 
     Args:

@@ -15,7 +15,7 @@ from otwarp.laws import TrapLaw
 from otwarp.optics.analysis import trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import force
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 SAMPLES = 160
 """Points per curve."""
@@ -62,7 +62,7 @@ ForceCurves = dict[str, tuple[np.ndarray, np.ndarray]]
 """Distance from the equilibrium [µm] and restoring force [Q] by direction."""
 
 
-def trap_region(beam: Beam, sphere: Sphere) -> float:
+def trap_region(beam: Beam, sphere: Particle) -> float:
     """Distance from the equilibrium [µm] over which curves are fitted, drawn and judged: 1.5 r + 2 λ.
 
     The pull of a large sphere is strongest when the light meets its rim, that of a small one within a wavelength.
@@ -70,7 +70,7 @@ def trap_region(beam: Beam, sphere: Sphere) -> float:
     return 1.5 * sphere.radius + 2.0 * beam.wavelength
 
 
-def sample_curves(beam: Beam, sphere: Sphere, *, device: str | None = None) -> ForceCurves:
+def sample_curves(beam: Beam, sphere: Particle, *, device: str | None = None) -> ForceCurves:
     """Exact curves over the trap region: `radial` (x, then y), `downstream` and `upstream`.
 
     Raises:
@@ -163,7 +163,7 @@ def weak_side(curves: ForceCurves) -> str:
 
 
 def fit_piecewise(
-    beam: Beam, sphere: Sphere, *, continuous: bool = True, curves: ForceCurves | None = None
+    beam: Beam, sphere: Particle, *, continuous: bool = True, curves: ForceCurves | None = None
 ) -> dict[str, CurveFit]:
     """The paper's law as separate `radial` and `axial` curves and as one `isotropic` curve.
 
@@ -184,7 +184,7 @@ def fit_piecewise(
 
 
 def fit_harmonic(
-    beam: Beam, sphere: Sphere, *, reach: float | None = None, curves: ForceCurves | None = None
+    beam: Beam, sphere: Particle, *, reach: float | None = None, curves: ForceCurves | None = None
 ) -> dict[str, CurveFit]:
     """Straight lines through the equilibrium, least squares; the axial one through both sides.
 

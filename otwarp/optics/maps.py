@@ -12,7 +12,7 @@ import numpy as np
 from otwarp.optics.beam import Beam
 from otwarp.optics.curves import INK, save_picture, setup_line
 from otwarp.optics.fit import trap_region
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.models import Ladder
 from otwarp.optics.table import ForceTable, layer_count, major_axis
 
@@ -45,7 +45,7 @@ class ForceMap:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     azimuth: float
     across: np.ndarray
     height: np.ndarray

@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere:
+class Particle:
     """A homogeneous sphere: radius [µm] and refractive index (complex with positive imaginary part if it absorbs)."""
 
     radius: float

@@ -15,7 +15,7 @@ from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points
 from otwarp.optics.field import Field, force
 from otwarp.optics.fit import CurveFit, ForceCurves, fit_piecewise, pull, sample_curves
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.table import ForceTable, check_accuracy
 from otwarp.optics.table_build import build_table
 
@@ -61,7 +61,7 @@ class Ladder:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     tolerance: float = 1e-3
     interpolation: Interpolation = "bilinear"
     continuous: bool = True

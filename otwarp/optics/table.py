@@ -26,7 +26,7 @@ from otwarp.errors import InputError
 from otwarp.laws.table import BLEND, STENCILS, Interpolation, coordinates, layer_factors
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 LOWEST_TOLERANCE, HIGHEST_TOLERANCE = 1e-5, 0.1
 
@@ -104,7 +104,7 @@ class ForceTable:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     tolerance: float
     interpolation: Interpolation
     peak: float

@@ -22,7 +22,7 @@ from otwarp.optics import table_cache
 from otwarp.optics.analysis import TrapProperties, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import Field, force
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.table import (
     ForceTable,
     TableLevel,
@@ -62,7 +62,7 @@ _PARITY = np.array([-1.0, -1.0, 1.0])
 
 def build_table(
     beam: Beam,
-    sphere: Sphere,
+    sphere: Particle,
     *,
     tolerance: float = 1e-3,
     interpolation: Interpolation = "bilinear",
@@ -94,7 +94,7 @@ def build_table(
 
 
 def _made(
-    beam: Beam, sphere: Sphere, *, tolerance: float, interpolation: Interpolation, device: str | None
+    beam: Beam, sphere: Particle, *, tolerance: float, interpolation: Interpolation, device: str | None
 ) -> ForceTable:
     """A table whose error on unseen points is below `tolerance`·peak."""
     device = pick_device(device).alias
@@ -177,7 +177,7 @@ def _about_focus(beam: Beam, core: float, count: int, rng: np.random.Generator) 
     return rho, z + beam.focus_shift
 
 
-def _peak(field: Field, beam: Beam, sphere: Sphere, near: float) -> float:
+def _peak(field: Field, beam: Beam, sphere: Particle, near: float) -> float:
     """Largest |Q|, on a grid that resolves the wavelength, along and across the polarization."""
     step = min(0.12 * beam.wavelength, 0.1 * near)
     axis = np.arange(0.0, near, step)

@@ -14,7 +14,7 @@ from otwarp.cache import cache_folder
 from otwarp.laws.table import Interpolation
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.table import ForceTable, TableLevel
 
 __all__ = ["cache_folder", "describe", "file_of", "load", "save"]
@@ -23,7 +23,7 @@ VERSION = 2
 """Raise it with any change of the format or of the numbers a build gives."""
 
 
-def describe(beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -> str:
+def describe(beam: Beam, sphere: Particle, tolerance: float, interpolation: str) -> str:
     """What a table holds for, as canonical JSON. The power is left out, because Q does not depend on it; the
     polarization enters by its Jones vector, so two names for one beam share a table."""
     fields = dataclasses.asdict(beam.with_power(1.0))
@@ -39,12 +39,14 @@ def describe(beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -
     return json.dumps(about, sort_keys=True)
 
 
-def file_of(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolation: str) -> Path:
+def file_of(folder: Path, beam: Beam, sphere: Particle, tolerance: float, interpolation: str) -> Path:
     """Where the table belongs."""
     return cache.file_of(folder, describe(beam, sphere, tolerance, interpolation))
 
 
-def load(folder: Path, beam: Beam, sphere: Sphere, tolerance: float, interpolation: Interpolation) -> ForceTable | None:
+def load(
+    folder: Path, beam: Beam, sphere: Particle, tolerance: float, interpolation: Interpolation
+) -> ForceTable | None:
     """The cached table, or None if there is none that can be trusted."""
     arrays = cache.load(folder, describe(beam, sphere, tolerance, interpolation))
     if arrays is None:

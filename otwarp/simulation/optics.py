@@ -77,7 +77,7 @@ class TrapOptics:
         nearest = np.zeros(len(scene.traps), dtype=int)
         if not kinds or not any(t.optical for t in scene.traps):
             return cls(kinds, (), table, nearest)
-        from otwarp.optics import Sphere, build_table
+        from otwarp.optics import Particle, build_table
 
         place = np.array(
             [
@@ -100,7 +100,7 @@ class TrapOptics:
                 key = (beam, radius, index, trap.tolerance, trap.interpolation, trap.reach)
                 if key not in tables:
                     tables[key] = len(made)
-                    sphere = Sphere(radius=radius, index=index)
+                    sphere = Particle(radius=radius, index=index)
                     made.append(
                         build_table(
                             beam,

@@ -19,11 +19,11 @@ from otwarp.bench.rungs import HARMONIC, LADDER, RELAXATION, TrappedBead, chosen
 from otwarp.bench.timing import Spread
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.optics import Beam, Sphere, build_table, force
+from otwarp.optics import Beam, Particle, build_table, force
 from otwarp.simulation.model import Model
 
 BEAM = Beam(numerical_aperture=1.2, power=20.0)
-SPHERE = Sphere(radius=0.5, index=1.59)
+SPHERE = Particle(radius=0.5, index=1.59)
 MODELS = ("none", "bilinear-1e-2")
 SINGLE = 2e-6
 """Forces of the float32 kernel over the peak: a few hundred roundings of 6e-8 at worst, one in the mean."""
@@ -234,10 +234,10 @@ def test_the_table_says_what_was_found(found):
         (BEAM, SPHERE, {"worlds": 0}, "--worlds is 0"),
         (BEAM, SPHERE, {"rounds": 0}, "--rounds is 0"),
         (BEAM, SPHERE, {"models": ["none"], "time_step": 0.0}, "time step is 0 s"),
-        (BEAM, Sphere(radius=0.5, index=1.59 + 0.01j), {}, "--index"),
+        (BEAM, Particle(radius=0.5, index=1.59 + 0.01j), {}, "--index"),
         (BEAM.with_power(0.0), SPHERE, {}, "--power is 0 mW"),
         (BEAM.with_power(0.01), SPHERE, {}, "--power is 0.01 mW: the trap is .* from"),
-        (BEAM, Sphere(radius=0.5, index=1.2), {}, "no stable point|sideways|along the axis of this beam only"),
+        (BEAM, Particle(radius=0.5, index=1.2), {}, "no stable point|sideways|along the axis of this beam only"),
     ],
 )
 def test_bad_input(beam, sphere, options, words):

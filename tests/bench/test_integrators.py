@@ -43,12 +43,12 @@ from otwarp.bench.report import NOTHING
 from otwarp.bench.timing import Spread
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.optics import Beam, Sphere, force
+from otwarp.optics import Beam, Particle, force
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 
 BEAM = Beam(numerical_aperture=1.2)
-SPHERE = Sphere(radius=0.5, index=1.59)
+SPHERE = Particle(radius=0.5, index=1.59)
 SIGMAS = 5.0
 
 

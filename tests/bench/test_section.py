@@ -6,7 +6,7 @@ from benchmarks import forces
 from benchmarks.__main__ import BENCHMARKS
 from benchmarks.report import PAGES, put_on_page
 from otwarp.bench.forces.result import ForcesBench
-from otwarp.optics import Sphere
+from otwarp.optics import Particle
 
 
 def test_the_section_has_a_table_and_says_how_to_read_it(device, tmp_path, monkeypatch):
@@ -14,7 +14,7 @@ def test_the_section_has_a_table_and_says_how_to_read_it(device, tmp_path, monke
     section = forces.measure(
         device,
         models=["bilinear-1e-2"],
-        sphere=Sphere(radius=0.5, index=1.59),
+        sphere=Particle(radius=0.5, index=1.59),
         rounds=1,
         worlds=8,
         seconds=1e-3,

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.optics.beam import Beam
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 FILE = Path(__file__).with_name("reference.npz")
 PARTS = ("axial", "radial_x", "radial_y", "random")
@@ -29,7 +29,7 @@ class Case:
 
     name: str
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     points: np.ndarray
     force: np.ndarray
     equilibrium: float
@@ -64,7 +64,7 @@ def cases() -> list[Case]:
                 numerical_aperture=about[4],
                 polarization="x" if "xlin" in name else "circular",
             )
-            sphere = Sphere(radius=about[2], index=about[0])
+            sphere = Particle(radius=about[2], index=about[0])
             out.append(Case(name, beam, sphere, table[:, :3], table[:, 3:], about[5], about[6:]))
     return out
 

@@ -12,7 +12,7 @@ from otwarp.optics.batched import batched_force, pack_force
 from otwarp.optics.beam import JONES, Beam
 from otwarp.optics.exact import evaluate
 from otwarp.optics.field import force
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 AGREEMENT = 1e-10
 """Relative to the largest Q of the points: both sum the same series in float64, with other numbers of nodes."""
@@ -38,7 +38,7 @@ def near(radius: float, count: int, seed: int) -> np.ndarray:
     return points[np.linalg.norm(points, axis=1) < 5.0 * (1.0 + radius)]
 
 
-def difference(beam: Beam, sphere: Sphere, points: np.ndarray, device: str) -> float:
+def difference(beam: Beam, sphere: Particle, points: np.ndarray, device: str) -> float:
     """Largest difference between kernel and NumPy, relative to the largest Q."""
     expected = force(beam, sphere, points)
     found = batched_force(beam, sphere, points, device=device)
@@ -49,27 +49,27 @@ def difference(beam: Beam, sphere: Sphere, points: np.ndarray, device: str) -> f
 def test_agrees_with_numpy_for_all_sizes(device, radius):
     beam = Beam(numerical_aperture=1.2, polarization=(1.0, 0.3 - 0.6j))
     points = places(radius, 30, 1)
-    assert difference(beam, Sphere(radius=radius, index=1.59), points, device) < AGREEMENT
+    assert difference(beam, Particle(radius=radius, index=1.59), points, device) < AGREEMENT
 
 
 def test_agrees_with_numpy_for_a_large_sphere(device):
     beam = Beam(numerical_aperture=1.2, polarization="x")
     points = np.array([[0.0, 0, 9.0], [3.0, -7.0, 1.0], [8.0, 6.0, -4.0], [0.0, 0.0, -12.0]])
-    assert difference(beam, Sphere(radius=10.0, index=1.45), points, device) < LARGE_AGREEMENT
+    assert difference(beam, Particle(radius=10.0, index=1.45), points, device) < LARGE_AGREEMENT
 
 
 @pytest.mark.parametrize("polarization", [*JONES, (0.2, -0.9j)])
 @pytest.mark.parametrize("charge", [0, 1])
 def test_agrees_with_numpy_for_all_polarizations(device, polarization, charge):
     beam = Beam(numerical_aperture=1.1, polarization=polarization, charge=charge)
-    assert difference(beam, Sphere(radius=0.3, index=1.5 + 0.05j), near(0.3, 20, 2), device) < AGREEMENT
+    assert difference(beam, Particle(radius=0.3, index=1.5 + 0.05j), near(0.3, 20, 2), device) < AGREEMENT
 
 
 @pytest.mark.parametrize("charge", [-3, 2, -40, 40])
 def test_agrees_with_numpy_for_vortices(device, charge):
     """Also where the charge exceeds the sphere's orders, and one side of the sum is empty."""
     beam = Beam(polarization=(1.0, 0.5j), charge=charge)
-    sphere = Sphere(radius=0.3, index=1.59)
+    sphere = Particle(radius=0.3, index=1.59)
     # the ring of light of a high charge is far from the axis
     points = near(0.3, 20, 3) if abs(charge) < 10 else places(0.3, 20, 3)
     assert difference(beam, sphere, points, device) < AGREEMENT
@@ -84,12 +84,12 @@ def test_agrees_with_numpy_for_vortices(device, charge):
     ids=lambda b: b.kind,
 )
 def test_agrees_with_numpy_for_other_beams(device, beam):
-    assert difference(beam, Sphere(radius=0.6, index=1.45 + 0.3j), near(0.6, 20, 4), device) < AGREEMENT
+    assert difference(beam, Particle(radius=0.6, index=1.45 + 0.3j), near(0.6, 20, 4), device) < AGREEMENT
 
 
 def test_order_and_number_of_points_change_no_bit(device):
     """Points are sorted and shared out over launches; a point's force is its own."""
-    beam, sphere = Beam(polarization="45"), Sphere(radius=0.2, index=1.59)
+    beam, sphere = Beam(polarization="45"), Particle(radius=0.2, index=1.59)
     points = np.random.default_rng(5).uniform(-2.0, 2.0, (3 * batched.CHUNK_PER_CORE + 7, 3))
     all_at_once = batched_force(beam, sphere, points, device=device)
     assert np.array_equal(batched_force(beam, sphere, points[::-1], device=device), all_at_once[::-1])
@@ -100,13 +100,13 @@ def test_order_and_number_of_points_change_no_bit(device):
 def test_batches_of_several_launches(device, monkeypatch):
     monkeypatch.setattr(batched, "CHUNK", 10)
     monkeypatch.setattr(batched, "CHUNK_PER_CORE", 10)
-    beam, sphere, points = Beam(polarization="x"), Sphere(radius=0.2), near(0.2, 30, 6)
+    beam, sphere, points = Beam(polarization="x"), Particle(radius=0.2), near(0.2, 30, 6)
     assert difference(beam, sphere, points, device) < AGREEMENT
 
 
 def test_points_beyond_the_largest_rule_are_computed_all_the_same(device, monkeypatch):
     monkeypatch.setattr(batched, "MOST_NODES", 100)
-    beam, sphere = Beam(numerical_aperture=1.2), Sphere(radius=0.1, index=1.59)
+    beam, sphere = Beam(numerical_aperture=1.2), Particle(radius=0.1, index=1.59)
     with pytest.raises(InputError, match="reach"):
         pack_force(beam, sphere, reach=25.0, device=device)
     points = np.array([[0.1, 0.0, 0.0], [0.0, 0.0, 25.0], [15.0, 20.0, 0.0]])
@@ -116,7 +116,7 @@ def test_points_beyond_the_largest_rule_are_computed_all_the_same(device, monkey
 
 
 def test_force_with_a_device_is_the_kernel(device):
-    beam, sphere, points = Beam(), Sphere(radius=0.2, index=1.59), places(0.2, 5, 7)
+    beam, sphere, points = Beam(), Particle(radius=0.2, index=1.59), places(0.2, 5, 7)
     assert np.array_equal(
         force(beam, sphere, points, device=device), batched_force(beam, sphere, points, device=device)
     )
@@ -125,7 +125,7 @@ def test_force_with_a_device_is_the_kernel(device):
 
 def test_power_does_not_change_q(device):
     points = np.array([[0.1, 0.2, 0.3]])
-    one, other = (batched_force(Beam(power=p), Sphere(radius=0.2), points, device=device) for p in (1.0, 40.0))
+    one, other = (batched_force(Beam(power=p), Particle(radius=0.2), points, device=device) for p in (1.0, 40.0))
     assert np.array_equal(one, other) and np.abs(one).max() > 1e-5
 
 
@@ -141,7 +141,10 @@ def kernel_of_two(term: wp.Function):
 
 def test_term_serves_other_kernels_for_two_pairs_at_once(device):
     """As a simulation would use it: one term, tables of several beams and spheres, zero beyond reach."""
-    pairs = [(Beam(polarization="x"), Sphere(radius=0.1, index=1.59)), (Beam(charge=1), Sphere(radius=0.4, index=1.45))]
+    pairs = [
+        (Beam(polarization="x"), Particle(radius=0.1, index=1.59)),
+        (Beam(charge=1), Particle(radius=0.4, index=1.45)),
+    ]
     first, second = (pack_force(b, s, reach=2.0, device=device) for b, s in pairs)
     term = exact_force_term(max(first.orders, second.orders), max(first.nodes, second.nodes))
 
@@ -159,12 +162,15 @@ def test_term_serves_other_kernels_for_two_pairs_at_once(device):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda d: force(Beam(), Sphere(radius=1.0), np.zeros((1, 3)), device="tpu:0"), ["device", "tpu:0", "allowed"]),
-        (lambda d: force(Beam(), Sphere(radius=1.0), np.array([[np.inf, 0, 0]]), device=d), ["point 0", "inf"]),
-        (lambda d: force(Beam(), Sphere(radius=1.0), np.zeros(3), device=d), ["(3,)", "(n, 3)"]),
-        (lambda d: force(Beam(), Sphere(radius=80.0), np.zeros((1, 3)), device=d), ["80", "up to"]),
-        (lambda d: pack_force(Beam(), Sphere(radius=1.0), reach=0.0, device=d), ["reach", "0 µm", "above 0"]),
-        (lambda d: pack_force(Beam(), Sphere(radius=1.0), reach=1e4, device=d), ["reach", "10000", "up to"]),
+        (
+            lambda d: force(Beam(), Particle(radius=1.0), np.zeros((1, 3)), device="tpu:0"),
+            ["device", "tpu:0", "allowed"],
+        ),
+        (lambda d: force(Beam(), Particle(radius=1.0), np.array([[np.inf, 0, 0]]), device=d), ["point 0", "inf"]),
+        (lambda d: force(Beam(), Particle(radius=1.0), np.zeros(3), device=d), ["(3,)", "(n, 3)"]),
+        (lambda d: force(Beam(), Particle(radius=80.0), np.zeros((1, 3)), device=d), ["80", "up to"]),
+        (lambda d: pack_force(Beam(), Particle(radius=1.0), reach=0.0, device=d), ["reach", "0 µm", "above 0"]),
+        (lambda d: pack_force(Beam(), Particle(radius=1.0), reach=1e4, device=d), ["reach", "10000", "up to"]),
     ],
 )
 def test_bad_input(device, make, words):

@@ -13,7 +13,7 @@ from otwarp.optics.analysis import stiffness, trap_properties
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import evaluate
 from otwarp.optics.field import force
-from otwarp.optics.mie import Sphere, highest_order, mie_coefficients
+from otwarp.optics.mie import Particle, highest_order, mie_coefficients
 from tests.optics.pack_reference import cases
 
 TOOLBOX = 1e-6
@@ -43,7 +43,7 @@ def test_stiffness_and_equilibrium_agree_with_the_toolbox(name):
 
 def test_energy_is_conserved_and_a_lossless_sphere_feels_no_torque():
     points = RNG.uniform(-3.0, 3.0, (60, 3))
-    got = evaluate(Beam(polarization=(1.0, 0.4j)), Sphere(radius=1.3, index=1.5), points)
+    got = evaluate(Beam(polarization=(1.0, 0.4j)), Particle(radius=1.3, index=1.5), points)
     assert np.abs(got.absorbed).max() < 1e-10
     assert np.abs(got.torque).max() < 1e-10
 
@@ -51,11 +51,11 @@ def test_energy_is_conserved_and_a_lossless_sphere_feels_no_torque():
 def test_absorption_takes_the_spin_of_the_light():
     """On the axis a circular beam gives ħ per absorbed photon: torque · ω = absorbed power."""
     beam = Beam(polarization="circular")
-    got = evaluate(beam, Sphere(radius=0.4, index=1.5 + 0.02j), np.array([[0.0, 0.0, 0.3], [0.0, 0.0, -1.0]]))
+    got = evaluate(beam, Particle(radius=0.4, index=1.5 + 0.02j), np.array([[0.0, 0.0, 0.3], [0.0, 0.0, -1.0]]))
     assert np.all(got.absorbed > 1e-3)
     assert got.torque[:, 2] == pytest.approx(got.absorbed, rel=1e-9)
     left = evaluate(
-        dataclasses.replace(beam, polarization="left"), Sphere(radius=0.4, index=1.5 + 0.02j), np.array([[0, 0, 0.3]])
+        dataclasses.replace(beam, polarization="left"), Particle(radius=0.4, index=1.5 + 0.02j), np.array([[0, 0, 0.3]])
     )
     assert left.torque[0, 2] == pytest.approx(-got.torque[0, 2], rel=1e-9)
 
@@ -67,14 +67,14 @@ def test_force_turns_with_point_and_polarization(charge):
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     jones = np.array([0.8, 0.3 + 0.5j])
-    sphere = Sphere(radius=0.6, index=1.59)
+    sphere = Particle(radius=0.6, index=1.59)
     here = force(Beam(polarization=tuple(jones), charge=charge), sphere, points)
     there = force(Beam(polarization=tuple(turn[:2, :2] @ jones), charge=charge), sphere, points @ turn.T)
     assert np.abs(there - here @ turn.T).max() < 1e-12
 
 
 def test_field_is_continuous_through_the_axis():
-    sphere, beam = Sphere(radius=1.0, index=1.59), Beam(polarization="x", numerical_aperture=1.2)
+    sphere, beam = Particle(radius=1.0, index=1.59), Beam(polarization="x", numerical_aperture=1.2)
     near = force(beam, sphere, np.array([[1e-9, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, -1e-9, 0.5]]))
     assert np.abs(near - near[1]).max() < 1e-8
 
@@ -83,7 +83,7 @@ def test_a_cover_glass_pulls_the_trap_towards_it():
     """Paraxial rays from oil (1.518) into water meet at n₂/n₁ of the nominal depth, marginal ones nearer still."""
     flat = Beam(numerical_aperture=1.0, kind="aplanatic")
     deep = dataclasses.replace(flat, depth=2.0, glass_index=1.518)
-    sphere = Sphere(radius=0.15, index=1.45)
+    sphere = Particle(radius=0.15, index=1.45)
     shift = trap_properties(deep, sphere).equilibrium - trap_properties(flat, sphere).equilibrium
     paraxial = -2.0 * (1.0 - 1.33 / 1.518)
     assert 2.5 * paraxial < shift < 0.8 * paraxial
@@ -102,7 +102,7 @@ def test_rayleigh_limit():
     at = np.zeros(3)
 
     def k(radius: float, index: float) -> float:
-        return stiffness(beam, Sphere(radius=radius, index=index), at)[0]
+        return stiffness(beam, Particle(radius=radius, index=index), at)[0]
 
     assert k(0.005, 1.59) / k(0.004, 1.59) == pytest.approx((5 / 4) ** 3, rel=3e-3)
 
@@ -142,7 +142,7 @@ def ray_optics_axial(beam: Beam, index: float, radius: float, z: float) -> float
 def test_ray_optics_limit(z):
     """r = 10 µm, k r = 79: Q_z within 0.02 of ray optics, whose own error is of order (k r)^(-2/3) = 0.05 of Q."""
     beam = Beam(numerical_aperture=1.2, polarization="circular")
-    got = force(beam, Sphere(radius=10.0, index=1.45), np.array([[0.0, 0.0, z]]))[0, 2]
+    got = force(beam, Particle(radius=10.0, index=1.45), np.array([[0.0, 0.0, z]]))[0, 2]
     assert got == pytest.approx(ray_optics_axial(beam, 1.45, 10.0, z), abs=0.02)
 
 
@@ -167,12 +167,12 @@ def test_mie_coefficients_of_a_small_sphere():
         (lambda: Beam(kind="bessel"), ["bessel", "gaussian"]),
         (lambda: Beam(polarization=(0.0, 0.0)), ["polarization"]),
         (lambda: Beam(polarization="sideways"), ["sideways", "circular"]),
-        (lambda: Sphere(radius=0.0), ["radius", "0"]),
-        (lambda: Sphere(radius=1.0, index=1.5 - 0.1j), ["index"]),
-        (lambda: force(Beam(), Sphere(radius=1.0), np.array([[0.0, np.nan, 0.0]])), ["point 0", "nan"]),
-        (lambda: force(Beam(), Sphere(radius=1.0), np.zeros((3, 2))), ["(3, 2)", "(n, 3)"]),
-        (lambda: force(Beam(), Sphere(radius=80.0), np.zeros((1, 3))), ["80", "up to"]),
-        (lambda: trap_properties(Beam(numerical_aperture=0.4), Sphere(radius=1.0, index=1.59)), ["no stable point"]),
+        (lambda: Particle(radius=0.0), ["radius", "0"]),
+        (lambda: Particle(radius=1.0, index=1.5 - 0.1j), ["index"]),
+        (lambda: force(Beam(), Particle(radius=1.0), np.array([[0.0, np.nan, 0.0]])), ["point 0", "nan"]),
+        (lambda: force(Beam(), Particle(radius=1.0), np.zeros((3, 2))), ["(3, 2)", "(n, 3)"]),
+        (lambda: force(Beam(), Particle(radius=80.0), np.zeros((1, 3))), ["80", "up to"]),
+        (lambda: trap_properties(Beam(numerical_aperture=0.4), Particle(radius=1.0, index=1.59)), ["no stable point"]),
     ],
 )
 def test_bad_input(make, words):

@@ -17,12 +17,12 @@ from otwarp.optics.fit import (
     trap_region,
     weak_side,
 )
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 
 BEAM = Beam(power=1.0)
 
 
-SPHERE = Sphere(radius=2.5, index=1.52)
+SPHERE = Particle(radius=2.5, index=1.52)
 
 
 @pytest.fixture(scope="module")

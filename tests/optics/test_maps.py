@@ -12,10 +12,10 @@ from otwarp.optics.beam import Beam
 from otwarp.optics.curves import Curves, force_curves, plot_curves
 from otwarp.optics.field import force
 from otwarp.optics.maps import ForceMap, attracted, force_map, plot_map
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.models import MODELS, Ladder
 
-SPHERE = Sphere(radius=0.5, index=1.59)
+SPHERE = Particle(radius=0.5, index=1.59)
 
 CONTOUR_MARGIN = 0.06
 """Distance from the contour [µm] at which flow lines are on either side: the table's error of 1 % of the peak moves it
@@ -92,7 +92,7 @@ def test_flow_from_beyond_the_table_does_not_return(ladder):
 
 def test_a_beam_that_holds_nothing_has_a_map_without_contour(tmp_path):
     weak = Ladder(
-        beam=Beam(numerical_aperture=0.6), sphere=Sphere(radius=0.5, index=2.0), tolerance=0.05, cache=tmp_path
+        beam=Beam(numerical_aperture=0.6), sphere=Particle(radius=0.5, index=2.0), tolerance=0.05, cache=tmp_path
     )
     found = force_map(weak, samples=21)
     assert found.equilibrium is None and found.escape == () and found.reach == {}

@@ -10,11 +10,11 @@ from otwarp.laws import TrapLaw
 from otwarp.optics.beam import Beam
 from otwarp.optics.field import force
 from otwarp.optics.fit import pull
-from otwarp.optics.mie import Sphere
+from otwarp.optics.mie import Particle
 from otwarp.optics.models import MODELS, Ladder
 
 BEAM = Beam(numerical_aperture=1.2, polarization="x", power=7.0)
-SPHERE = Sphere(radius=0.5, index=1.59)
+SPHERE = Particle(radius=0.5, index=1.59)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_q_does_not_depend_on_the_power(ladder):
         ({"tolerance": 0.5}, ["tolerance", "0.5", "1e-05 to 0.1"]),
         ({"tolerance": float("nan")}, ["tolerance", "nan"]),
         ({"interpolation": "cubic"}, ["cubic", "bilinear, bicubic"]),
-        ({"sphere": Sphere(radius=0.5, index=1.33)}, ["1.33", "medium"]),
+        ({"sphere": Particle(radius=0.5, index=1.33)}, ["1.33", "medium"]),
     ],
 )
 def test_a_ladder_refuses(change, words):

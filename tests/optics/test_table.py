@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.optics import Beam, ForceTable, Sphere, build_table, force, table_cache, trap_properties
+from otwarp.optics import Beam, ForceTable, Particle, build_table, force, table_cache, trap_properties
 from otwarp.optics.table import combine, layer_count, major_axis
 from otwarp.optics.table_build import sample_layers, unseen_points
 
-SMALL = Sphere(radius=0.5, index=1.52)
+SMALL = Particle(radius=0.5, index=1.52)
 BEAM = Beam(numerical_aperture=1.2)
 
 DECOMPOSED = {
@@ -77,11 +77,11 @@ def test_error_bound_holds_for_a_polarized_beam(polarization, folder):
 
 
 VALIDATED = {
-    "circular": (Beam(), Sphere(radius=1.0)),
-    "small": (Beam(numerical_aperture=1.3, polarization="x"), Sphere(radius=0.1, index=1.59)),
-    "hard edge": (Beam(kind="aplanatic", numerical_aperture=1.2, polarization="45"), Sphere(radius=1.0, index=1.59)),
-    "cell": (Beam(), Sphere(radius=2.5, index=1.38)),
-    "vortex": (Beam(kind="sine", charge=1, polarization="x"), Sphere(radius=0.5)),
+    "circular": (Beam(), Particle(radius=1.0)),
+    "small": (Beam(numerical_aperture=1.3, polarization="x"), Particle(radius=0.1, index=1.59)),
+    "hard edge": (Beam(kind="aplanatic", numerical_aperture=1.2, polarization="45"), Particle(radius=1.0, index=1.59)),
+    "cell": (Beam(), Particle(radius=2.5, index=1.38)),
+    "vortex": (Beam(kind="sine", charge=1, polarization="x"), Particle(radius=0.5)),
 }
 
 
@@ -139,9 +139,9 @@ def test_table_knows_its_trap(table):
 
 def test_a_sphere_that_is_not_held_has_no_properties(folder):
     beam = Beam(numerical_aperture=0.4)
-    table = build_table(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
+    table = build_table(beam, Particle(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
     assert table.properties is None
-    again = build_table(beam, Sphere(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
+    again = build_table(beam, Particle(radius=0.5, index=1.59), tolerance=0.05, cache=folder, device="cpu")
     assert again.properties is None
 
 
@@ -191,7 +191,7 @@ def test_damaged_or_foreign_files_are_rebuilt(harm, table, folder, tmp_path):
     path.write_bytes(data)
     if harm == "foreign":
         # a sound table, under the name of another
-        other = dataclasses.replace(table, sphere=Sphere(radius=0.51))
+        other = dataclasses.replace(table, sphere=Particle(radius=0.51))
         table_cache.save(tmp_path, other)
         shutil.copy(table_cache.file_of(tmp_path, other.beam, other.sphere, 1e-2, table.interpolation), path)
     assert cached(table, tmp_path) is None
@@ -251,4 +251,4 @@ def test_quadrature_resolves_the_interface(depth):
 
 def test_a_point_that_pushes_out_sideways_is_no_equilibrium():
     with pytest.raises(InputError, match=r"stable along the axis of this beam only|no stable point"):
-        trap_properties(Beam(charge=1), Sphere(radius=0.1, index=1.59))
+        trap_properties(Beam(charge=1), Particle(radius=0.1, index=1.59))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from otwarp.laws.table import Interpolation
-from otwarp.optics import Beam, ForceTable, Sphere
+from otwarp.optics import Beam, ForceTable, Particle
 from otwarp.optics.table import TableLevel, layer_count
 
 BEAMS = (
@@ -30,7 +30,7 @@ def made_up_table(beam: Beam, interpolation: Interpolation, seed: int) -> ForceT
         levels.append(TableLevel(radius, radius / intervals, node))
     return ForceTable(
         beam=beam,
-        sphere=Sphere(radius=1.0),
+        sphere=Particle(radius=1.0),
         tolerance=1e-3,
         interpolation=interpolation,
         peak=1.0,

@@ -10,9 +10,8 @@ from otwarp import Simulation
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.laws import TrapLaw
-from otwarp.optics import Sphere, force
-from otwarp.scene import Body, Scene, Settings, Track, Trap
-from otwarp.scene import Sphere as SceneSphere
+from otwarp.optics import Particle, force
+from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.optics import beam_of
@@ -32,7 +31,7 @@ def bead(name: str = "Bead", place=(0.0, 0.0, 0.0), *, radius: float = 0.5, inde
     return Body(
         prim=prim,
         position=place,
-        spheres=(SceneSphere(prim=f"{prim}/s", radius=radius, refractive_index=index),),
+        spheres=(Sphere(prim=f"{prim}/s", radius=radius, refractive_index=index),),
     )
 
 
@@ -83,7 +82,7 @@ def test_every_sphere_feels_every_beam_with_its_own_index(device):
     assert len(sim.model.optics.tables) == 4
     got = sim.readout.sphere_force.numpy()[0]
     for i, body in enumerate(bodies):
-        sphere = Sphere(radius=body.spheres[0].radius, index=body.spheres[0].refractive_index)
+        sphere = Particle(radius=body.spheres[0].radius, index=body.spheres[0].refractive_index)
         total, allowed = np.zeros(3), 0.0
         for entry, power in zip(beams, (20.0, 8.0), strict=True):
             beam = beam_of(entry, sim.scene.medium)

@@ -13,8 +13,7 @@ import functools
 import numpy as np
 import pytest
 
-from otwarp.optics import Beam, ForceTable, build_table
-from otwarp.optics import Sphere as OpticalSphere
+from otwarp.optics import Beam, ForceTable, Particle, build_table
 from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference.fokker_planck import Swarm, cylinder
@@ -39,7 +38,7 @@ GRID = 0.01
 
 
 def table() -> ForceTable:
-    sphere = OpticalSphere(radius=RADIUS, index=INDEX)
+    sphere = Particle(radius=RADIUS, index=INDEX)
     return build_table(Beam(), sphere, tolerance=1e-3, interpolation="bicubic")
 
 

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from otwarp.optics import Beam, ForceTable
-from otwarp.optics import Sphere as OpticalSphere
+from otwarp.optics import Beam, ForceTable, Particle
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.table import TableLevel, steepest_slope
 from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
@@ -58,7 +57,7 @@ def spline_table() -> ForceTable:
     node = np.stack([across, 0.0 * r, along], axis=-1)[:, :, None, :] / beam.force_scale
     known = {
         "beam": beam,
-        "sphere": OpticalSphere(radius=RADIUS, index=1.45),
+        "sphere": Particle(radius=RADIUS, index=1.45),
         "tolerance": 1e-3,
         "interpolation": "bicubic",
         "peak": 10.0 / beam.force_scale,

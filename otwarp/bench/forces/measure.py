@@ -21,7 +21,7 @@ from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
 from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.optics import Beam, Sphere, build_table, evaluate
+from otwarp.optics import Beam, Particle, build_table, evaluate
 from otwarp.optics.table_cache import cache_folder, load
 from otwarp.simulation.arrays import device_array
 from otwarp.simulation.optics import TrapOptics
@@ -173,7 +173,7 @@ class Runner:
 
 def bench_forces(
     beam: Beam,
-    sphere: Sphere,
+    sphere: Particle,
     *,
     models: Sequence[str] = (),
     device: str | None = None,

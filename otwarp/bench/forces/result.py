@@ -8,7 +8,7 @@ from typing import Any
 
 from otwarp.bench.findings import BeadFindings, costs_of
 from otwarp.bench.timing import Spread
-from otwarp.optics import Beam, Sphere
+from otwarp.optics import Beam, Particle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +130,6 @@ def beam_fields(beam: Beam) -> dict[str, Any]:
     return dataclasses.asdict(beam)
 
 
-def sphere_fields(sphere: Sphere) -> dict[str, Any]:
+def sphere_fields(sphere: Particle) -> dict[str, Any]:
     """A sphere of real index as plain numbers."""
     return {"radius": sphere.radius, "index": complex(sphere.index).real}

@@ -36,7 +36,7 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.timing import Pairs, Spread, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
-from otwarp.optics import Beam, Sphere
+from otwarp.optics import Beam, Particle
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.stepping import usable_cores
@@ -91,7 +91,7 @@ class Study:
     def of(
         cls,
         beam: Beam,
-        sphere: Sphere,
+        sphere: Particle,
         cases: Sequence[Case],
         device: wp.Device,
         *,
@@ -179,7 +179,7 @@ def relative(found: Measured, truth: Estimate) -> Measured:
 
 def bench_integrators(
     beam: Beam,
-    sphere: Sphere,
+    sphere: Particle,
     *,
     axes: Sequence[str] = (),
     device: str | None = None,

@@ -14,7 +14,7 @@ from otwarp.bench.forces.measure import thermal_points
 from otwarp.bench.integrators.fokker_planck import Estimate, Force, Lags, mean_exit_time, stationary_averages
 from otwarp.bench.rungs import TrappedBead
 from otwarp.errors import InputError
-from otwarp.optics import Beam, Sphere, force
+from otwarp.optics import Beam, Particle, force
 from otwarp.optics.table import layer_count
 
 DEEP, SHALLOW = 20.0, 5.0
@@ -38,7 +38,7 @@ class Well:
     bead: TrappedBead
 
     @classmethod
-    def of_depth(cls, beam: Beam, sphere: Sphere, depth: float) -> Well:
+    def of_depth(cls, beam: Beam, sphere: Particle, depth: float) -> Well:
         """At the power that makes the trap `depth` k_B T deep.
 
         Raises:
@@ -106,7 +106,7 @@ class SplinedForce:
     """
 
     beam: Beam
-    sphere: Sphere
+    sphere: Particle
     reach: float
     device: str
 

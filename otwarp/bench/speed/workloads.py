@@ -20,7 +20,7 @@ from otwarp.bench.rungs import TrappedBead, chosen_rungs
 from otwarp.bench.scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
 from otwarp.bench.speed.many_body import ManySpheres
 from otwarp.bench.speed.peers import c_bead, numba_bead, numpy_bead
-from otwarp.optics import Beam, Sphere
+from otwarp.optics import Beam, Particle
 from otwarp.scene import Scene, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
@@ -179,7 +179,7 @@ def _bead_peer(setting: Setting, *, peer: PeerCode) -> Prepared:
 
 def _table(setting: Setting, *, rung: str, integrator: str = EULER, fast_math: bool = False) -> Prepared:
     """The bead of `otwarp bench forces` in a tabulated trap."""
-    what = TrappedBead(Beam(numerical_aperture=1.2, power=POWER), Sphere(radius=1.0, index=1.59))
+    what = TrappedBead(Beam(numerical_aperture=1.2, power=POWER), Particle(radius=1.0, index=1.59))
     found = next(r for r in chosen_rungs((rung,)) if r.name == rung)
     how: dict[str, Any] = {"integrator": integrator, "fast_math": fast_math}
     return simulated(what.scene(found), setting, PARTICLES, time_step=what.time_step, **how)

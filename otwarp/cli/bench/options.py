@@ -17,7 +17,7 @@ from otwarp.errors import InputError
 if TYPE_CHECKING:
     from otwarp.bench.report import Table as ResultTable
     from otwarp.optics.beam import Beam
-    from otwarp.optics.mie import Sphere
+    from otwarp.optics.mie import Particle
 
 
 def _shown(name: str, text: str, default: Any) -> Callable[..., Any]:
@@ -65,14 +65,14 @@ class Bead:
     depth: float
     glass_index: float | None
 
-    def optics(self, power: float) -> tuple[Beam, Sphere]:
+    def optics(self, power: float) -> tuple[Beam, Particle]:
         """Beam and sphere at a power [mW].
 
         Raises:
             InputError: What they refuse.
         """
         from otwarp.optics.beam import Beam
-        from otwarp.optics.mie import Sphere
+        from otwarp.optics.mie import Particle
 
         beam = Beam(
             kind=self.beam,
@@ -86,7 +86,7 @@ class Bead:
             depth=self.depth,
             glass_index=self.glass_index,
         )
-        return beam, Sphere(radius=self.radius, index=self.index)
+        return beam, Particle(radius=self.radius, index=self.index)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ def taken(group: type, typed: dict[str, Any]) -> Any:
 
 
 def check_same(
-    beam: Beam, sphere: Sphere, files: tuple[Path, ...], runs: list[Any], *, ignore: tuple[str, ...] = ()
+    beam: Beam, sphere: Particle, files: tuple[Path, ...], runs: list[Any], *, ignore: tuple[str, ...] = ()
 ) -> None:
     """Refuse runs of another bead, whose errors do not belong into the same picture; `ignore` fields of the beam."""
     from otwarp.bench.forces.result import beam_fields, sphere_fields
