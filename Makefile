@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test validate debian lint scenes schema clean help
+.PHONY: demo test validate debian lint scenes schema figures clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -39,6 +39,9 @@ scenes: $(READY)  ## author the shipped scenes anew
 
 schema: $(READY)  ## write the USD schema and docs/scene.md from the vocabulary
 	$(BIN)/python -m otwarp.scene.schema
+
+figures: $(READY)  ## draw the pictures of docs/architecture.md from the code
+	$(BIN)/python -m docs.figures
 
 clean:  ## remove the environment and results
 	rm -rf $(VENV) out
