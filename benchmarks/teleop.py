@@ -26,8 +26,7 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
 from otwarp.teleop.core.commands import Command
 from otwarp.teleop.core.frame import HANDS, LiveFrame
-from otwarp.teleop.operators.hand_plan import HandPlan, plan_hands, traps_of
-from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, traps_of
 from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
 from otwarp.teleop.session import live
 from otwarp.teleop.session.live import LiveLoop

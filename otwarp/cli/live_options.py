@@ -86,7 +86,7 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
 def open_session(scene: Path, options: dict[str, Any]) -> Session:
     """A session that has not begun, from the values of `live_options`."""
     from otwarp.scene import Scene
-    from otwarp.teleop.operators.hand_plan import load_config
+    from otwarp.teleop.operators.hands import load_config
     from otwarp.teleop.session.session import PageOptions, Session, SessionOptions
 
     duration = options["duration"]

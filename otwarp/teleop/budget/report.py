@@ -153,7 +153,7 @@ class BudgetReport:
         kept: How many of them move.
         frozen: Names of those that became obstacles.
         left: Names of those that are not there any more.
-        before, after: SceneCost of the scene as loaded, and as it will run; None where nothing was measured.
+        before, after: Cost of the scene as loaded, and as it will run; None where nothing was measured.
         accuracy: Wanted error before and after [1].
         reach: What counted as within reach: `anchor`, and `sweep` [µm], `carried` [µm], `horizon` [s].
         nearest: How far beyond reach the nearest body is that moves no more [µm].

@@ -1,1 +1,4 @@
-"""What a session speaks: its frames, what may be asked of it, who watches it, how its time passes."""
+"""What a session speaks.
+
+`frame` goes out to every sink, `commands` come back from them (`Sink` is there); `pace` says how many steps are due.
+"""

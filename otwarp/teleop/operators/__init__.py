@@ -1,1 +1,6 @@
-"""What operators do: which hand moves which traps, what it feels, and the servo between."""
+"""What operators do and feel.
+
+`hands` says which hand moves which traps, how, with what device, and what it feels of the scene; `servo` is the
+session's side of the process that runs devices and chains; `trap_commands` brings together what hands, page and
+programs command of the traps.
+"""

@@ -31,8 +31,7 @@ from otwarp.haptics.servo.link import (
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.haptics.servo.servo import Hand, Servo
 from otwarp.teleop.core.frame import HandFrame
-from otwarp.teleop.operators.hand_plan import HandPlan
-from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.hands import HandPlan, LocalScene
 
 
 class ServoLike(Protocol):

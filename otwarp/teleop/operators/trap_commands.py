@@ -11,6 +11,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.types import Vec3
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
+from otwarp.teleop.core.frame import vec3
 
 FARTHEST = 1e6
 """Micrometres from the origin beyond which no trap is put: a metre."""
@@ -92,7 +93,7 @@ class TrapCommands:
     @property
     def goals(self) -> dict[int, Vec3]:
         """Where gently moved traps that have not arrived are going: index → focus [µm]."""
-        return {trap: (float(x), float(y), float(z)) for way in self._ways for trap, (x, y, z) in way.items()}
+        return {trap: vec3(goal) for way in self._ways for trap, goal in way.items()}
 
     def advance(self, seconds: float) -> None:
         """Take gently moved traps towards their goals: as far as so much simulated time [s] allows, and no farther."""
@@ -117,8 +118,7 @@ class TrapCommands:
             InputError: As `move`.
         """
         self._check(traps)
-        moved = {trap: self.position[trap] + np.asarray(by, dtype=float) for trap in traps}
-        self.move({trap: (float(x), float(y), float(z)) for trap, (x, y, z) in moved.items()})
+        self.move({trap: vec3(self.position[trap] + np.asarray(by, dtype=float)) for trap in traps})
 
     def set_power(self, sim: Simulation, power: float, traps: Sequence[int] = ()) -> None:
         """Power of traps [mW], of all if none is named; written at once, for the simulation may refuse it.

@@ -1,9 +1,13 @@
-"""`compose`: a scene → what the page draws of it, in the colours and shapes of its stage."""
+"""A scene → what the page draws of it, in the colours and shapes of its stage; and the triangles of the solids in it.
+
+Triangles are vertices (n, 3) and faces (m, 3), counter-clockwise seen from outside.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,17 +15,17 @@ import numpy as np
 from otwarp.scene import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
+from otwarp.teleop.core.frame import vec3
 from otwarp.teleop.page.protocol import (
     BallGroup,
     BodyDrawing,
     CameraDrawing,
     Colour,
     Drawing,
+    MeshPart,
     MovingDrawing,
-    Part,
     TrapDrawing,
 )
-from otwarp.teleop.page.shapes import merged, placed, solid
 
 if TYPE_CHECKING:
     from otwarp.scene.drawing.parts import Drawn
@@ -36,6 +40,13 @@ ROBOT, CELL, THING = (0.90, 0.27, 0.04), (0.92, 0.20, 0.36), (0.24, 0.34, 0.55)
 """Linear colours of bodies and obstacles for a scene without a stage."""
 LIGHT = {"left": (1.0, 0.1, 0.07), "right": (0.03, 0.75, 1.0), "none": (0.15, 1.0, 0.35)}
 """Linear colours of traps, by hand, for one that its stage does not draw."""
+Triangles = tuple[np.ndarray, np.ndarray]
+SIDES = 32
+"""Flat sides of a round solid."""
+FARTHEST_PLANE = 300.0
+"""Half side at which an unbounded plane is cut off [µm]."""
+BEAM_LENGTH, BEAM_WAIST, BEAM_RADIUS = 10.0, 0.22, 2.1
+"""Half length, radius at the focus and at the ends of a drawn beam [µm]: a symbol, as in the scenes."""
 
 
 def compose(scene: Scene) -> Drawing:
@@ -144,7 +155,7 @@ def _obstacle(o: Obstacle) -> tuple[int, tuple[float, float, float], tuple[float
     return PLANE, (1.0, 1.0, 1.0), (100.0, 100.0), None
 
 
-def _parts(drawn: Iterable[Drawn], frame: np.ndarray) -> tuple[Part, ...]:
+def _parts(drawn: Iterable[Drawn], frame: np.ndarray) -> tuple[MeshPart, ...]:
     """Solids in the frame with this pose, merged by colour and opacity."""
     inverse, groups = np.linalg.inv(frame), {}
     drawn = list(drawn)
@@ -155,7 +166,7 @@ def _parts(drawn: Iterable[Drawn], frame: np.ndarray) -> tuple[Part, ...]:
             key = (display(colour), round(float(opacity), 3))
             groups.setdefault(key, []).append(placed(triangles, inverse @ matrix))
     return tuple(
-        Part(vertices=points.astype(np.float32), faces=faces.astype(np.uint32), colour=colour, opacity=opacity)
+        MeshPart(vertices=points.astype(np.float32), faces=faces.astype(np.uint32), colour=colour, opacity=opacity)
         for (colour, opacity), many in groups.items()
         for points, faces in [merged(many)]
     )
@@ -191,7 +202,6 @@ def _is_ball(body: Body) -> bool:
 def _trap(scene: Scene, trap: Trap, drawn: Sequence[Drawn]) -> TrapDrawing:
     body, sphere = _held(scene, trap)
     held = scene.bodies[body].spheres[sphere] if body >= 0 else None
-    x, y, z = (float(v) for v in trap.position.at(0.0))
     reach = trap.reach
     if trap.radial is not None:
         similar = held.radius / trap.radial.radius if held and trap.radial.radius > 0.0 else 1.0
@@ -199,7 +209,7 @@ def _trap(scene: Scene, trap: Trap, drawn: Sequence[Drawn]) -> TrapDrawing:
     return TrapDrawing(
         name=trap.prim.rsplit("/", 1)[-1].replace("_", " "),
         hand=trap.hand,
-        position=(x, y, z),
+        position=vec3(trap.position.at(0.0)),
         power=float(trap.power.at(0.0)[0]),
         orientation=trap.orientation,
         colour=display(drawn[0].colour[0] if drawn else LIGHT[trap.hand]),
@@ -217,12 +227,8 @@ def _held(scene: Scene, trap: Trap) -> tuple[int, int]:
         return next(((i, k) for i, k, s in spheres if s.prim == trap.holds), (-1, 0))
     if not spheres:
         return -1, 0
-    centres = np.array(
-        [
-            rotate(np.array(scene.bodies[i].orientation), np.array(s.offset)) + scene.bodies[i].position
-            for i, _, s in spheres
-        ]
-    )
+    held = [(scene.bodies[i], np.array(s.offset)) for i, _, s in spheres]
+    centres = np.array([rotate(np.array(body.orientation), offset) + body.position for body, offset in held])
     return spheres[int(np.argmin(np.linalg.norm(centres - trap.position.at(0.0), axis=1)))][:2]
 
 
@@ -250,17 +256,13 @@ def _camera(view: View) -> CameraDrawing:
         position = look_at - view.forward * (0.5 * window / math.tan(0.5 * fov))
     distance = float(np.linalg.norm(look_at - position))
     return CameraDrawing(
-        position=_triple(position),
-        look_at=_triple(look_at),
-        up=_triple(view.up),
+        position=vec3(position),
+        look_at=vec3(look_at),
+        up=vec3(view.up),
         fov=fov,
         near=distance / 200.0,
         far=distance * 20.0,
     )
-
-
-def _triple(v: np.ndarray) -> tuple[float, float, float]:
-    return float(v[0]), float(v[1]), float(v[2])
 
 
 def _short(body: Body) -> str:
@@ -276,3 +278,121 @@ def _matrix(position: Sequence[float] | np.ndarray, orientation: Sequence[float]
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation_matrix(np.asarray(orientation, dtype=float)), position
     return matrix
+
+
+@cache
+def ball(subdivisions: int = 3) -> Triangles:
+    """Unit sphere: an icosahedron whose triangles are cut in four `subdivisions` times (20·4ⁿ faces)."""
+    g = (1.0 + 5.0**0.5) / 2.0
+    corners = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
+    corners += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    points = [np.array(c) / np.linalg.norm(c) for c in corners]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6)]
+    faces += [(7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10)]
+    faces += [(8, 6, 7), (9, 8, 1)]
+    for _ in range(subdivisions):
+        middles: dict[tuple[int, int], int] = {}
+
+        def middle(a: int, b: int, middles: dict[tuple[int, int], int] = middles) -> int:
+            """Index of the point halfway between two, on the sphere."""
+            key = (min(a, b), max(a, b))
+            if key not in middles:
+                m = points[a] + points[b]
+                points.append(m / np.linalg.norm(m))
+                middles[key] = len(points) - 1
+            return middles[key]
+
+        cut = []
+        for a, b, c in faces:
+            d, e, f = middle(a, b), middle(b, c), middle(c, a)
+            cut += [(a, d, f), (d, b, e), (f, e, c), (d, e, f)]
+        faces = cut
+    return np.array(points), np.array(faces)
+
+
+def box() -> Triangles:
+    """Cube from −1 to 1; each face has its own corners, so that edges stay sharp."""
+    points, faces = [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            a, b = (axis + 1) % 3, (axis + 2) % 3
+            first = len(points)
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                p = np.zeros(3)
+                p[axis], p[a], p[b] = side, u * side, v
+                points.append(p)
+            faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    return np.array(points), np.array(faces)
+
+
+def turned(profile: np.ndarray, sides: int = SIDES) -> Triangles:
+    """A curve (n, 2) of (radius, z), z rising, turned about z; open at its ends."""
+    angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    r, z = profile[:, :1], profile[:, 1:]
+    x, y, h = r * np.cos(angle), r * np.sin(angle), np.broadcast_to(z, (len(profile), sides))
+    points = np.stack([x, y, h], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(len(profile) - 1), np.arange(sides), indexing="ij")
+    k = (j + 1) % sides
+    a, b, c, d = i * sides + j, i * sides + k, (i + 1) * sides + k, (i + 1) * sides + j
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return points, faces
+
+
+def tube(top: float) -> Triangles:
+    """Closed tube along z from −1 to 1 with radius 1 at −1 and `top` at +1."""
+    wall = turned(np.array([[1.0, -1.0], [top, 1.0]]))
+    ends = [[[0.0, -1.0], [1.0, -1.0]], [[top, 1.0], [0.0, 1.0]]][: 2 if top else 1]
+    return merged([wall, *(turned(np.array(end)) for end in ends)])
+
+
+def capsule(half: float) -> Triangles:
+    """Radius 1 about the segment z = ±half."""
+    angle = np.linspace(0.0, np.pi / 2.0, 6)
+    upper = np.stack([np.cos(angle), half + np.sin(angle)], axis=1)
+    return turned(np.concatenate([upper[::-1] * (1.0, -1.0), upper]), 18)
+
+
+def rectangle(half_width: float, half_length: float) -> Triangles:
+    """Rectangle in z = 0, normal +z."""
+    w, h = min(half_width, FARTHEST_PLANE), min(half_length, FARTHEST_PLANE)
+    return np.array([(-w, -h, 0), (w, -h, 0), (w, h, 0), (-w, h, 0)], dtype=float), np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def beam() -> Triangles:
+    """A beam along z with its waist at the origin: w(z) = w₀·√(1 + (z/z₀)²), as that of a Gaussian beam [µm]."""
+    rayleigh = BEAM_LENGTH / ((BEAM_RADIUS / BEAM_WAIST) ** 2 - 1.0) ** 0.5
+    z = BEAM_LENGTH * np.sin(np.linspace(-np.pi / 2.0, np.pi / 2.0, 33)) ** 3  # closer together near the waist
+    return turned(np.stack([BEAM_WAIST * np.sqrt(1.0 + (z / rayleigh) ** 2), z], axis=1), 24)
+
+
+def solid(kind: int, size: tuple[float, float], mesh: TriangleMesh | None = None, *, small: bool = False) -> Triangles:
+    """A canonical solid of `otwarp.scene.drawing.draw_list`; of a small ball nobody sees the corners of fewer faces."""
+    if kind == SPHERE:
+        return ball(2 if small else 3)
+    if kind == BOX:
+        return box()
+    if kind == TUBE:
+        return tube(size[0])
+    if kind == CAPSULE:
+        return capsule(size[0])
+    if kind == PLANE:
+        return rectangle(*size)
+    if kind == MESH and mesh is not None:
+        return mesh.points, mesh.triangles
+    raise ValueError(f"solid kind = {kind}: must be one of the draw list's, a mesh with its triangles")
+
+
+def placed(triangles: Triangles, matrix: np.ndarray) -> Triangles:
+    """The same solid under an affine map (4, 4); a reflection turns the faces over."""
+    points, faces = triangles
+    moved = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved, faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
+
+
+def merged(many: list[Triangles]) -> Triangles:
+    """Several solids as one."""
+    shift = np.cumsum([0] + [len(points) for points, _ in many])
+    return (
+        np.concatenate([points for points, _ in many]),
+        np.concatenate([faces + k for (_, faces), k in zip(many, shift, strict=False)]),
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from otwarp.haptics.core.types import Vec3
 from otwarp.teleop.core.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
-from otwarp.teleop.core.frame import HANDS, HandFrame
+from otwarp.teleop.core.frame import HANDS, HandFrame, vec3
 from otwarp.teleop.page.gizmos import MODES, Gizmos
 from otwarp.teleop.page.protocol import Drawing, PageFrame
 from otwarp.teleop.page.readout import banner, figures, hand_text
@@ -292,5 +292,4 @@ def _assign(handle: Any, name: str, value: object) -> None:
 
 def gizmo_position(event: Any) -> Vec3:
     """Where a transform control is."""
-    x, y, z = (float(v) for v in event.target.position)
-    return x, y, z
+    return vec3(event.target.position)

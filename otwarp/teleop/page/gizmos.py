@@ -18,7 +18,7 @@ import numpy as np
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.teleop.core.commands import Command, MoveTraps
-from otwarp.teleop.core.frame import HANDS, HandFrame
+from otwarp.teleop.core.frame import HANDS, HandFrame, vec3
 from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
 POINTER_EVERY = 0.1
@@ -148,7 +148,7 @@ class Gizmos:
     def update(self, frame: PageFrame, now: float) -> None:
         """Follow a frame, but for handles that somebody holds or has just let go."""
         # a trap on its way counts as there already: its handle waits for it, and a further drag begins at the goal
-        places = {k: _triple(row) for k, row in enumerate(frame.trap_position) if np.isfinite(row).all()}
+        places = {k: vec3(row) for k, row in enumerate(frame.trap_position) if np.isfinite(row).all()}
         self._places = places | dict(frame.trap_goals)
         self._hands = {hand.name: hand for hand in frame.hands}
         for gizmo in self.gizmos.values():
@@ -234,8 +234,4 @@ class Gizmos:
         return any(o is not gizmo and not set(o.traps).isdisjoint(gizmo.traps) for o in self.gizmos.values())
 
     def _centre(self, traps: Sequence[int]) -> Vec3:
-        return _triple(np.mean([self._places[k] for k in traps], axis=0))
-
-
-def _triple(v: np.ndarray) -> Vec3:
-    return float(v[0]), float(v[1]), float(v[2])
+        return vec3(np.mean([self._places[k] for k in traps], axis=0))

@@ -166,7 +166,7 @@ def receive(pipe: BinaryIO) -> Any:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Part:
+class MeshPart:
     """Triangles of one colour: vertices (n, 3) float32, faces (m, 3) uint32."""
 
     vertices: np.ndarray
@@ -180,7 +180,7 @@ class BodyDrawing:
     """A body drawn by parts in its own frame; `index` is that of the scene."""
 
     index: int
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,7 +211,7 @@ class MovingDrawing:
         orientation: (m, 4).
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
     times: tuple[np.ndarray, np.ndarray]
     position: np.ndarray
     orientation: np.ndarray
@@ -287,7 +287,7 @@ class Drawing:
     touching: tuple[np.ndarray, np.ndarray]
     bodies: tuple[BodyDrawing, ...]
     balls: tuple[BallGroup, ...]
-    fixed: tuple[Part, ...]
+    fixed: tuple[MeshPart, ...]
     moving: tuple[MovingDrawing, ...]
     traps: tuple[TrapDrawing, ...]
     position: np.ndarray

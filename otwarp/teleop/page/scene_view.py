@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from otwarp.scene.transforms import rotate
-from otwarp.teleop.page.protocol import Drawing, PageFrame, Part
-from otwarp.teleop.page.shapes import ball, beam
+from otwarp.teleop.page.compose import ball, beam
+from otwarp.teleop.page.protocol import Drawing, MeshPart, PageFrame
 from otwarp.teleop.page.viser_internals import instanced
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class SceneView:
             server.scene.add_light_directional(f"/light/{name}", intensity=strength, position=tuple(place))
         server.scene.set_background_image(background(), format="png")
 
-    def _mesh(self, name: str, part: Part) -> Any:
+    def _mesh(self, name: str, part: MeshPart) -> Any:
         clear = part.opacity < 1.0
         return self._server.scene.add_mesh_simple(
             name,
@@ -213,7 +213,7 @@ class SceneView:
             receive_shadow=not clear,
         )
 
-    def _frame(self, name: str, parts: tuple[Part, ...]) -> Any:
+    def _frame(self, name: str, parts: tuple[MeshPart, ...]) -> Any:
         """A frame without axes that carries its parts: a new pose is one message, not one per part."""
         frame = self._server.scene.add_frame(name, show_axes=False)
         for k, part in enumerate(parts):

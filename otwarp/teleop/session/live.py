@@ -20,14 +20,12 @@ from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.commands import Sink
-from otwarp.teleop.core.frame import LiveFrame
+from otwarp.teleop.core.frame import LiveFrame, SessionMonitor
 from otwarp.teleop.core.pace import Pace
-from otwarp.teleop.operators.hand_plan import HandPlan
-from otwarp.teleop.operators.local_scene import LocalScene
+from otwarp.teleop.operators.hands import HandPlan, LocalScene
 from otwarp.teleop.operators.servo import Hands, ServoFactory
 from otwarp.teleop.operators.trap_commands import TrapCommands
 from otwarp.teleop.recording.writer import LiveRecording, Recordings
-from otwarp.teleop.session.monitor import SessionMonitor
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -264,7 +262,7 @@ class LiveLoop:
 
     def _monitors(self) -> tuple[SessionMonitor, Monitor]:
         model = self.sim.model
-        return SessionMonitor(model), Monitor(model.scene, model.held, 1)
+        return SessionMonitor(model.scene, model.held_range[0]), Monitor(model.scene, model.held, 1)
 
     def _task(self, frame: Frame) -> str:
         """Decided and why, or how far the cell is from where it is wanted."""

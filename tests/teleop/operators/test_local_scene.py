@@ -14,7 +14,7 @@ from otwarp.haptics.force.table import TableLaw
 from otwarp.scene import Body, Scene, Sphere
 from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.operators.local_scene import LocalScene, reach_of
+from otwarp.teleop.operators.hands import LocalScene, reach_of
 from tests.teleop.scenes import three_beads
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"

@@ -11,8 +11,7 @@ import pytest
 
 import otwarp as ot
 from otwarp.scene.transforms import rotate
-from otwarp.teleop.page.compose import compose, display
-from otwarp.teleop.page.shapes import ball, beam, box, capsule, placed, solid, tube
+from otwarp.teleop.page.compose import ball, beam, box, capsule, compose, display, placed, solid, tube
 from tests.teleop.page.test_browser import SCENE
 
 SCENES = sorted(file for file in SCENE.parent.glob("*.usda") if file.stem != "ten_thousand_cells")

@@ -14,7 +14,7 @@ import pytest
 from otwarp.errors import InputError, SimulationError
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.core.frame import LiveFrame
-from otwarp.teleop.operators.hand_plan import plan_hands
+from otwarp.teleop.operators.hands import plan_hands
 from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
 from otwarp.teleop.session.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads

@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig, HapticsConfig
 from otwarp.haptics.core.fields import to_dict
 from otwarp.haptics.core.presets import two_hands
-from otwarp.teleop.operators.hand_plan import changed, load_config, plan_hands, slowed
+from otwarp.teleop.operators.hands import changed, load_config, plan_hands, slowed
 from tests.teleop.scenes import three_beads, trap
 
 
