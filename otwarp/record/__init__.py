@@ -1,6 +1,19 @@
 """The recording room: frames of a run to USD, netCDF, a summary and a figure, as they come.
 
-from otwarp.record.recorder import Recorder
-with Recorder(scene, "out/run", frames_per_second=60.0) as recorder:
-    recorder.write(frame)
+    with Recorder(scene, "out/run", frames_per_second=60.0, held=sim.model.held, time_step=sim.time_step) as recorder:
+        recorder.write(frame)
+
+A `Simulation` gives `Frame`s, one per recorded moment; out come the files of a run. Open `run` first.
+
+| file | what it holds |
+|---|---|
+| `run`, `capacity` | `record_run`, behind `otwarp run`: what a run is refused for, before anything is allocated |
+| `frame`, `method` | `Frame`, one moment on the host; `Method`, how the run was computed |
+| `recorder` | `Recorder`: hands frames on, and keeps the folder readable whatever happens to the program |
+| `netcdf`, `netcdf4_internals` | `run.nc`; what it needs of the library beyond its promises |
+| `monitor`, `statistics` | whether the task succeeded, and running means |
+| `summary` | `summary.json` |
+| `read`, `figure`, `footprint` | `run.nc` read back for `figure.png`; outlines of obstacles from above |
+
+`run.usda` is written by `otwarp.scene.recording`, where USD is known.
 """

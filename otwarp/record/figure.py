@@ -109,8 +109,8 @@ def map_limits(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (2,) of the map [µm]: paths, goal, and the obstacles that are not walls around it all."""
     reach = [float((np.linalg.norm(s[:, :3], axis=1) + s[:, 3]).max()) for s in run.spheres]
     pieces = [run.position[:, n, :2] + s * reach[n] for n in range(len(reach)) for s in (-1, 1)]
-    if len(run.crowd):
-        pieces += [run.crowd[:, :2] + s * run.crowd_radius[:, None] for s in (-1, 1)]
+    if len(run.rest):
+        pieces += [run.rest[:, :2] + s * run.rest_radius[:, None] for s in (-1, 1)]
     goal = run.layout["goal"]
     if goal is not None:
         pieces += [np.array([goal["position"][:2]]) + s * goal["tolerance"] for s in (-1.0, 1.0)]
@@ -156,7 +156,7 @@ def _letter(axes: Any, letter: str) -> None:
 
 def _obstacles(run: Run, time: float) -> list[np.ndarray]:
     """Outlines of the obstacles that reach into the layer in which the bodies moved."""
-    heights = np.concatenate([run.position[:, :, 2].ravel(), run.crowd[:, 2]])
+    heights = np.concatenate([run.position[:, :, 2].ravel(), run.rest[:, 2]])
     reach = run.radius.max(initial=0.0)
     low, high = (heights.min() - reach, heights.max() + reach) if len(heights) else (-np.inf, np.inf)
     return [p for o in run.layout["obstacles"] for p in outlines(o, time, low, high)]
@@ -173,9 +173,9 @@ def _draw_map(axes: Any, run: Run, low: np.ndarray, high: np.ndarray) -> None:
     dashed = {"facecolors": "none", "edgecolors": OBSTACLE_EDGE, "linewidths": 0.7, "linestyles": (0, (3, 2))}
     axes.add_collection(PolyCollection(before, **dashed, zorder=1))
     _draw_goal(axes, run)
-    if len(run.crowd):
-        size = 2.0 * run.crowd_radius
-        circles = {"units": "xy", "offsets": run.crowd[:, :2], "transOffset": axes.transData}
+    if len(run.rest):
+        size = 2.0 * run.rest_radius
+        circles = {"units": "xy", "offsets": run.rest[:, :2], "transOffset": axes.transData}
         faces = {"facecolors": "#e9c9d5", "edgecolors": CELL_COLOUR, "linewidths": 0.25}
         axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), **circles, **faces, zorder=2))
     for n in (*run.others, *run.cells, *run.robots):

@@ -40,12 +40,12 @@ class Monitor:
 
     Attributes:
         robots: Body indices of the robots.
-        cells: Body indices of the cells that are watched: the goal's, or all.
+        cells: Body indices of the monitored cells: the goal's, or all.
         traps_of: Per robot, the indices of the traps that hold it.
         distance: Per (world, robot): the largest robot–trap distance over the robot's lit traps [µm].
         touching: Whether anything can touch; without, contact forces are 0 and say nothing.
         force: Per (world, robot): magnitude of the net contact force [pN].
-        load: Per (world, watched cell): sum of the normal forces on it [pN].
+        load: Per (world, monitored cell): sum of the normal forces on it [pN].
         escape_time: (W, T) when the sphere that a lit trap holds was first out of its reach [s], nan if it never was.
             The device looks at every step, so that an escape between two frames counts as well.
 
@@ -93,7 +93,7 @@ class Monitor:
 
     @property
     def warning_load(self) -> np.ndarray:
-        """(watched cells,) warning line of the load on a cell [pN], inf for none."""
+        """(monitored cells,) warning line of the load on a cell [pN], inf for none."""
         return self._load_line
 
     def update(self, frame: Frame) -> None:

@@ -248,7 +248,7 @@ def _layout(scene: Scene, monitor: Monitor) -> dict[str, Any]:
 
 
 def _spheres(scene: Scene) -> list[list[list[float]]] | None:
-    """Per body its spheres (x, y, z, radius) in the body's frame; None for a crowd."""
+    """Per body its spheres (x, y, z, radius) in the body's frame; None for a many-body scene."""
     if len(scene.bodies) > DRAWN_BODIES:
         return None
     return [[[*s.offset, s.radius] for s in b.spheres] for b in scene.bodies]

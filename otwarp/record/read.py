@@ -39,7 +39,7 @@ class Run:
         force: (n, b, 3) net contact force [pN].
         load: (n, b) sum of normal forces [pN].
         distance: (n, robots) robot–trap distance [µm]; no columns without traps.
-        crowd: (m, 3) where the bodies end that are too many to be followed [µm], and `crowd_radius` (m,).
+        rest: (m, 3) where the bodies end that are too many to be followed [µm], and `rest_radius` (m,).
     """
 
     title: str
@@ -58,8 +58,8 @@ class Run:
     force: np.ndarray
     load: np.ndarray
     distance: np.ndarray
-    crowd: np.ndarray
-    crowd_radius: np.ndarray
+    rest: np.ndarray
+    rest_radius: np.ndarray
 
 
 def read_run(file: Path, world: int = 0) -> Run:
@@ -91,9 +91,9 @@ def _read(data: Any, world: int, pick: slice) -> Run:
     time = np.asarray(data["time"][pick])
     count = len(data.dimensions["body"]) if "body" in data.dimensions else 0
     robots, cells = layout["robots"], layout["cells"]
-    rest = sorted(set(range(count)) - {*robots, *cells})
-    followed = [*robots, *cells, *(rest if len(rest) <= MOST_BODIES else [])]
-    crowd = rest if len(rest) > MOST_BODIES else []
+    others = sorted(set(range(count)) - {*robots, *cells})
+    others, rest = (others, []) if len(others) <= MOST_BODIES else ([], others)
+    followed = [*robots, *cells, *others]
 
     def series(name: str, *shape: int) -> np.ndarray:
         columns = [np.asarray(data[name][pick, world, body], dtype=float) for body in followed]
@@ -123,12 +123,12 @@ def _read(data: Any, world: int, pick: slice) -> Run:
         force=series("contact_force", 3),
         load=series("contact_load"),
         distance=distance,
-        crowd=last[crowd],
-        crowd_radius=radius[crowd],
+        rest=last[rest],
+        rest_radius=radius[rest],
     )
 
 
 def _spheres(layout: dict[str, Any], body: int, radius: float) -> np.ndarray:
-    """(k, 4) spheres of a body; in a crowd, one sphere stands for it."""
+    """(k, 4) spheres of a body; in a many-body scene, one sphere stands for it."""
     listed = layout["spheres"]
     return np.array(listed[body]) if listed is not None else np.array([[0.0, 0.0, 0.0, radius]])

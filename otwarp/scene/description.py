@@ -89,7 +89,7 @@ class Trap(ByValue):
             both are None when none is authored, as only an optical trap may.
         equilibrium: Where the force curves vanish, µm from the focus along the beam; d is measured from there. An
             optical trap computes its own equilibrium and ignores this one.
-        hand: Which hand moves it.
+        hand: Which of the operator's hands moves it.
         speed_limit: Fastest the focus may move [µm/s], inf for none.
         holds: Prim path of the sphere this trap is meant to hold, or None: the nearest trapped sphere at the start.
     """

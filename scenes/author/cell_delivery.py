@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.scene import Body, Camera, Goal, Obstacle, SceneBuilder, Settings, Track, Trap, Vec3
-from scenes.author import crowds, robots, shapes, trap_laws
+from scenes.author import cells, robots, shapes, trap_laws
 from scenes.author.paths import curve_through, journey, swing
 
 HEIGHT = 8.0  # of the robots' plane [µm]
@@ -54,7 +54,7 @@ def pair() -> tuple[Body, Body, Body]:
     seat = robots.seat_distance(CELL_RADIUS)
     left = robots.five_element_robot("/World/Robots/left", (x - seat, y, HEIGHT), facing=1)
     right = robots.five_element_robot("/World/Robots/right", (x + seat, y, HEIGHT), facing=-1)
-    cell = crowds.cell("/World/cell", CELL_RADIUS, modulus=CELL_MODULUS, position=(x, y, HEIGHT))
+    cell = cells.cell("/World/cell", CELL_RADIUS, modulus=CELL_MODULUS, position=(x, y, HEIGHT))
     return left, right, cell
 
 

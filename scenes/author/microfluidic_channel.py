@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.scene import Camera, Flow, SceneBuilder, Settings
-from scenes.author import crowds, robots, shapes
+from scenes.author import cells, robots, shapes
 
 CELL_COUNT, CELL_RADIUS = 200, 3.0
 SPEED = 40.0  # of the flow in mid-channel [µm/s]
@@ -24,14 +24,14 @@ WALL_THICKNESS = 4.0
 DURATION = 2.0
 
 
-def cells() -> np.ndarray:
+def cell_centres() -> np.ndarray:
     """(CELL_COUNT, 3) centres [µm]: clear of plates, walls, pillars, robot and each other."""
     margin = CELL_RADIUS + GAP
     low = np.array([-HALF_X + margin, -HALF_Y + margin, margin])
     high = np.array([HALF_X - margin, HALF_Y - margin, 2 * HALF_HEIGHT - margin])
     pillars = [(x, y, np.nan, radius + margin) for x, y, radius in PILLARS]
     robot = (*ROBOT_AT, HALF_HEIGHT, 9.0 + margin)
-    return crowds.scatter(
+    return cells.scatter(
         CELL_COUNT, low, high, gap=2 * CELL_RADIUS + GAP, seed=11, keep_off=np.array([*pillars, robot])
     )
 
@@ -46,8 +46,8 @@ def build() -> SceneBuilder:
     robots.add_robot(builder, robot, color=shapes.WARM_ROBOT)
     for trap in robots.traps_on(robot, "/World/Traps/left", power=POWER, hand="left"):
         builder.add(trap, color=shapes.RED_BEAM, opacity=0.45)
-    prototype = crowds.cell("/World/Cells", CELL_RADIUS)
-    builder.add_cells("/World/Cells", prototype, cells(), color=shapes.PINK_CELL, opacity=0.9)
+    prototype = cells.cell("/World/Cells", CELL_RADIUS)
+    builder.add_cells("/World/Cells", prototype, cell_centres(), color=shapes.PINK_CELL, opacity=0.9)
     builder.add(shapes.plane("/World/Channel/floor", (0.0, 0.0, 0.0)), color=shapes.DEEP_BLUE)
     lid = shapes.plane("/World/Channel/lid", (0.0, 0.0, 2 * HALF_HEIGHT), orientation=shapes.DOWNWARDS)
     builder.add(lid, color=shapes.GLASS, opacity=0.05)

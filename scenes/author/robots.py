@@ -162,7 +162,7 @@ def trap_on(
         power: Power [mW].
         shift: Added to the place where the trap would hold the element at rest [µm]: the preload.
         path: Displacement from the start over time [µm], or None for a trap at rest.
-        laws: Radial and axial law; the fitted ones unless told.
+        laws: Radial and axial law; by default the fitted ones.
         hand: Which hand moves the trap.
         speed_limit: Fastest the focus may move [µm/s].
     """

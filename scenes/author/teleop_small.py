@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from otwarp.scene import Camera, Goal, SceneBuilder, Settings
-from scenes.author import crowds, robots, shapes
+from scenes.author import cells, robots, shapes
 
 HEIGHT = 8.0
 CELL_RADIUS = 3.0
@@ -30,7 +30,7 @@ def build() -> SceneBuilder:
     reach = robots.seat_distance(CELL_RADIUS) + GAP
     left = robots.five_element_robot("/World/Robots/left", (x - reach, y, HEIGHT), facing=1)
     right = robots.five_element_robot("/World/Robots/right", (x + reach, y, HEIGHT), facing=-1)
-    cell = crowds.cell("/World/cell", CELL_RADIUS, position=(x, y, HEIGHT))
+    cell = cells.cell("/World/cell", CELL_RADIUS, position=(x, y, HEIGHT))
     robots.add_robot(builder, left, color=shapes.WARM_ROBOT)
     robots.add_robot(builder, right, color=shapes.GOLD_ROBOT)
     builder.add(cell, color=shapes.PINK_CELL, opacity=0.7)

@@ -70,7 +70,7 @@ def test_a_crowd_and_nan_distances_are_drawn(scene: Scene, tmp_path: Path) -> No
     frames = [frame(crowd, i, trap_distance=np.array([[np.nan, 0.2]])) for i in range(3)]
     folder = run(crowd, tmp_path / "run", frames)
     data = read_run(folder / "run.nc")
-    assert (data.position.shape[1], len(data.crowd)) == (3, 40)
+    assert (data.position.shape[1], len(data.rest)) == (3, 40)
     assert np.isinf(data.distance[:, 0]).all()
     assert figure.draw(folder, out=tmp_path / "elsewhere.png").is_file()
 

@@ -1,1 +1,14 @@
-"""Reads a USD stage into the description: `load.read_file`."""
+"""From a USD stage to the fields of a `Scene`, every refusal one line. Open `load` first.
+
+    file ──► source (opened stage, units, transforms) ──► load (sorts the prims) ──► one reader for each kind
+
+| file | what it holds |
+|---|---|
+| `load` | `read_file`, `read_stage`: one pass that sorts the prims, then a reader for each |
+| `source` | an open stage; stage units → µm, time codes → s |
+| `attributes` | `ot:` attributes by the vocabulary's rows: names, types, ranges |
+| `bodies`, `traps`, `obstacles`, `environment` | the readers |
+| `motion` | time samples → keys between which straight lines will do |
+| `overlap`, `mesh_overlap` | bodies that start inside each other or inside an obstacle |
+| `validate` | all that can be said of a file before it runs |
+"""

@@ -1,1 +1,4 @@
-"""The USD side of a recording: `usd.UsdRecording`."""
+"""The USD side of a recording: frames of one world → `run.usda` over a trajectory and the scene. Open `usd` first.
+
+`prims` says which attributes a frame becomes (poses of prims, instances, trap powers), `force_arrows` adds arrows.
+"""

@@ -201,7 +201,7 @@ class Traps:
 
 
 @dataclass(frozen=True)
-class _Crowd:
+class _Instanced:
     """The bodies of one PointInstancer, and how it stood when they were read.
 
     Attributes:
@@ -230,7 +230,7 @@ class Instances:
     """Bodies that are instances: the arrays of their PointInstancers. What is no body stays as it was authored."""
 
     def __init__(self, source: Source, scene: Scene):
-        self._crowds: list[_Crowd] = []
+        self._instanced: list[_Instanced] = []
         self._still: list[Sdf.Path] = []
         self.attributes, self._unit = [], source.unit
         bodies: dict[str, list[int]] = {}
@@ -239,9 +239,9 @@ class Instances:
                 bodies.setdefault(body.prim, []).append(i)
         for prim, index in bodies.items():
             instancer = UsdGeom.PointInstancer(source.stage.GetPrimAtPath(prim))
-            crowd = self._crowd(source, instancer, scene, index)
-            self._crowds.append(crowd)
-            size = 64 + 20 * len(crowd.positions)
+            group = self._read(source, instancer, scene, index)
+            self._instanced.append(group)
+            size = 64 + 20 * len(group.positions)
             path = Sdf.Path(prim)
             self.attributes += [
                 Sampled(path.AppendProperty("positions"), Sdf.ValueTypeNames.Point3fArray, size),
@@ -250,12 +250,12 @@ class Instances:
             moving = ("velocities", "accelerations", "angularVelocities", "orientationsf")
             self._still += [path.AppendProperty(n) for n in moving if instancer.GetPrim().GetAttribute(n).HasValue()]
 
-    def _crowd(self, source: Source, instancer: UsdGeom.PointInstancer, scene: Scene, index: list[int]) -> _Crowd:
+    def _read(self, source: Source, instancer: UsdGeom.PointInstancer, scene: Scene, index: list[int]) -> _Instanced:
         positions = np.array(instancer.GetPositionsAttr().Get(source.start), dtype=float).reshape(-1, 3)
         matrix = source.matrix(instancer.GetPrim())
         slots = [scene.bodies[i].instance or 0 for i in index]
         centre = np.array([scene.bodies[i].position for i in index]) / source.unit
-        return _Crowd(
+        return _Instanced(
             index=index,
             slots=slots,
             matrix=matrix,
@@ -274,15 +274,15 @@ class Instances:
 
     def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
         """Positions (float) and orientations (half, as the schema wants it) in the instancer's frame."""
-        for n, crowd in enumerate(self._crowds):
+        for n, group in enumerate(self._instanced):
             # how far each body has turned since the start, seen from the instancer; the rotation of a cell inside its
             # prototype comes on top of the instance's own and must not be written into it
-            since = multiply(frame.orientation[world, crowd.index], conjugate(crowd.start))
-            since = into_frame(crowd.turn, multiply(since, crowd.turn))
-            centre = _rows(frame.position[world, crowd.index] / self._unit, np.linalg.inv(crowd.matrix))
-            local, turns = crowd.positions.copy(), crowd.orientations.copy()
-            local[crowd.slots] = centre + rotate(since, crowd.shift)
-            turns[crowd.slots] = multiply(since, turns[crowd.slots])
+            since = multiply(frame.orientation[world, group.index], conjugate(group.start))
+            since = into_frame(group.turn, multiply(since, group.turn))
+            centre = _rows(frame.position[world, group.index] / self._unit, np.linalg.inv(group.matrix))
+            local, turns = group.positions.copy(), group.orientations.copy()
+            local[group.slots] = centre + rotate(since, group.shift)
+            turns[group.slots] = multiply(since, turns[group.slots])
             yield self.attributes[2 * n].path, Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
             yield self.attributes[2 * n + 1].path, Vt.QuathArray.FromNumpy(turns.astype(np.float16))
 

@@ -1,1 +1,9 @@
-"""Authors USD stages: `builder.SceneBuilder`."""
+"""From the description to a USD stage that loads back equal. Open `builder` first.
+
+| file | what it holds |
+|---|---|
+| `builder` | `SceneBuilder`: one item, one call |
+| `attributes` | `ot:` attributes by the vocabulary's rows |
+| `obstacles`, `poses`, `looks` | colliders; transform ops; materials, extents and the drawn beam |
+| `export`, `body_file` | layers written whole or not at all, stages in metres; one body as a file of its own |
+"""

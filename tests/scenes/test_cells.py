@@ -1,4 +1,4 @@
-"""Crowded stages hold the cells they promise, clear of each other and of everything else."""
+"""Stages of many cells hold the cells they promise, clear of each other and of everything else."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from otwarp.scene import Scene
-from scenes.author import crowds, microfluidic_channel, robots
+from scenes.author import cells, microfluidic_channel, robots
 from scenes.author.__main__ import FOLDER
 
 
@@ -48,4 +48,4 @@ def test_flow_of_the_channel_is_poiseuille_in_its_mid_plane():
 def test_scatter_says_when_the_points_do_not_fit():
     low, high = np.zeros(3), np.ones(3)
     with pytest.raises(ValueError, match="count = 50: only"):
-        crowds.scatter(50, low, high, gap=0.9, seed=1, keep_off=np.zeros((0, 4)))
+        cells.scatter(50, low, high, gap=0.9, seed=1, keep_off=np.zeros((0, 4)))
