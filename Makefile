@@ -21,10 +21,10 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
 test: $(READY)  ## run the tests (a few minutes on two cores)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 validate: $(READY)  ## run the long statistical tests as well
-	$(BIN)/python -m pytest -n 2 --validate
+	$(BIN)/python -m pytest -n 2 --dist loadfile --validate
 
 debian:  ## as root: ROS 1, Fast DDS and Chromium, for the tests that need them
 	bash .ci/debian

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+from collections import defaultdict
+from collections.abc import Generator
 
 # before NumPy loads: on two shared cores the threads of its matrix products wait for each other ten times longer than
 # they work
@@ -15,6 +18,7 @@ from otwarp.device import start_warp
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--validate", action="store_true", help="also run the long statistical tests")
+    parser.addoption("--costs", type=int, default=0, metavar="N", help="list the N tests that take most CPU time")
     parser.addoption("--device", default="cpu", help="device of the tests that step: cpu (default), cuda:0, …")
 
 
@@ -32,3 +36,39 @@ def device(request: pytest.FixtureRequest) -> str:
     """Name of the device under test; Warp runs, and is quiet."""
     start_warp()
     return request.config.getoption("--device")
+
+
+COSTS = pytest.StashKey[tuple[float, float]]()
+"""CPU time of this process and of those that it has waited for, at the end of the last report [s]."""
+
+
+def cpu_time() -> tuple[float, float]:
+    """CPU time of this process, and of the processes that it has waited for [s]."""
+    now = os.times()
+    return now.user + now.system, now.children_user + now.children_system
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    session.config.stash[COSTS] = cpu_time()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Write beside each phase of a test what it cost, its subprocesses and the compilation of kernels included."""
+    report = yield
+    last, now = item.config.stash[COSTS], cpu_time()
+    report.cpu_time = now[0] - last[0], now[1] - last[1]
+    item.config.stash[COSTS] = now
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """The costs of the run, and of the dearest tests: CPU time, which a busy machine does not blur as it does time."""
+    costs: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
+    for report in itertools.chain.from_iterable(terminalreporter.stats.values()):
+        for n, seconds in enumerate(getattr(report, "cpu_time", ())):
+            costs[report.nodeid][n] += seconds
+    for name, (own, others) in sorted(costs.items(), key=lambda row: -sum(row[1]))[: config.getoption("--costs")]:
+        terminalreporter.write_line(f"{own + others:8.1f} s  {name}")
+    own, others = (sum(part) for part in zip(*costs.values(), strict=True)) if costs else (0.0, 0.0)
+    terminalreporter.write_line(f"CPU time: {own:.0f} s in tests, {others:.0f} s in processes that they started")
