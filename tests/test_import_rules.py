@@ -47,6 +47,8 @@ INNER: dict[str, set[str]] = {
     "scene.write": {"scene", "scene.vocabulary", "scene.schema", "scene.read"},
     "scene.recording": {"scene", "scene.vocabulary", "scene.read"},
     "scene.drawing": {"scene.read"},
+    "preview": {"preview.kernels"},
+    "preview.kernels": set(),
     "ros": set(),
     "ros.ros1": {"ros"},
     "ros.ros2": {"ros"},

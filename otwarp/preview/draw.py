@@ -6,8 +6,9 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from otwarp.errors import InputError
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
+from otwarp.preview.studio import Look
 from otwarp.scene.drawing.drawables import read_drawables
 from otwarp.scene.read.source import open_stage
 
@@ -74,22 +76,14 @@ def open_film(path: str | Path) -> Film:
 
 
 def _picture(
-    film: Film,
-    code: float | None,
-    *,
-    size: tuple[int, int],
-    camera: str | None,
-    forces: bool,
-    device: str | None,
-    samples: int,
-    style: str,
+    film: Film, code: float | None, *, look: Look, camera: str | None, forces: bool, device: str | None
 ) -> np.ndarray:
+    """One picture (h, w, 3) uint8 of a time code, with scale bar and time stamp."""
     purposes = ("default", "render", "guide") if forces else ("default", "render")
     drawables = read_drawables(film.stage, code, camera=camera, purposes=purposes)
-    width, height = size
-    image = render(drawables, width=width, height=height, samples=samples, style=style, device=device)
     time = None if code is None else (code - film.start) / film.stage.GetTimeCodesPerSecond()
-    return annotate(image, pixel_size=drawables.view.pixel_size(width, height), time=time)
+    pixel_size = drawables.view.pixel_size(look.width, look.height)
+    return annotate(render(drawables, look, device), pixel_size=pixel_size, time=time)
 
 
 def movie_codes(film: Film, fps: float, most: int) -> list[float]:
@@ -102,12 +96,13 @@ def movie_codes(film: Film, fps: float, most: int) -> list[float]:
 
 
 def _frames(
-    film: Film, codes: list[float], progress: Callable[[int, int], None] | None, look: dict[str, Any]
+    codes: list[float], picture: Callable[[float], np.ndarray], progress: Callable[[int, int], None] | None
 ) -> Iterator[np.ndarray]:
+    """The pictures of a movie, one after the other."""
     for done, code in enumerate(codes):
         if progress is not None:
             progress(done, len(codes))
-        yield _picture(film, code, **look)
+        yield picture(code)
     if progress is not None:
         progress(len(codes), len(codes))
 
@@ -171,14 +166,15 @@ def preview(
     for target, suffix in ((out, ".png"), (movie, ".gif")):
         if target is not None:
             _check_file(target, suffix)
-    look = {"size": size, "camera": camera, "forces": forces, "style": style, "samples": samples, "device": device}
+    look = Look(width=size[0], height=size[1], samples=samples, style=style)
+    picture = partial(_picture, film, look=look, camera=camera, forces=forces, device=device)
     if movie is not None and (film.count < 2 or most_frames < 2):
         least = min(film.count, most_frames)
         raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")
     written: list[Path] = []
     if out is not None:
-        written.append(save_png(_picture(film, film.time_code(frame, time), **look), out))
+        written.append(save_png(picture(film.time_code(frame, time)), out))
     if movie is not None:
-        save_movie(_frames(film, movie_codes(film, fps, most_frames), progress, look), movie, fps)
+        save_movie(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
         written.append(Path(movie))
     return written

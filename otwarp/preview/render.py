@@ -9,13 +9,10 @@ import numpy as np
 import warp as wp
 
 from otwarp.device import pick_device
-from otwarp.errors import InputError
-from otwarp.preview.arrows import Arrows, arrow_shapes
-from otwarp.preview.raycast import draw_pixels
-from otwarp.preview.studio import Uploaded, arrange
+from otwarp.preview.kernels.raycast import draw_pixels, find_first
+from otwarp.preview.studio import Look, Uploaded, arrange
 from otwarp.scene.drawing.draw_list import Drawables
 
-LARGEST_SIDE = 16384
 _BAND = 16384
 """Pixels per launch on the CPU: small enough that threads share the work evenly."""
 
@@ -107,90 +104,54 @@ def _draw(ready: Uploaded, pixels: np.ndarray, first: int, last: int, total: wp.
         list(pool.map(lambda band: launch(*band), bands))
 
 
-def render_linear(
-    drawables: Drawables,
-    *,
-    width: int = 1280,
-    height: int = 720,
-    samples: int = 3,
-    occlusion_rays: int = 2,
-    style: str = "dark",
-    grid: bool = True,
-    arrows: Arrows | None = None,
-    device: str | None = None,
-) -> np.ndarray:
-    """As `render`, but linear colour (h, w, 3) float32 before the tone curve."""
-    limits = (("width", width, LARGEST_SIDE), ("height", height, LARGEST_SIDE), ("samples", samples, 16))
-    for name, value, high in limits:
-        if not 1 <= value <= high:
-            raise InputError(f"{name} = {value}, allowed [1, {high}]")
+def render_linear(drawables: Drawables, look: Look, device: str | None = None) -> np.ndarray:
+    """As `render`, but linear colour (height, width, 3) float32 before the tone curve."""
     chosen = pick_device(device)
-    if arrows is not None:
-        drawables = drawables.with_shapes(arrow_shapes(arrows, drawables))
-    ready = arrange(
-        drawables,
-        width,
-        height,
-        samples=samples,
-        occlusion_rays=occlusion_rays,
-        style=style,
-        grid=grid,
-        device=chosen,
-    )
+    ready = arrange(drawables, look, chosen)
     wp.load_module(draw_pixels.module, device=chosen)
-    total = wp.zeros(width * height, dtype=wp.vec3, device=chosen)
-    everywhere = np.arange(width * height, dtype=np.int32)
-    most = samples * samples
+    shape = (look.height, look.width, 3)
+    total = wp.zeros(look.width * look.height, dtype=wp.vec3, device=chosen)
+    everywhere = np.arange(look.width * look.height, dtype=np.int32)
+    most = look.samples * look.samples
     # One diagonal of samples first; the others only where the picture is not smooth.
-    few = max(1, samples - 1)
+    few = max(1, look.samples - 1)
     _draw(ready, everywhere, 0, few, total, chosen)
-    image = total.numpy().reshape(height, width, 3) / few
-    busy = _busy(image)
+    busy = _busy(total.numpy().reshape(shape) / few)
     _draw(ready, busy, few, most, total, chosen)
-    count = np.full(width * height, few, dtype=np.float32)
+    count = np.full(len(everywhere), few, dtype=np.float32)
     count[busy] = most
-    return total.numpy().reshape(height, width, 3) / count.reshape(height, width, 1)
+    return total.numpy().reshape(shape) / count.reshape(*shape[:2], 1)
 
 
-def render(
-    drawables: Drawables,
-    *,
-    width: int = 1280,
-    height: int = 720,
-    samples: int = 3,
-    occlusion_rays: int = 2,
-    style: str = "dark",
-    grid: bool = True,
-    arrows: Arrows | None = None,
-    device: str | None = None,
-) -> np.ndarray:
+def render(drawables: Drawables, look: Look | None = None, device: str | None = None) -> np.ndarray:
     """Draw a picture.
 
     Args:
         drawables: What to draw, with its camera and lights.
-        width, height: Size in pixels.
-        samples: Samples per pixel along each side where the picture has detail (3: 9 samples).
-        occlusion_rays: Rays of ambient occlusion per sample; 0 switches it off.
-        style: Background: `dark`, `light` or `white`.
-        grid: Whether planes carry grid lines at a round distance.
-        arrows: Extra arrows (origins, vectors, colour) in µm.
+        look: Size, samples and style; None takes the defaults of `Look`.
         device: Warp device; None for the best there is.
 
     Returns:
         (height, width, 3) uint8 sRGB.
 
     Raises:
-        InputError: Size, samples, style or device out of range.
+        InputError: No such device.
     """
-    image = render_linear(
-        drawables,
-        width=width,
-        height=height,
-        samples=samples,
-        occlusion_rays=occlusion_rays,
-        style=style,
-        grid=grid,
-        arrows=arrows,
-        device=device,
-    )
-    return _quantised(to_display(vignette(bloom(image)) if style == "dark" else image))
+    look = look or Look()
+    image = render_linear(drawables, look, device)
+    return _quantised(to_display(vignette(bloom(image)) if look.style == "dark" else image))
+
+
+def first_hits(drawables: Drawables, look: Look, device: str | None = "cpu") -> tuple[np.ndarray, np.ndarray]:
+    """What the camera sees first at each pixel's centre, for measurements and tests.
+
+    Returns:
+        (height, width) distance along the ray [µm], 1e30 where nothing is hit, and (height, width) index of the shape
+        among the infinite planes and then the other surfaces of `drawables`, −1 for none. Beams are looked through.
+    """
+    chosen, pixels = pick_device(device), look.width * look.height
+    ready = arrange(drawables, look, chosen)
+    distance = wp.empty(pixels, dtype=float, device=chosen)
+    index = wp.empty(pixels, dtype=int, device=chosen)
+    wp.launch(find_first, dim=pixels, inputs=[ready.world, ready.studio, distance, index], device=chosen)
+    return distance.numpy().reshape(look.height, look.width), index.numpy().reshape(look.height, look.width)

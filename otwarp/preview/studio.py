@@ -8,8 +8,8 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.preview.shading import Light, Studio
-from otwarp.preview.tracing import Solid, World
+from otwarp.preview.kernels.shading import Light, Studio
+from otwarp.preview.kernels.tracing import Solid, World
 from otwarp.scene.drawing.draw_list import PLANE, Drawables, Lights, View
 
 EXPOSURE = 1.12
@@ -20,6 +20,9 @@ AMBIENT_SHARE = (0.2, 0.34)
 
 ENDLESS = 1.0e30
 """Half size of an infinite plane on the device."""
+
+LARGEST_SIDE, MOST_SAMPLES = 16384, 16
+"""Pixels, and samples of a pixel, along each side."""
 
 MOST_LIGHTS = 4
 FILL_SHARE = 0.25
@@ -40,6 +43,37 @@ STYLES = {
     "light": Style((0.93, 0.945, 0.96), (0.62, 0.68, 0.74), 0.6),
     "white": Style((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 0.7),
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """Size and quality of a picture.
+
+    Attributes:
+        width, height: Pixels, 1 to `LARGEST_SIDE`.
+        samples: Samples per pixel along each side where the picture has detail, 1 to 16 (3: 9 samples).
+        occlusion_rays: Rays of ambient occlusion per sample; 0 switches it off.
+        style: Background, a key of `STYLES`: `dark`, `light` or `white`.
+        grid: Whether planes carry grid lines at a round distance.
+
+    Raises:
+        InputError: Size, samples or style out of range.
+    """
+
+    width: int = 1280
+    height: int = 720
+    samples: int = 3
+    occlusion_rays: int = 2
+    style: str = "dark"
+    grid: bool = True
+
+    def __post_init__(self) -> None:
+        for name, high in (("width", LARGEST_SIDE), ("height", LARGEST_SIDE), ("samples", MOST_SAMPLES)):
+            value = getattr(self, name)
+            if not 1 <= value <= high:
+                raise InputError(f"{name} = {value}, allowed [1, {high}]")
+        if self.style not in STYLES:
+            raise InputError(f"style = '{self.style}', allowed: {', '.join(STYLES)}")
 
 
 @dataclass
@@ -144,25 +178,9 @@ def nice_length(about: float) -> float:
     return float(next(step * power for step in (5.0, 2.0, 1.0) if step * power <= about * (1.0 + 1e-9)))
 
 
-def arrange(
-    drawables: Drawables,
-    width: int,
-    height: int,
-    *,
-    samples: int,
-    occlusion_rays: int,
-    style: str,
-    grid: bool,
-    device: wp.Device,
-) -> Uploaded:
-    """Everything the kernel needs for one picture.
-
-    Raises:
-        InputError: Unknown style.
-    """
-    if style not in STYLES:
-        raise InputError(f"style = '{style}', allowed: {', '.join(STYLES)}")
-    view, look = drawables.view, STYLES[style]
+def arrange(drawables: Drawables, look: Look, device: wp.Device) -> Uploaded:
+    """Everything the kernels need for one picture."""
+    view, style = drawables.view, STYLES[look.style]
     focus = view.position + view.focus * view.forward
     # Coordinates relative to what is looked at keep float32 precise wherever the scene lies.
     world, keep = upload_world(drawables, focus, device)
@@ -175,22 +193,22 @@ def arrange(
     records["shadows"] = strength > FILL_SHARE * strength.max(initial=0.0)
 
     studio = Studio()
-    window = view.window(width, height)
+    window = view.window(look.width, look.height)
     studio.position = wp.vec3(*(view.position - focus))
     studio.right, studio.up, studio.forward = (wp.vec3(*axis) for axis in (view.right, view.up, view.forward))
     studio.orthographic = int(view.orthographic)
     studio.window, studio.shift = wp.vec2(*window), wp.vec2(*view.shift)
     studio.near, studio.far = view.near, min(view.far, 1e29)
-    studio.width, studio.height, studio.grid = width, height, samples
-    studio.occlusion_rays = occlusion_rays
+    studio.width, studio.height, studio.grid = look.width, look.height, look.samples
+    studio.occlusion_rays = look.occlusion_rays
     studio.lights = wp.array(records, dtype=Light, device=device)
     studio.light_count, studio.softness = len(records), 0.09
     studio.sky = wp.vec3(*(lights.ambient * 1.25))
-    studio.ground = wp.vec3(*(lights.ambient * look.ground))
+    studio.ground = wp.vec3(*(lights.ambient * style.ground))
     studio.zenith = wp.vec3(*drawables.up)
     across = window[0] if view.orthographic else window[0] * view.focus
     studio.occlusion_reach = 0.07 * across
     studio.centre, studio.fade = wp.vec3(0.0, 0.0, 0.0), 0.85 * across
-    studio.spacing = nice_length(across / 12.0) if grid else 0.0
-    studio.middle, studio.edge = wp.vec3(*look.middle), wp.vec3(*look.edge)
+    studio.spacing = nice_length(across / 12.0) if look.grid else 0.0
+    studio.middle, studio.edge = wp.vec3(*style.middle), wp.vec3(*style.edge)
     return Uploaded(world, studio, keep)

@@ -10,10 +10,9 @@ import pytest
 from pxr import UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.preview.arrows import Arrows
-from otwarp.preview.probe import first_hits
-from otwarp.preview.render import bloom, render, render_linear, to_display, vignette
-from otwarp.preview.studio import STYLES
+from otwarp.preview.arrows import Arrows, arrow_shapes
+from otwarp.preview.render import bloom, first_hits, render, render_linear, to_display, vignette
+from otwarp.preview.studio import STYLES, Look
 from otwarp.scene.drawing.draw_list import PLANE
 from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
@@ -23,9 +22,8 @@ PIXELS = 0.01
 
 
 def linear(stage, *, size=(160, 90), samples=2, **options):
-    return render_linear(
-        read_drawables(stage), width=size[0], height=size[1], samples=samples, grid=False, device="cpu", **options
-    )
+    look = Look(width=size[0], height=size[1], samples=samples, grid=False, **options)
+    return render_linear(read_drawables(stage), look, "cpu")
 
 
 def background(size, **options):
@@ -131,7 +129,7 @@ def tilted_top(angle):
     stages.camera(stage, eye=(0, 0, 60), width=40.0, height=22.5, ortho=True)
     drawables = read_drawables(stage)
     matt = dataclasses.replace(drawables, roughness=np.ones(len(drawables)))
-    image = render_linear(matt, width=32, height=18, samples=1, occlusion_rays=0, device="cpu")
+    image = render_linear(matt, Look(width=32, height=18, samples=1, occlusion_rays=0), "cpu")
     return image[9, 16]
 
 
@@ -206,8 +204,9 @@ def test_hierarchy_gives_the_same_picture_as_brute_force():
     def only(chosen):
         return dataclasses.replace(flat, **{name: getattr(flat, name)[chosen] for name in names})
 
-    t_all, index_all = first_hits(only(solid), width=96, height=54)
-    t_each = np.stack([first_hits(only(solid[k : k + 1]), width=96, height=54)[0] for k in range(len(solid))])
+    look = Look(width=96, height=54, grid=False)
+    t_all, index_all = first_hits(only(solid), look)
+    t_each = np.stack([first_hits(only(solid[k : k + 1]), look)[0] for k in range(len(solid))])
     hit = t_all < 1e29
     assert np.array_equal(hit, (t_each < 1e29).any(axis=0))
     assert np.allclose(t_all[hit], t_each.min(axis=0)[hit], rtol=1e-6)
@@ -220,14 +219,15 @@ def test_arrows_are_drawn_at_their_length():
     stages.camera(stage, eye=(0, 0, 60), width=200.0, height=200.0, ortho=True)
     drawables = read_drawables(stage)
     arrows = Arrows(np.array([[-4.0, 0, 0]]), np.array([[8.0, 0, 0]]), colour=(0.0, 0.0, 0.0), radius=0.3)
-    image = render_linear(drawables, width=400, height=400, samples=1, style="white", arrows=arrows, device="cpu")
+    drawables = drawables.with_shapes(arrow_shapes(arrows, drawables))
+    image = render_linear(drawables, Look(width=400, height=400, samples=1, style="white"), "cpu")
     columns = np.flatnonzero((image.max(axis=2) < 0.6).any(axis=0))
     assert (columns[-1] + 1 - columns[0]) * 0.05 == pytest.approx(8.0, abs=0.15)
 
 
 def test_same_input_same_picture_and_bytes():
     drawables = read_drawables(stages.delivery())
-    first, second = (render(drawables, width=96, height=54, device="cpu") for _ in range(2))
+    first, second = (render(drawables, Look(width=96, height=54), "cpu") for _ in range(2))
     assert first.dtype == np.uint8 and first.shape == (54, 96, 3)
     assert np.array_equal(first, second)
 
@@ -263,5 +263,6 @@ def test_bloom_spreads_only_what_is_brighter_than_white_and_the_vignette_only_da
 )
 def test_bad_arguments_are_named(options, words):
     with pytest.raises(InputError) as caught:
-        render(read_drawables(stages.new_stage()), **{"width": 8, "height": 8, **options})
+        device = options.pop("device", "cpu")
+        render(read_drawables(stages.new_stage()), Look(**{"width": 8, "height": 8, **options}), device)
     assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -4,8 +4,8 @@
 
 import warp as wp
 
-from otwarp.preview.shading import Spot, Studio, fraction, surface
-from otwarp.preview.tracing import World, glow, nearest
+from otwarp.preview.kernels.shading import Spot, Studio, fraction, surface
+from otwarp.preview.kernels.tracing import World, glow, nearest
 
 LAYERS = wp.constant(16)
 """Most translucent surfaces seen behind one another."""
@@ -16,7 +16,8 @@ wp.set_module_options({"enable_backward": False, "fast_math": True, "cpu_compile
 
 @wp.func
 def background(studio: Studio, x: float, y: float) -> wp.vec3:
-    """Background at (x, y), both from −1 to 1 across the picture: a soft pool of light above the middle."""
+    """Linear colour of the background at (x, y), both from −1 to 1 across the picture: a soft pool of light above the
+    middle."""
     r = wp.sqrt(0.55 * x * x + 0.8 * (y - 0.15) * (y - 0.15))
     return wp.lerp(studio.middle, studio.edge, wp.smoothstep(0.0, 1.15, r))
 
@@ -119,7 +120,7 @@ def draw_pixels(
 
 @wp.kernel
 def find_first(world: World, studio: Studio, distance: wp.array(dtype=float), index: wp.array(dtype=int)):
-    """Distance and index of the first surface at the centre of every pixel."""
+    """Distance [µm] (1e30 for none) and index (−1 for none) of the first surface at the centre of every pixel."""
     tid = wp.tid()
     x = (2.0 * float(tid % studio.width) + 1.0) / float(studio.width) - 1.0
     y = 1.0 - (2.0 * float(tid // studio.width) + 1.0) / float(studio.height)

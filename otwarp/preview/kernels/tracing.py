@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from otwarp.preview.intersect import (
+from otwarp.preview.kernels.intersect import (
     MISS,
     enter_box,
     enter_capsule,
@@ -26,7 +26,7 @@ KIND_PLANE = wp.constant(4)
 
 @wp.struct
 class Solid:
-    """A canonical solid: local = linear · world + shift, its look, and for a mesh its first corner normal."""
+    """A canonical solid: local = linear · world + shift, its look, for a mesh the index of its first corner normal."""
 
     linear: wp.mat33
     shift: wp.vec3
@@ -64,7 +64,7 @@ class Hit:
 
 @wp.func
 def enter(solid: Solid, corner: wp.array(dtype=wp.vec3), origin: wp.vec3, direction: wp.vec3, low: float) -> wp.vec4:
-    """Where the ray enters `solid`: (world normal, not normalised; ray parameter)."""
+    """Where a ray enters `solid` beyond `low` [µm]: (world normal, any length; parameter [µm], `MISS` if not)."""
     o = solid.linear * origin + solid.shift
     d = solid.linear * direction
     closest = -wp.dot(o, d) / wp.dot(d, d)
@@ -92,7 +92,7 @@ def enter(solid: Solid, corner: wp.array(dtype=wp.vec3), origin: wp.vec3, direct
 
 @wp.func
 def take(world: World, index: int, origin: wp.vec3, direction: wp.vec3, low: float, best: Hit) -> Hit:
-    """The nearer of `best` and the hit on solid `index`."""
+    """The nearer of `best` and the hit on solid `index` beyond ray parameter `low` [µm]."""
     hit = enter(world.solids[index], world.corner, origin, direction, low)
     if hit[3] < best.t:
         best.t = hit[3]
@@ -103,7 +103,7 @@ def take(world: World, index: int, origin: wp.vec3, direction: wp.vec3, low: flo
 
 @wp.func
 def nearest(world: World, origin: wp.vec3, direction: wp.vec3, low: float, high: float) -> Hit:
-    """First surface between ray parameters `low` and `high`."""
+    """First surface between ray parameters `low` and `high` [µm]; index −1 if there is none."""
     result = Hit()
     result.t = high
     result.index = -1
@@ -119,7 +119,7 @@ def nearest(world: World, origin: wp.vec3, direction: wp.vec3, low: float, high:
 
 @wp.func
 def passing(world: World, origin: wp.vec3, direction: wp.vec3, far: float, strength: float) -> float:
-    """Share of light that passes from `origin` over the distance `far`; infinite planes cast no shadow.
+    """Share of light [0, 1] that passes from `origin` over the distance `far` [µm]; infinite planes cast no shadow.
 
     A translucent solid stops `strength` times its opacity.
     """
@@ -143,7 +143,7 @@ def passing(world: World, origin: wp.vec3, direction: wp.vec3, far: float, stren
 
 @wp.func
 def glow(world: World, origin: wp.vec3, direction: wp.vec3, high: float) -> wp.vec4:
-    """Light gathered in beams up to ray parameter `high`: (colour times coverage, coverage).
+    """Light gathered in beams up to ray parameter `high` [µm]: (linear colour times coverage, coverage in [0, 1]).
 
     Across a beam the intensity is a Gaussian of the local radius w, I = exp(−q ρ²/w²)/w², so that it peaks at the
     focus. Its integral along a straight ray is taken in closed form at the point closest to the axis (w is frozen

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from otwarp.preview.tracing import KIND_PLANE, Solid, World, passing
+from otwarp.preview.kernels.tracing import KIND_PLANE, Solid, World, passing
 
 
 @wp.struct
@@ -56,7 +56,7 @@ class Studio:
 
 @wp.func
 def fraction(x: float) -> float:
-    """x modulo 1."""
+    """x modulo 1, in [0, 1)."""
     return x - wp.floor(x)
 
 
@@ -70,7 +70,7 @@ def perpendicular(n: wp.vec3) -> wp.vec3:
 
 @wp.func
 def environment(studio: Studio, direction: wp.vec3) -> wp.vec3:
-    """Light that a mirror in `direction` would show: ground, sky, and a softbox overhead."""
+    """Linear colour that a mirror in the unit vector `direction` would show: ground, sky, and a softbox overhead."""
     height = wp.dot(direction, studio.zenith)
     base = wp.lerp(studio.ground, studio.sky, wp.smoothstep(-0.35, 0.6, height))
     box = wp.smoothstep(0.55, 0.95, wp.dot(direction, wp.normalize(studio.zenith - 0.5 * studio.right)))
@@ -79,7 +79,7 @@ def environment(studio: Studio, direction: wp.vec3) -> wp.vec3:
 
 @wp.func
 def line_cover(x: float, spacing: float, half_width: float, footprint: float) -> float:
-    """How much of a pixel `footprint` wide a set of lines `spacing` apart covers around x."""
+    """Share [0, 1] of a pixel `footprint` wide that lines `spacing` apart cover around x; all lengths in µm."""
     away = wp.abs(fraction(x / spacing + 0.5) - 0.5) * spacing
     cover = wp.clamp((half_width + 0.5 * footprint - away) / footprint, 0.0, 1.0)
     # Lines closer than a few pixels fade into their mean instead of shimmering.
@@ -88,7 +88,7 @@ def line_cover(x: float, spacing: float, half_width: float, footprint: float) ->
 
 @wp.func
 def ruled(local: wp.vec3, spacing: float, half_width: float, footprint: float) -> float:
-    """Cover of square grid lines at the point `local` of a plane."""
+    """Share [0, 1] that square grid lines cover at the point `local` of a plane; lengths as in `line_cover`."""
     x = line_cover(local[0], spacing, half_width, footprint)
     return wp.max(x, line_cover(local[1], spacing, half_width, footprint))
 
@@ -117,7 +117,10 @@ class Lit:
 
 @wp.func
 def plane_colour(studio: Studio, solid: Solid, spot: Spot, facing: float) -> wp.vec3:
-    """Colour of a plane with its grid: light lines on a dark plane, dark lines on a light one."""
+    """Linear colour of a plane with its grid: light lines on a dark plane, dark lines on a light one.
+
+    `facing` is the cosine between normal and view, by which a pixel's footprint on the plane grows.
+    """
     local = solid.linear * spot.point + solid.shift
     blur = spot.footprint / wp.max(facing, 0.05)
     lines = ruled(local, studio.spacing, 0.0045 * studio.spacing, blur)
@@ -145,7 +148,7 @@ def pattern(spot: Spot, index: int) -> wp.vec2:
 
 @wp.func
 def openness(world: World, studio: Studio, spot: Spot, start: wp.vec3) -> float:
-    """Share of the surroundings that sees the spot: cosine-weighted rays over the occlusion reach."""
+    """Share [0, 1] of the surroundings that sees the spot: cosine-weighted rays over the occlusion reach."""
     total = wp.float32(0.0)
     side = perpendicular(spot.normal)
     other = wp.cross(spot.normal, side)
@@ -191,7 +194,7 @@ def lighting(world: World, studio: Studio, solid: Solid, spot: Spot, wrap: float
 
 @wp.func
 def surface(world: World, studio: Studio, solid: Solid, spot: Spot) -> wp.vec4:
-    """(linear colour, opacity) of a spot on `solid`."""
+    """(linear colour, opacity in [0, 1]) of a spot on `solid`: diffuse, highlight, mirror image and rim."""
     normal = spot.normal
     facing = wp.max(-wp.dot(normal, spot.direction), 0.0)
     translucent = solid.opacity < 0.98

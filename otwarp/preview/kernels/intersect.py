@@ -13,7 +13,7 @@ MISS = wp.constant(1.0e30)
 
 @wp.func
 def enter_sphere(o: wp.vec3, d: wp.vec3, low: float, size: wp.vec2) -> wp.vec4:
-    """Unit ball; `o` is the point closest to its centre."""
+    """Unit ball: |o + t·d| = 1 at the nearer root; `o` is the point closest to its centre."""
     room = 1.0 - wp.dot(o, o)
     if room <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, MISS)
@@ -26,7 +26,8 @@ def enter_sphere(o: wp.vec3, d: wp.vec3, low: float, size: wp.vec2) -> wp.vec4:
 
 @wp.func
 def enter_box(o: wp.vec3, d: wp.vec3, low: float, size: wp.vec2) -> wp.vec4:
-    """Cube from −1 to 1, by slabs."""
+    """Cube from −1 to 1, by slabs: the latest entry into one, if it comes before the first exit (T. L. Kay and
+    J. T. Kajiya, SIGGRAPH 1986, doi:10.1145/15922.15916)."""
     near = float(-MISS)
     far = float(MISS)
     axis = wp.int32(0)
@@ -113,7 +114,13 @@ def enter_plane(o: wp.vec3, d: wp.vec3, low: float, size: wp.vec2) -> wp.vec4:
 def enter_mesh(
     o: wp.vec3, d: wp.vec3, low: float, mesh: wp.uint64, corner: wp.array(dtype=wp.vec3), first: int
 ) -> wp.vec4:
-    """Triangles, seen from both sides; the normal is interpolated between corners and turned towards the viewer."""
+    """Triangles, seen from both sides; the normal is interpolated between corners and turned towards the viewer.
+
+    Args:
+        mesh: Id of the `wp.Mesh`.
+        corner: Normals of all meshes' corners, three for each triangle.
+        first: Index of this mesh's first.
+    """
     query = wp.mesh_query_ray(mesh, o + low * d, d, MISS)
     if not query.result:
         return wp.vec4(0.0, 0.0, 0.0, MISS)
