@@ -136,6 +136,22 @@ def test_python_imports_what_there_is(document: Document):
                 assert importlib.util.find_spec(f"{module}.{name}") is not None, f"{document}: {module}.{name}"
 
 
+def test_the_changelog_leads_to_names_that_exist():
+    """Second column of `before | now`: modules, names of modules, and submodules of the module named first."""
+    rows = re.findall(r"^\| .*`.* \| (.*`.*) \|$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([a-z_.]+(?:\.[A-Z]\w+)?)(?:\(…\))?`", row)]
+    assert len(names) > 20
+    base = ""
+    for name in names:
+        path = name if name.startswith("otwarp") else base.rpartition(".")[0] + name
+        base = path if name.startswith("otwarp") else base
+        if name.startswith(("otwarp", ".")):
+            module, _, attribute = path.rpartition(".")
+            assert importlib.util.find_spec(module) is not None, path
+            known = hasattr(importlib.import_module(module), attribute)
+            assert known or importlib.util.find_spec(path) is not None, path
+
+
 def test_no_document_drowns_its_reader():
     """Pages that people write are short; tables are on pages that scripts write."""
     for document in DOCUMENTS:
