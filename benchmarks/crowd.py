@@ -15,7 +15,7 @@ from benchmarks.report import Section, command, options, positive, save_json
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.speed.many_body import FRACTION, ManySpheres
-from otwarp.bench.timing import Spread, calls_for, elapsed
+from otwarp.bench.timing import Quartiles, calls_for, elapsed
 from otwarp.device import pick_device
 from otwarp.simulation.grid_stepper import GridStepper
 
@@ -37,7 +37,7 @@ def measured(crowd: ManySpheres, rounds: int, seconds: float) -> dict[str, Any]:
     return {
         "count": crowd.count,
         "steps_per_sample": steps,
-        "ns": Spread.of([1e9 * t / (steps * crowd.count) for t in times]),
+        "ns": Quartiles.of([1e9 * t / (steps * crowd.count) for t in times]),
         "steps_per_list": (crowd.state.step - begun) / max(made, 1),
         "neighbours": float(np.maximum(near.count.numpy(), 0).mean()),
         "touching": float((crowd.readout.contact_load.numpy() > 0.0).mean()),
@@ -204,7 +204,7 @@ def measure(
     kernels = kernel_times(crowd, 48)
     own, other = own_list_times(crowd, 5), hash_grid_times(crowd, 5)
     data = {
-        "crowds": [{k: vars(v) if isinstance(v, Spread) else v for k, v in one.items()} for one in found],
+        "crowds": [{k: vars(v) if isinstance(v, Quartiles) else v for k, v in one.items()} for one in found],
         "kernels": kernels,
         "lists": {"own": own, "hash_grid": other},
     }

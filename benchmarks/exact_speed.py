@@ -19,7 +19,7 @@ import warp as wp
 
 from benchmarks.report import command, positive
 from otwarp.bench.report import Table
-from otwarp.bench.timing import Spread, elapsed
+from otwarp.bench.timing import Quartiles, elapsed
 from otwarp.device import pick_device
 from otwarp.optics.batched import batched_force
 from otwarp.optics.beam import Beam
@@ -41,10 +41,10 @@ def sample(radius: float, count: int) -> np.ndarray:
     return np.random.default_rng(1).uniform(-1.0, 1.0, (count, 3)) * (1.5 * radius + 1.0)
 
 
-def rate(work: Callable[[], object], count: int, device: wp.Device, rounds: int, *, cpu: bool) -> Spread:
+def rate(work: Callable[[], object], count: int, device: wp.Device, rounds: int, *, cpu: bool) -> Quartiles:
     """Points per second: of processor time, all threads together, if `cpu`, else of wall time."""
     taken = [elapsed(work, device) for _ in range(rounds)]
-    return Spread.of([count / (t.cpu if cpu else t.wall) for t in taken])
+    return Quartiles.of([count / (t.cpu if cpu else t.wall) for t in taken])
 
 
 def measure(device: wp.Device, rounds: int) -> Table:

@@ -18,7 +18,7 @@ from benchmarks import precision_scenes as scenes
 from benchmarks.report import Section, command, options, positive, save_json
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
-from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
@@ -176,7 +176,7 @@ def run_times(device: Any, *, worlds: int, rounds: int, seconds: float) -> dict[
         benches[name] = (samples[1], samples[0])
     found = interleaved(benches, rounds)
     return {
-        name: {"float64": Spread.of(p.first), "float32": Spread.of(p.second), "ratio": p.ratio()}
+        name: {"float64": Quartiles.of(p.first), "float32": Quartiles.of(p.second), "ratio": p.ratio()}
         for name, p in found.items()
     }
 

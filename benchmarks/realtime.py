@@ -12,7 +12,7 @@ from benchmarks.report import Section, command, options, save_json
 from benchmarks.startup import ROOT, SCENES
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
-from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
@@ -55,9 +55,9 @@ def measure_scene(name: str, device: wp.Device, *, rounds: int, seconds: float) 
         "driver": sim.model.features.driver,
         "time_step": sim.time_step,
         "steps_per_sample": steps,
-        "real_time_factor": Spread.of([steps * sim.time_step / run.wall for run in runs]),
-        "wall_ns_per_step": Spread.of([1e9 * run.wall / steps for run in runs]),
-        "cpu_ns_per_step": Spread.of([1e9 * run.cpu / steps for run in runs]),
+        "real_time_factor": Quartiles.of([steps * sim.time_step / run.wall for run in runs]),
+        "wall_ns_per_step": Quartiles.of([1e9 * run.wall / steps for run in runs]),
+        "cpu_ns_per_step": Quartiles.of([1e9 * run.cpu / steps for run in runs]),
     }
 
 
@@ -80,8 +80,8 @@ def measure_threads(device: wp.Device, *, worlds: int, rounds: int, seconds: flo
     return {
         "worlds": worlds,
         "steps_per_sample": steps,
-        "one_thread": Spread.of([simulated / t for t in pairs.first]),
-        "two_threads": Spread.of([simulated / t for t in pairs.second]),
+        "one_thread": Quartiles.of([simulated / t for t in pairs.first]),
+        "two_threads": Quartiles.of([simulated / t for t in pairs.second]),
         "ratio": pairs.ratio(),
     }
 
@@ -145,7 +145,7 @@ def measure(
 
 
 def _plain(found: dict[str, Any]) -> dict[str, Any]:
-    return {key: vars(value) if isinstance(value, Spread) else value for key, value in found.items()}
+    return {key: vars(value) if isinstance(value, Quartiles) else value for key, value in found.items()}
 
 
 def main() -> None:

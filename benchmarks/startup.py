@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
-from otwarp.bench.timing import Spread
+from otwarp.bench.timing import Quartiles
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -55,12 +55,12 @@ def first_step(scene: str, device: str, cache: Path) -> dict[str, float]:
     return {**seconds, "total": ends[-1] - start}
 
 
-def measure_commands(rounds: int) -> dict[str, Spread]:
+def measure_commands(rounds: int) -> dict[str, Quartiles]:
     """Wall seconds of the commands that should cost nothing."""
     out = {}
     for name, arguments in COMMANDS.items():
         runs = [_run(arguments) for _ in range(rounds)]
-        out[name] = Spread.of([end - start for start, end, _ in runs])
+        out[name] = Quartiles.of([end - start for start, end, _ in runs])
     return out
 
 
@@ -69,7 +69,7 @@ def measure_scene(scene: str, device: str, rounds: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="otwarp-cold-") as folder:
         cold = first_step(scene, device, Path(folder))
         warm = [first_step(scene, device, Path(folder)) for _ in range(rounds)]
-    return {"cold": cold, "warm": {phase: Spread.of([run[phase] for run in warm]) for phase in (*PHASES, "total")}}
+    return {"cold": cold, "warm": {phase: Quartiles.of([run[phase] for run in warm]) for phase in (*PHASES, "total")}}
 
 
 def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int = 3) -> Section:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.report import Section, command, options, positive, save_json
+from otwarp.bench.machine import Machine
 from otwarp.bench.terms.measure import bench_terms
 from otwarp.bench.terms.table import tables
 
@@ -12,7 +13,9 @@ from otwarp.bench.terms.table import tables
 def measure(device: str = "cpu", **how: Any) -> Section:
     """All terms, or the `comparisons` given; see `bench_terms`."""
     found = bench_terms(device, **how)
-    return Section(name="terms", kind=found.kind, machine=found.machine, tables=tables(found), data=found.data())
+    return Section(
+        name="terms", kind=found.kind, machine=Machine(**found.machine), tables=tables(found), data=found.data()
+    )
 
 
 def main() -> None:

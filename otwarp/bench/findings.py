@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
-import math
-from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
-from otwarp.bench.timing import Spread
 from otwarp.errors import InputError
 
+if TYPE_CHECKING:
+    from otwarp.optics import Beam, Particle
 
-class Findings(ABC):
-    """What one benchmark found.
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What one benchmark found on one device.
 
     Attributes:
         FORMAT, VERSION: The head of its file.
+        kind: `cpu` (processor time of one thread, unless a row says otherwise) or `cuda` (wall time).
+        hardware: Name of the processor or accelerator that did the work.
+        machine: Its description, see `otwarp.bench.machine.Machine`.
     """
 
     FORMAT: ClassVar[str]
     VERSION: ClassVar[int] = 1
 
-    @abstractmethod
+    kind: str
+    hardware: str
+    machine: dict[str, Any]
+
     def json(self) -> dict[str, Any]:
         """Plain data."""
+        return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
 
     def save(self, file: Path) -> None:
         """Write as JSON, to a temporary file that then takes the name.
@@ -41,17 +52,14 @@ class Findings(ABC):
             raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
 
 
+@dataclass(frozen=True, kw_only=True)
 class BeadFindings(Findings):
     """What was found for one bead in one trap on one device: runs can be set beside each other.
 
     Attributes:
-        kind: `cpu` (processor time of one thread) or `cuda` (wall time).
-        hardware: Name of the processor or accelerator that did the work.
         beam, sphere: The bead and its trap, as plain numbers.
     """
 
-    kind: str
-    hardware: str
     beam: dict[str, Any]
     sphere: dict[str, Any]
 
@@ -63,26 +71,23 @@ class BeadFindings(Findings):
             f"{b['numerical_aperture']:g}, {b['polarization']} polarization"
         )
 
+    def check(self) -> None:
+        """Raise `KeyError`, `TypeError` or `ValueError` for what no benchmark finds."""
+        self.bead()
+
     @classmethod
-    @abstractmethod
     def from_json(cls, data: Any) -> Self:
         """The inverse of `json`.
 
         Raises:
             KeyError, TypeError, ValueError: Not what `json` gave.
         """
-
-    @classmethod
-    def fields_of(cls, data: Any) -> dict[str, Any]:
-        """A copy of what `json` gave, without the head.
-
-        Raises:
-            KeyError, TypeError, ValueError: Another head.
-        """
         fields = dict(data)
         if (fields.pop("format"), fields.pop("version")) != (cls.FORMAT, cls.VERSION):
             raise ValueError("another format or version")
-        return fields
+        found = rebuilt(cls, fields)
+        found.check()
+        return found
 
     @classmethod
     def read(cls, file: Path) -> Self:
@@ -99,21 +104,28 @@ class BeadFindings(Findings):
             raise InputError(f"--with {file} is not what --json writes; allowed: a file of {cls.FORMAT}") from error
 
 
-def positive(value: Any) -> float:
-    """A number that a file says is positive.
+def bead_fields(beam: Beam, sphere: Particle) -> dict[str, dict[str, Any]]:
+    """`beam` and `sphere` of `BeadFindings`; the sphere's index is real."""
+    plain = {"radius": sphere.radius, "index": complex(sphere.index).real}
+    return {"beam": dataclasses.asdict(beam), "sphere": plain}
+
+
+def rebuilt(kind: Any, data: Any) -> Any:
+    """A value of an annotated type, out of what `dataclasses.asdict` and JSON made of it.
 
     Raises:
-        ValueError: It is not.
+        KeyError, TypeError, ValueError: It is something else.
     """
-    if not (isinstance(value, float) and math.isfinite(value) and value > 0.0):
-        raise ValueError("a number that is not positive")
-    return value
-
-
-def costs_of(row: dict[str, Any]) -> dict[str, Spread]:
-    """`cost` and `ratio` of a row of a file.
-
-    Raises:
-        KeyError, TypeError, ValueError: They are not there, or not positive.
-    """
-    return {key: Spread(**{k: positive(v) for k, v in row[key].items()}) for key in ("cost", "ratio")}
+    parts = get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return kind(**{name: rebuilt(hints[name], value) for name, value in dict(data).items()})  # type: ignore[operator]
+    if get_origin(kind) is dict:
+        return {name: rebuilt(parts[1], value) for name, value in data.items()}
+    if get_origin(kind) is tuple:
+        endless = parts[-1] is ...
+        pairs = zip(repeat(parts[0]) if endless else parts, data, strict=not endless)
+        return tuple(rebuilt(part, value) for part, value in pairs)
+    if type(None) in parts:
+        return None if data is None else rebuilt(parts[0], data)
+    return float(data) if kind is float else data

@@ -8,6 +8,7 @@ import os
 import platform
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import warp as wp
 
@@ -54,6 +55,16 @@ class Machine:
     def name(self) -> str:
         """What did the work: the accelerator if there is one, else the processor."""
         return self.accelerator or self.processor
+
+    @property
+    def kind(self) -> str:
+        """`cpu` or `cuda`."""
+        return "cuda" if self.accelerator else "cpu"
+
+    def about(self, *, fast_math: bool = False) -> dict[str, Any]:
+        """What `otwarp.bench.findings.Findings` says of it."""
+        hardware = self.name() + (", fast math" if fast_math else "")
+        return {"kind": self.kind, "hardware": hardware, "machine": self.data()}
 
     def text(self) -> str:
         """One line for people."""

@@ -142,6 +142,14 @@ class TrappedBead:
         drag = 6.0 * math.pi * self.medium.viscosity * self.sphere.radius
         return RELAXATION * drag / max(self.properties.stiffness)
 
+    def thermal_points(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, 3) places of a trapped bead [µm]: normal by equipartition, and inside the trap region."""
+        out = np.zeros((0, 3))
+        while len(out) < count:
+            drawn = self.spread * rng.standard_normal((count, 3))
+            out = np.concatenate([out, drawn[np.linalg.norm(drawn, axis=1) < self.region]])
+        return self.centre + out[:count]
+
     @cached_property
     def fits(self) -> dict[str, CurveFit]:
         """The paper's law: `radial`, `axial`, `isotropic`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ LONGEST_CALL = 1 << 22
 
 
 @dataclass(frozen=True)
-class Spread:
+class Quartiles:
     """Median and quartiles of repeated measurements.
 
     Attributes:
@@ -29,14 +30,19 @@ class Spread:
     high: float
 
     @classmethod
-    def of(cls, samples: list[float]) -> Spread:
+    def of(cls, samples: list[float]) -> Quartiles:
         """Summarise at least one sample."""
         low, median, high = np.percentile(samples, [25.0, 50.0, 75.0])
         return cls(float(median), float(low), float(high))
 
-    def times(self, factor: float) -> Spread:
+    def times(self, factor: float) -> Quartiles:
         """The same in another unit; `factor` is positive."""
-        return Spread(factor * self.median, factor * self.low, factor * self.high)
+        return Quartiles(factor * self.median, factor * self.low, factor * self.high)
+
+    def check(self) -> None:
+        """Raise `ValueError` unless all of it is positive, as costs are."""
+        if not all(0.0 < value < math.inf for value in (self.median, self.low, self.high)):
+            raise ValueError("a cost that is not positive")
 
     def text(self, pattern: str = ".3g") -> str:
         """`median (low – high)`."""
@@ -49,13 +55,13 @@ class Pairs(NamedTuple):
     first: list[float]
     second: list[float]
 
-    def difference(self) -> Spread:
+    def difference(self) -> Quartiles:
         """Second minus first, pair by pair."""
-        return Spread.of([b - a for a, b in zip(self.first, self.second, strict=True)])
+        return Quartiles.of([b - a for a, b in zip(self.first, self.second, strict=True)])
 
-    def ratio(self) -> Spread:
+    def ratio(self) -> Quartiles:
         """First over second, pair by pair."""
-        return Spread.of([a / b for a, b in zip(self.first, self.second, strict=True)])
+        return Quartiles.of([a / b for a, b in zip(self.first, self.second, strict=True)])
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from otwarp.bench.forces.figure import draw_runs, pareto_front
-from otwarp.bench.forces.measure import Probes, Runner, bench_forces, thermal_points
+from otwarp.bench.forces.measure import Probes, bench_forces
 from otwarp.bench.forces.result import ForcesBench
 from otwarp.bench.forces.table import HEAD, caption, table
 from otwarp.bench.report import NOTHING
 from otwarp.bench.rungs import HARMONIC, LADDER, RELAXATION, TrappedBead, chosen_rungs
-from otwarp.bench.timing import Spread
+from otwarp.bench.timed_rung import TimedRung
+from otwarp.bench.timing import Quartiles
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle, build_table, force
@@ -94,7 +95,7 @@ def test_errors_are_those_of_the_models(found, bead):
 def test_forces_are_read_for_more_points_than_worlds(bead, device):
     probes = Probes.draw(bead, region=11, thermal=4)
     rung = chosen_rungs(())[1]
-    runner = Runner(bead, rung, pick_device(device), worlds=4, time_step=bead.time_step, seconds=1e-3)
+    runner = TimedRung(bead, rung, pick_device(device), worlds=4, time_step=bead.time_step, seconds=1e-3)
     got = runner.force_at(probes.region)
     expected = -np.array(bead.properties.stiffness) * (probes.region - bead.centre)
     assert got == pytest.approx(expected, abs=SINGLE * probes.peak)
@@ -109,7 +110,7 @@ def test_a_table_is_built_once(cache, device, tmp_path, monkeypatch):
     rung = next(r for r in LADDER if r.name == "bilinear-1e-2")
     monkeypatch.setenv("OTWARP_CACHE", str(tmp_path))
     first, second = (
-        Runner(bead, rung, pick_device(device), worlds=2, time_step=bead.time_step, seconds=1e-3) for _ in range(2)
+        TimedRung(bead, rung, pick_device(device), worlds=2, time_step=bead.time_step, seconds=1e-3) for _ in range(2)
     )
     assert first.build_seconds is not None and first.build_seconds > 0.0
     assert second.build_seconds is None
@@ -118,7 +119,7 @@ def test_a_table_is_built_once(cache, device, tmp_path, monkeypatch):
 
 def test_probes_lie_where_they_should(bead):
     rng = np.random.default_rng(3)
-    thermal = thermal_points(bead, 4000, rng) - bead.centre
+    thermal = bead.thermal_points(4000, rng) - bead.centre
     # 5 standard errors of a variance from 4000 samples
     assert thermal.var(axis=0) == pytest.approx(bead.spread**2, rel=5.0 * math.sqrt(2.0 / 4000))
     probes = Probes.draw(bead, region=2000, thermal=2)
@@ -153,7 +154,7 @@ def test_scenes_differ_in_the_force_model_alone(rung, bead):
 
 def test_the_exact_model_is_exact_in_a_scene(bead, device):
     rung = next(r for r in LADDER if r.family == "exact")
-    runner = Runner(bead, rung, pick_device(device), worlds=8, time_step=bead.time_step, seconds=1e-3)
+    runner = TimedRung(bead, rung, pick_device(device), worlds=8, time_step=bead.time_step, seconds=1e-3)
     assert all(name.startswith("exact") for name in runner.sim.model.features.trap_models)
     errors = Probes.draw(bead, region=20, thermal=5).errors(runner.force_at)
     assert errors.largest < SINGLE and runner.build_seconds is None
@@ -220,7 +221,9 @@ def test_the_table_says_what_was_found(found):
     rows = table(found, "").rows
     assert all(len(row) == len(HEAD) for row in rows)
     assert rows[0][0] == "no trap" and rows[0][4:] == (NOTHING,) * 5
-    slow = replace(found.rows[2], cost=Spread(100.0, 80.0, 125.0), ratio=Spread(2.0, 1.5, 2.5), build_seconds=0.512)
+    slow = replace(
+        found.rows[2], cost=Quartiles(100.0, 80.0, 125.0), ratio=Quartiles(2.0, 1.5, 2.5), build_seconds=0.512
+    )
     cells = table(replace(found, rows=(slow,)), "").rows[0]
     assert cells[1:4] == ("10 (8 – 12.5)", "100", "2 (1.5 – 2.5)") and cells[8] == "0.51"
     for words in ("16 beads", "r = 0.5 µm", "20 mW", "100 random points"):

@@ -15,13 +15,13 @@ from benchmarks.report import PAGES, put_on_page
 from otwarp.bench.integrators.cases import DEFAULT, MODELS, PLAIN, SCHEMES, all_cases, rung
 from otwarp.bench.integrators.figure import draw_integrators, error_at
 from otwarp.bench.integrators.fokker_planck import Estimate
-from otwarp.bench.integrators.largest_step import Limit, largest_step
+from otwarp.bench.integrators.largest_step import StepLimit, largest_step
 from otwarp.bench.integrators.measure import bench_integrators, limits, references, relative
 from otwarp.bench.integrators.observables import (
     OBSERVABLES,
     PANELS,
     STATIONARY,
-    Measured,
+    Mean,
     escape_mean,
     from_means,
     measure_escape,
@@ -40,7 +40,7 @@ from otwarp.bench.integrators.table import (
 )
 from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.bench.report import NOTHING
-from otwarp.bench.timing import Spread
+from otwarp.bench.timing import Quartiles
 from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.optics import Beam, Particle, force
@@ -83,7 +83,7 @@ def measured(device) -> IntegratorsBench:
     return out
 
 
-def agrees(found: Measured, exact: float, bias: float = 0.0) -> None:
+def agrees(found: Mean, exact: float, bias: float = 0.0) -> None:
     assert found.error > 0.0
     assert abs(found.value - exact) < SIGMAS * found.error + bias
 
@@ -123,16 +123,16 @@ def test_the_step_of_one_per_cent(order):
     noisy = largest_step(z, a * z**order + 2e-3 * rng.standard_normal(6), np.full(6, 2e-3), order=order, wanted=0.01)
     assert noisy.high - noisy.low > found.high - found.low
     none = largest_step(z, 1e-3 * z**order, np.full(6, 1e-5), order=order, wanted=0.01)
-    assert none == Limit(0.3, 0.3, 0.3, beyond=True)
+    assert none == StepLimit(0.3, 0.3, 0.3, beyond=True)
 
 
 def test_a_panel_is_as_good_as_its_worst():
-    small, large, unsure = Measured(0.01, 0.001), Measured(-0.02, 0.001), Measured(0.05, 0.04)
+    small, large, unsure = Mean(0.01, 0.001), Mean(-0.02, 0.001), Mean(0.05, 0.04)
     assert worst({"rho2": small, "z2": large}, "variance") == large
     assert worst({"rho2": small, "z2": unsure}, "variance") == small
-    assert worst({"rho2": unsure, "z2": Measured(0.0, 0.01)}, "variance") == unsure
+    assert worst({"rho2": unsure, "z2": Mean(0.0, 0.01)}, "variance") == unsure
     assert worst({"rho2": small}, "variance") is None
-    assert worst({"escape": Measured(math.nan, math.nan)}, "escape") is None
+    assert worst({"escape": Mean(math.nan, math.nan)}, "escape") is None
 
 
 @pytest.mark.parametrize("name", ["eulerMaruyama", "heun"])
@@ -246,7 +246,7 @@ def test_a_tiny_benchmark(measured):
 def test_json_comes_back_as_it_was(measured, tmp_path: Path):
     file = tmp_path / "bench.json"
     unseen = replace(
-        measured.lines[1], points=(Point(product=0.1, errors={"escape": Measured(math.nan, math.nan)}),), limits={}
+        measured.lines[1], points=(Point(product=0.1, errors={"escape": Mean(math.nan, math.nan)}),), limits={}
     )
     other = replace(measured, lines=(measured.lines[0], unseen))
     other.save(file)
@@ -281,10 +281,10 @@ def test_a_foreign_file_is_refused(measured, tmp_path: Path, change):
 def made_up(name: str, cost: float, slope: float, order: int) -> Line:
     """Errors slope·z^order of all observables, seen to 0.1 %."""
     points = tuple(
-        Point(product=z, errors={o: Measured(slope * z**order, 1e-3) for o in OBSERVABLES}) for z in (0.02, 0.1, 0.3)
+        Point(product=z, errors={o: Mean(slope * z**order, 1e-3) for o in OBSERVABLES}) for z in (0.02, 0.1, 0.3)
     )
     case = next(c for c in all_cases(["integrator"], fast_math=False) if c.name == name)
-    spread = Spread(cost, cost, cost)
+    spread = Quartiles(cost, cost, cost)
     return Line(
         name=name,
         label=case.label,
@@ -314,8 +314,8 @@ def test_time_to_one_per_cent(measured):
 
 def test_the_tables_and_the_page(measured):
     assert all(len(row) == len(VARIANTS_HEAD) for row in variant_rows(measured))
-    assert error_cell(None) == error_cell(Measured(math.nan, math.nan)) == NOTHING
-    assert error_cell(Measured(-0.0123, 0.001)) == "-1.23 ± 0.1"
+    assert error_cell(None) == error_cell(Mean(math.nan, math.nan)) == NOTHING
+    assert error_cell(Mean(-0.0123, 0.001)) == "-1.23 ± 0.1"
     titles = [table.title for table in section.page_tables(measured)]
     assert titles[0] == "Time to 1 %" and len(titles) == 3
     page = (PAGES / "integrators.md").read_text()
@@ -347,7 +347,7 @@ def test_runs_of_two_devices_share_a_picture(measured, tmp_path: Path):
 
 
 def test_relative_errors():
-    found = relative(Measured(1.02, 0.003), Estimate(1.0, 0.004))
+    found = relative(Mean(1.02, 0.003), Estimate(1.0, 0.004))
     assert found.value == pytest.approx(0.02) and found.error == pytest.approx(0.005)
     assert set(STATIONARY) | {"escape"} == set(OBSERVABLES)
 

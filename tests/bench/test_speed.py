@@ -34,7 +34,7 @@ from otwarp.bench.speed.workloads import (
     table_robot,
     workloads,
 )
-from otwarp.bench.timing import Spread
+from otwarp.bench.timing import Quartiles
 from otwarp.cli.main import main
 from otwarp.device import pick_device
 from otwarp.errors import InputError
@@ -239,8 +239,8 @@ def row(label: str, **fields) -> SpeedRow:
 
 def test_the_table_says_what_was_found():
     rows = (
-        row("ours", rate=Spread(2e8, 1e8, 3e8), goal=1.2e8, check=1.0),
-        row("slow", rate=Spread(1e7, 1e7, 1e7), ratio=Spread(0.05, 0.05, 0.05), goal=1e8),
+        row("ours", rate=Quartiles(2e8, 1e8, 3e8), goal=1.2e8, check=1.0),
+        row("slow", rate=Quartiles(1e7, 1e7, 1e7), ratio=Quartiles(0.05, 0.05, 0.05), goal=1e8),
         row("theirs", peer=True, skipped="nothing is installed"),
     )
     bench = SpeedBench(kind="cpu", hardware="a processor", machine={}, rounds=3, rows=rows)

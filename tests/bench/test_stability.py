@@ -30,7 +30,7 @@ from otwarp.bench.stability.thermal import (
     robot_equipartition,
     simulate,
 )
-from otwarp.bench.stability.verdict import Defect, Measured, Verdict, judge
+from otwarp.bench.stability.verdict import CellVerdict, Defect, Deviation, judge
 from otwarp.cli.main import main
 from otwarp.errors import InputError, SimulationError
 from otwarp.record.run import record_run
@@ -70,26 +70,26 @@ def test_overlaps_follow_hertz():
 @pytest.mark.parametrize(
     ("found", "verdict"),
     [
-        (Measured(error=0.009), Verdict.ACCURATE),
-        (Measured(error=-0.02, standard_error=0.004), Verdict.ACCURATE),
-        (Measured(error=0.05), Verdict.STABLE),
-        (Measured(error=0.5, predicted=0.52), Verdict.STABLE),
-        (Measured(error=0.5, predicted=0.3), Verdict.WRONG),
-        (Measured(error=0.12), Verdict.WRONG),
-        (Measured(error=0.12, standard_error=0.005), Verdict.STABLE),
-        (Measured(error=math.nan), Verdict.WRONG),
-        (Measured(error=math.inf, predicted=math.inf), Verdict.WRONG),
+        (Deviation(error=0.009), CellVerdict.ACCURATE),
+        (Deviation(error=-0.02, standard_error=0.004), CellVerdict.ACCURATE),
+        (Deviation(error=0.05), CellVerdict.STABLE),
+        (Deviation(error=0.5, predicted=0.52), CellVerdict.STABLE),
+        (Deviation(error=0.5, predicted=0.3), CellVerdict.WRONG),
+        (Deviation(error=0.12), CellVerdict.WRONG),
+        (Deviation(error=0.12, standard_error=0.005), CellVerdict.STABLE),
+        (Deviation(error=math.nan), CellVerdict.WRONG),
+        (Deviation(error=math.inf, predicted=math.inf), CellVerdict.WRONG),
     ],
 )
 def test_verdicts(found, verdict):
     assert found.verdict is verdict
     cell = judge("r", "c", lambda: found)
-    assert cell.verdict is verdict and bool(cell.message) == (verdict is Verdict.WRONG)
+    assert cell.verdict is verdict and bool(cell.message) == (verdict is CellVerdict.WRONG)
     json.dumps(cell.json(), allow_nan=False)
 
 
 def raising(error: Exception):
-    def measure() -> Measured:
+    def measure() -> Deviation:
         raise error
 
     return measure
@@ -97,22 +97,22 @@ def raising(error: Exception):
 
 def test_a_clear_refusal_is_no_defect_and_an_unclear_one_is():
     stop = SimulationError("stopped", world=0, body="/B", step=3, time=0.1)
-    assert judge("", "", raising(InputError("time step is 1 s; allowed: less"))).verdict is Verdict.REFUSED
-    assert judge("", "", raising(stop)).verdict is Verdict.STOPPED
-    assert judge("", "", raising(InputError("two\nlines"))).verdict is Verdict.WRONG
-    assert judge("", "", raising(Defect("nan"))).verdict is Verdict.WRONG
-    assert judge("", "", lambda: None).verdict is Verdict.STABLE
+    assert judge("", "", raising(InputError("time step is 1 s; allowed: less"))).verdict is CellVerdict.REFUSED
+    assert judge("", "", raising(stop)).verdict is CellVerdict.STOPPED
+    assert judge("", "", raising(InputError("two\nlines"))).verdict is CellVerdict.WRONG
+    assert judge("", "", raising(Defect("nan"))).verdict is CellVerdict.WRONG
+    assert judge("", "", lambda: None).verdict is CellVerdict.STABLE
     with pytest.raises(ZeroDivisionError):
         judge("", "", raising(ZeroDivisionError()))
 
 
 def test_a_warning_makes_a_large_error_a_stated_one():
-    def measure() -> Measured:
+    def measure() -> Deviation:
         warnings.warn("too coarse", stacklevel=1)
-        return Measured(error=0.5)
+        return Deviation(error=0.5)
 
     cell = judge("", "", measure)
-    assert cell.verdict is Verdict.STABLE and cell.warned == ("too coarse",)
+    assert cell.verdict is CellVerdict.STABLE and cell.warned == ("too coarse",)
 
 
 def test_cells_of_all_grids_have_places_of_their_own(effort):
@@ -145,8 +145,8 @@ def test_a_grid_holds_what_its_cells_found(effort, tmp_path: Path):
         for column in grid.columns:
             cell = grid.cell(row, column)
             assert cell is not None
-            assert cell.verdict is (Verdict.STOPPED if float(column) > 0.5 else Verdict.ACCURATE), cell
-    assert found.counts[Verdict.STOPPED] == 18 and not found.wrong
+            assert cell.verdict is (CellVerdict.STOPPED if float(column) > 0.5 else CellVerdict.ACCURATE), cell
+    assert found.counts[CellVerdict.STOPPED] == 18 and not found.wrong
     text = plain(found)
     assert "A    36  accurate" in text and "first refusal: spheres overlap by more than half" in text
     file = tmp_path / "found.json"
@@ -163,19 +163,19 @@ def test_springs_beads_and_robots_are_as_accurate_as_predicted(effort):
         judge("robot", "", lambda: robot_equipartition(effort)),
         judge("long", "", lambda: long_run(effort, steps=4000, worlds=64)),
     ):
-        assert cell.verdict is Verdict.ACCURATE, cell
+        assert cell.verdict is CellVerdict.ACCURATE, cell
     # near the largest stable step Heun's variance is far off, and otwarp says by how much
     near = judge("robot", "0.9", lambda: robot_equipartition(effort, factor=0.9, stable=True))
-    assert near.verdict is Verdict.STABLE and near.predicted is not None and near.predicted < -0.5
-    assert judge("", "", lambda: robot_equipartition(effort, factor=1.01, stable=True)).verdict is Verdict.REFUSED
+    assert near.verdict is CellVerdict.STABLE and near.predicted is not None and near.predicted < -0.5
+    assert judge("", "", lambda: robot_equipartition(effort, factor=1.01, stable=True)).verdict is CellVerdict.REFUSED
 
 
 def test_far_from_the_origin_a_bead_is_not_silently_wrong(effort):
     far = (1e5, PLACE[1], PLACE[2])
     cell = judge("", "", lambda: bead_variance(effort, power=1000.0, place=far))
-    assert cell.verdict is Verdict.STABLE and "rounding of float32 coordinates" in cell.warned[0]
+    assert cell.verdict is CellVerdict.STABLE and "rounding of float32 coordinates" in cell.warned[0]
     near = judge("", "", lambda: bead_variance(effort, power=1000.0))
-    assert near.verdict is Verdict.ACCURATE and not near.warned
+    assert near.verdict is CellVerdict.ACCURATE and not near.warned
 
 
 def test_contact_drag_and_jumps_follow_their_closed_forms(effort):
@@ -187,19 +187,19 @@ def test_contact_drag_and_jumps_follow_their_closed_forms(effort):
         judge("jump", "", lambda: trap_jump(effort, law="piecewise", jump=1.0)),
         judge("lost", "", lambda: trap_jump(effort, law="piecewise", jump=2.0)),
     ):
-        assert cell.verdict is Verdict.ACCURATE, cell
+        assert cell.verdict is CellVerdict.ACCURATE, cell
 
 
 def test_a_soft_bead_on_a_floor_is_found_where_boltzmann_has_it(effort):
     cell = judge("", "", lambda: resting_height(effort, modulus=1e2, below=0.0, step=0.5))
-    assert cell.verdict in (Verdict.ACCURATE, Verdict.STABLE), cell
+    assert cell.verdict in (CellVerdict.ACCURATE, CellVerdict.STABLE), cell
 
 
 def test_a_wrong_law_is_found_out(effort, monkeypatch, capfd):
     right = closed_forms.hardness
     monkeypatch.setattr(closed_forms, "hardness", lambda *a, **k: 10.0 * right(*a, **k))
     cell = judge("", "", lambda: pressed_pair(effort, modulus=1e2, ratio=1.0))
-    assert cell.verdict is Verdict.WRONG and cell.message.startswith("error ")
+    assert cell.verdict is CellVerdict.WRONG and cell.message.startswith("error ")
     assert main(["bench", "stability", "--quick", "--grid", "pair", "--device", str(effort.device)]) == 1
     assert "SILENTLY WRONG, " in capfd.readouterr().out
 
@@ -266,7 +266,7 @@ def test_a_stopped_run_leaves_finite_numbers_on_disk(device, tmp_path: Path):
 @given(seed=st.integers(0, 2**31), cold=st.booleans())
 def test_random_scenes_are_never_silently_wrong(effort, seed, cold):
     cell = judge("", "", lambda: random_scenes.run_draw(effort, seed, cold=cold))
-    assert cell.verdict is not Verdict.WRONG, cell
+    assert cell.verdict is not CellVerdict.WRONG, cell
 
 
 def test_draws_are_the_same_everywhere_and_overlaps_are_seen(effort):

@@ -18,7 +18,7 @@ from otwarp.bench.report import Table
 from otwarp.bench.speed.peers import numpy_bead
 from otwarp.bench.terms.measure import SNAPSHOTS, TIME_STEP
 from otwarp.bench.terms.scenes import COMPARISONS, SCENES, TOGETHER, Comparison
-from otwarp.bench.timing import Spread, interleaved
+from otwarp.bench.timing import Quartiles, interleaved
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
 
@@ -157,8 +157,8 @@ def test_pairs_are_taken_in_turns():
 
     pairs = interleaved({"x": (lambda: note("a", 1.0), lambda: note("b", 4.0))}, rounds=3)["x"]
     assert log == ["a", "b", "b", "a", "a", "b"]
-    assert pairs.difference() == Spread(3.0, 3.0, 3.0)
-    assert pairs.ratio() == Spread(0.25, 0.25, 0.25)
+    assert pairs.difference() == Quartiles(3.0, 3.0, 3.0)
+    assert pairs.ratio() == Quartiles(0.25, 0.25, 0.25)
 
 
 def test_tables_go_between_the_markers_of_the_page(term_section: Section):

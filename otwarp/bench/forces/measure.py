@@ -7,7 +7,6 @@ against exact forces from NumPy in float64.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,17 +14,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.bench.forces.result import Errors, ForcesBench, Row, beam_fields, sphere_fields
+from otwarp.bench.findings import bead_fields
+from otwarp.bench.forces.result import Errors, ForcesBench, Row
 from otwarp.bench.machine import Machine
 from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
-from otwarp.bench.timing import Spread, calls_for, elapsed, interleaved
+from otwarp.bench.timed_rung import SEED, TimedRung
+from otwarp.bench.timing import Quartiles, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle, build_table, evaluate
-from otwarp.optics.table_cache import cache_folder, load
-from otwarp.simulation.arrays import device_array
-from otwarp.simulation.optics import TrapOptics
-from otwarp.simulation.simulation import Simulation
 
 WORLDS = {"cpu": 4096, "cuda": 1 << 20}
 """Beads by kind of device: enough to fill it."""
@@ -34,9 +31,6 @@ SECONDS = 0.1
 """Length of one measured call, unless a single step takes longer."""
 
 REGION_PROBES, THERMAL_PROBES = 4000, 1000
-
-SEED = 20240607
-"""Of the probes: every run judges the models on the same points."""
 
 Note = Callable[[str], None]
 """Called with what is being done, often enough to stop there."""
@@ -68,7 +62,7 @@ class Probes:
         way = rng.standard_normal((region, 3))
         way /= np.linalg.norm(way, axis=1, keepdims=True)
         inside = bead.centre + way * bead.region * np.cbrt(rng.uniform(0.0, 1.0, (region, 1)))
-        around = thermal_points(bead, thermal, rng)
+        around = bead.thermal_points(thermal, rng)
         points = [p.astype(np.float32) for p in (inside, around)]
         found = [evaluate(bead.beam, bead.sphere, p.astype(float)) for p in points]
         scale = bead.beam.force_scale
@@ -88,87 +82,6 @@ class Probes:
             distance = np.linalg.norm(force_at(points) - exact, axis=1) / self.peak
             found += [float(np.sqrt(np.mean(distance**2))), float(distance.max())]
         return Errors(rms=found[0], largest=found[1], thermal_rms=found[2], thermal_largest=found[3])
-
-
-def thermal_points(bead: TrappedBead, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, 3) places of a trapped bead [µm]: normal by equipartition, and inside the trap region."""
-    out = np.zeros((0, 3))
-    while len(out) < count:
-        drawn = bead.spread * rng.standard_normal((count, 3))
-        out = np.concatenate([out, drawn[np.linalg.norm(drawn, axis=1) < bead.region]])
-    return bead.centre + out[:count]
-
-
-class Runner:
-    """A rung in motion, ready to be timed and to be asked for forces.
-
-    Further arguments are those of `Simulation`.
-
-    Attributes:
-        rung: Its force model.
-        sim: One bead per world.
-        steps: Steps in one sample.
-        build_seconds: Time its table took, None without a table or with one from the cache.
-    """
-
-    def __init__(
-        self,
-        bead: TrappedBead,
-        rung: Rung,
-        device: wp.Device,
-        *,
-        worlds: int,
-        time_step: float,
-        seconds: float,
-        **settings: Any,
-    ):
-        scene = bead.scene(rung)
-        self.rung, self.device = rung, device
-        self.build_seconds = self._build(bead, device)
-        how: dict = {"time_step": time_step, "threads": 1, **settings}
-        self.sim = Simulation(scene, worlds=worlds, seed=SEED, device=device, **how)
-        # a bead at rest at the equilibrium would make all worlds read the same cell of a table
-        start = thermal_points(bead, worlds, np.random.default_rng(SEED))[:, None, :]
-        self.start = device_array(start, wp.vec3, self.sim.model.place, ndim=2)
-        self.rewind()
-        self.steps = calls_for(self.sim.step, device, seconds)
-
-    def _build(self, bead: TrappedBead, device: wp.Device) -> float | None:
-        """Put the rung's table into the cache, from which the simulation takes it."""
-        if self.rung.tolerance is None:
-            return None
-        held = load(cache_folder(), bead.beam, bead.sphere, self.rung.tolerance, self.rung.family)  # type: ignore[arg-type]
-        if held is not None:
-            return None
-        begin = time.perf_counter()
-        TrapOptics.of(bead.scene(self.rung), np.zeros((1, 3)), device)
-        return time.perf_counter() - begin
-
-    def rewind(self) -> None:
-        """Put the beads where they started."""
-        wp.copy(self.sim.state.position, self.start)
-
-    def sample(self) -> float:
-        """One measurement [ns per bead-step]."""
-        self.rewind()
-        taken = elapsed(lambda: self.sim.step(self.steps), self.device).on(self.device)
-        return 1e9 * taken / (self.steps * self.sim.model.worlds)
-
-    def force_at(self, points: np.ndarray) -> np.ndarray:
-        """(n, 3) force that the simulation computes for a bead at `points` (n, 3) [pN], a world for each point."""
-        worlds = self.sim.model.worlds
-        parts = []
-        for first in range(0, len(points), worlds):
-            chunk = points[first : first + worlds]
-            # worlds that are left over repeat the chunk
-            self.sim.set_state(position=np.resize(chunk, (worlds, 1, 3)))
-            # on the CPU the array is a view of what the next chunk overwrites; astype copies
-            parts.append(self.sim.readout.trap_force.numpy()[: len(chunk), 0].astype(float))
-        return np.concatenate(parts)
-
-    def table_bytes(self) -> int:
-        """Memory of the table's nodes [B]."""
-        return 0 if self.rung.tolerance is None else sum(t.size for t in self.sim.model.optics.tables)
 
 
 def bench_forces(
@@ -206,21 +119,17 @@ def bench_forces(
     rungs = chosen_rungs(models)
     _check(worlds, rounds)
     place = pick_device(device)
-    kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
     bead = TrappedBead(beam, sphere)
     step = bead.time_step if time_step is None else time_step
-    beads = worlds or WORLDS[kind]
+    beads = worlds or WORLDS[machine.kind]
     note("exact forces")
     judged = Probes.draw(bead, region=probes[0], thermal=probes[1])
     how = {"worlds": beads, "time_step": step, "seconds": seconds, "fast_math": fast_math}
     runners, errors = _judged_runners(judged, bead, rungs, place, note, **how)
     return ForcesBench(
-        kind=kind,
-        hardware=machine.name() + (", fast math" if fast_math else ""),
-        machine=machine.data(),
-        beam=beam_fields(beam),
-        sphere=sphere_fields(sphere),
+        **machine.about(fast_math=fast_math),
+        **bead_fields(beam, sphere),
         worlds=beads,
         time_step=step,
         rounds=rounds,
@@ -241,39 +150,29 @@ def _check(worlds: int | None, rounds: int) -> None:
 
 def _judged_runners(
     judged: Probes, bead: TrappedBead, rungs: Sequence[Rung], device: wp.Device, note: Note, **how: Any
-) -> tuple[dict[str, Runner], dict[str, Errors | None]]:
+) -> tuple[dict[str, TimedRung], dict[str, Errors | None]]:
     """By name of the rung, its runner, made with `how`, and its errors: none without a trap."""
     runners, errors = {}, {}
     for rung in rungs:
         note(f"{rung.label}: building")
-        runner = Runner(bead, rung, device, **how)
+        runner = TimedRung(bead, rung, device, **how)
         runners[rung.name] = runner
         errors[rung.name] = judged.errors(runner.force_at) if rung.family != "none" else None
     return runners, errors
 
 
-def _costs(runners: dict[str, Runner], rounds: int, note: Note) -> dict[str, tuple[Spread, Spread]]:
-    """Cost of every rung [ns per bead-step] and its ratio to the harmonic one, the two measured in turns."""
-
-    def noted(runner: Runner) -> Callable[[], float]:
-        def measure() -> float:
-            note(f"{runner.rung.label}: measuring")
-            return runner.sample()
-
-        return measure
-
+def _rows(runners: dict[str, TimedRung], errors: dict[str, Errors | None], rounds: int, note: Note) -> tuple[Row, ...]:
+    """Measure the costs [ns per bead-step], each in turns with the harmonic one, and put them beside the errors."""
     base = runners[HARMONIC].sample
-    pairs = interleaved({name: (noted(runner), base) for name, runner in runners.items()}, rounds)
-    return {name: (Spread.of(p.first), p.ratio()) for name, p in pairs.items()}
+    turns = {name: (runner.sample, base) for name, runner in runners.items()}
+    pairs = interleaved(turns, rounds, note=lambda name: note(f"{runners[name].rung.label}: measuring"))
+    return tuple(
+        _row(runner, Quartiles.of(pairs[name].first), pairs[name].ratio(), errors[name])
+        for name, runner in runners.items()
+    )
 
 
-def _rows(runners: dict[str, Runner], errors: dict[str, Errors | None], rounds: int, note: Note) -> tuple[Row, ...]:
-    """Measure the costs, and put them together with the errors."""
-    costs = _costs(runners, rounds, note)
-    return tuple(_row(runner, *costs[name], errors[name]) for name, runner in runners.items())
-
-
-def _row(runner: Runner, cost: Spread, ratio: Spread, errors: Errors | None) -> Row:
+def _row(runner: TimedRung, cost: Quartiles, ratio: Quartiles, errors: Errors | None) -> Row:
     rung = runner.rung
     return Row(
         name=rung.name,

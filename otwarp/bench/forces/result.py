@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
-from otwarp.bench.findings import BeadFindings, costs_of
-from otwarp.bench.timing import Spread
-from otwarp.optics import Beam, Particle
+from otwarp.bench.findings import BeadFindings
+from otwarp.bench.timing import Quartiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,17 +41,17 @@ class Row:
     label: str
     family: str
     tolerance: float | None
-    cost: Spread
-    ratio: Spread
+    cost: Quartiles
+    ratio: Quartiles
     errors: Errors | None
     table_bytes: int
     build_seconds: float | None
     steps: int
 
     @property
-    def rate(self) -> Spread:
+    def rate(self) -> Quartiles:
         """Bead-steps per second."""
-        return Spread(1e9 / self.cost.median, 1e9 / self.cost.high, 1e9 / self.cost.low)
+        return Quartiles(1e9 / self.cost.median, 1e9 / self.cost.high, 1e9 / self.cost.low)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +59,6 @@ class ForcesBench(BeadFindings):
     """Error and cost of the force models for one bead in one trap.
 
     Attributes:
-        kind: `cpu` (processor time of one thread) or `cuda` (wall time).
-        hardware: Name of the processor or accelerator that did the work.
-        machine: Its description, see `otwarp.bench.machine.Machine`.
-        beam, sphere: The bead and its trap, as plain numbers.
         worlds: Beads, one per world.
         time_step: The same for all rows [s].
         rounds: Repeats.
@@ -77,11 +70,6 @@ class ForcesBench(BeadFindings):
         rows: In the ladder's order.
     """
 
-    kind: str
-    hardware: str
-    machine: dict[str, Any]
-    beam: dict[str, Any]
-    sphere: dict[str, Any]
     worlds: int
     time_step: float
     rounds: int
@@ -102,34 +90,9 @@ class ForcesBench(BeadFindings):
         """The bead and its trap in words."""
         return f"{super().bead()}, {self.beam['power']:g} mW"
 
-    def json(self) -> dict[str, Any]:
-        """Plain data for `from_json`."""
-        return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
-
-    @classmethod
-    def from_json(cls, data: Any) -> ForcesBench:
-        """The inverse of `json`.
-
-        Raises:
-            KeyError, TypeError, ValueError: Not what `json` gave.
-        """
-        fields = cls.fields_of(data)
-        rows = []
-        for row in fields.pop("rows"):
-            errors = None if row["errors"] is None else Errors(**{k: float(v) for k, v in row["errors"].items()})
-            rows.append(Row(**(row | costs_of(row) | {"errors": errors})))
-        for name in ("spread", "probes"):
-            fields[name] = tuple(fields[name])
-        out = cls(**fields, rows=tuple(rows))
-        out.bead()
-        return out
-
-
-def beam_fields(beam: Beam) -> dict[str, Any]:
-    """A beam as plain numbers and names."""
-    return dataclasses.asdict(beam)
-
-
-def sphere_fields(sphere: Particle) -> dict[str, Any]:
-    """A sphere of real index as plain numbers."""
-    return {"radius": sphere.radius, "index": complex(sphere.index).real}
+    def check(self) -> None:
+        """Raise `KeyError`, `TypeError` or `ValueError` for what no benchmark finds."""
+        super().check()
+        for row in self.rows:
+            row.cost.check()
+            row.ratio.check()

@@ -18,7 +18,7 @@ DRAWS = 400
 
 
 @dataclass(frozen=True)
-class Limit:
+class StepLimit:
     """The largest z = k·dt/γ at which an error stays within what is wanted.
 
     Attributes:
@@ -35,7 +35,7 @@ class Limit:
 
 def largest_step(
     products: Sequence[float], errors: Sequence[float], spreads: Sequence[float], *, order: float, wanted: float
-) -> Limit:
+) -> StepLimit:
     """Fit e(z) = a·z^p + b·z^(p+1) to signed errors and find where |e| first exceeds what is wanted.
 
     Between measured steps that is interpolation by the law the errors follow; a single noisy point cannot decide it.
@@ -65,7 +65,7 @@ def largest_step(
     powers = np.stack([grid**order, grid ** (order + 1.0)])
     first = [_first_above(np.abs(c @ powers), grid, wanted) for c in (best, *draws)]
     low, high = np.percentile(first[1:], [16.0, 84.0])
-    return Limit(first[0], float(low), float(high), beyond=bool(first[0] >= longest))
+    return StepLimit(first[0], float(low), float(high), beyond=bool(first[0] >= longest))
 
 
 def _first_above(error: np.ndarray, grid: np.ndarray, wanted: float) -> float:

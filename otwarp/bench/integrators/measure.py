@@ -17,23 +17,23 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.bench.forces.measure import Runner
-from otwarp.bench.forces.result import beam_fields, sphere_fields
+from otwarp.bench.findings import bead_fields
 from otwarp.bench.integrators.cases import DEFAULT, PLAIN, Case, all_cases
 from otwarp.bench.integrators.fokker_planck import Estimate
-from otwarp.bench.integrators.largest_step import Limit, largest_step
+from otwarp.bench.integrators.largest_step import StepLimit, largest_step
 from otwarp.bench.integrators.observables import (
     PANELS,
     STATIONARY,
     WATCHED,
-    Measured,
+    Mean,
     measure_escape,
     measure_stationary,
 )
 from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line, Point
 from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.bench.machine import Machine
-from otwarp.bench.timing import Pairs, Spread, interleaved
+from otwarp.bench.timed_rung import TimedRung
+from otwarp.bench.timing import Pairs, Quartiles, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle
@@ -145,9 +145,9 @@ class Study:
 
     def errors(
         self, case: Case, steps: int, cost: float, observables: Sequence[str], seconds: float
-    ) -> dict[str, Measured]:
+    ) -> dict[str, Mean]:
         """Relative errors of a case at a step; `cost` is that of one bead-step [ns], `seconds` the budget of each."""
-        found: dict[str, Measured] = {}
+        found: dict[str, Mean] = {}
         note = self.note
 
         def look() -> None:
@@ -172,9 +172,9 @@ class Study:
         return int(np.clip(cores * 1e9 * seconds / (cost * WATCHED * steps), fewest, most))
 
 
-def relative(found: Measured, truth: Estimate) -> Measured:
+def relative(found: Mean, truth: Estimate) -> Mean:
     """Relative error and its standard error, that of the reference included."""
-    return Measured(found.value / truth.value - 1.0, math.hypot(found.error, truth.error) / truth.value)
+    return Mean(found.value / truth.value - 1.0, math.hypot(found.error, truth.error) / truth.value)
 
 
 def bench_integrators(
@@ -214,14 +214,11 @@ def bench_integrators(
     place = pick_device(device)
     machine = Machine.look(place)
     study = Study.of(beam, sphere, cases, place, worlds=worlds, seconds=seconds, note=note)
-    beads = worlds or WORLDS["cpu" if place.is_cpu else "cuda"]
+    beads = worlds or WORLDS[machine.kind]
     costs = _costs(cases, study.deep, place, worlds=beads, rounds=rounds, call=call, note=note)
     return IntegratorsBench(
-        kind=study.kind,
-        hardware=machine.name() + (", fast math" if fast_math else ""),
-        machine=machine.data(),
-        beam=beam_fields(beam),
-        sphere=sphere_fields(sphere),
+        **machine.about(fast_math=fast_math),
+        **bead_fields(beam, sphere),
         worlds=beads,
         rounds=rounds,
         seconds=seconds,
@@ -230,7 +227,7 @@ def bench_integrators(
         lags=study.deep.lags,
         default=DEFAULT,
         default_product=study.product,
-        references={m: {k: Measured(e.value, e.error) for k, e in of.items()} for m, of in study.references.items()},
+        references={m: {k: Mean(e.value, e.error) for k, e in of.items()} for m, of in study.references.items()},
         lines=tuple(_lines(study, cases, {c.name: study.ladder(c, steps) for c in cases}, costs)),
     )
 
@@ -272,17 +269,12 @@ def _costs(
     runners = {}
     for case in cases:
         note(f"{case.label}: building")
-        runners[case.name] = Runner(well.bead, case.rung, device, **how, **case.settings)
-
-    def noted(case: Case) -> Callable[[], float]:
-        def measure() -> float:
-            note(f"{case.label}: timing")
-            return runners[case.name].sample()
-
-        return measure
+        runners[case.name] = TimedRung(well.bead, case.rung, device, **how, **case.settings)
 
     base = runners[DEFAULT].sample
-    return interleaved({case.name: (noted(case), base) for case in cases}, rounds)
+    labels = {case.name: case.label for case in cases}
+    turns = {name: (runner.sample, base) for name, runner in runners.items()}
+    return interleaved(turns, rounds, note=lambda name: note(f"{labels[name]}: timing"))
 
 
 def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], costs: dict[str, Pairs]) -> list[Line]:
@@ -290,7 +282,7 @@ def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], co
     seconds = study.seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
     points: dict[str, tuple[Point, ...]] = {}
     for case in cases:
-        cost = Spread.of(costs[case.name].first).median
+        cost = Quartiles.of(costs[case.name].first).median
         # what happens inside the deep well does not depend on how escapes are seen
         before = points.get("eulerMaruyama") if case.name == PLAIN else None
         found = []
@@ -306,7 +298,7 @@ def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], co
             name=case.name,
             label=case.label,
             group=case.group,
-            cost=Spread.of(costs[case.name].first),
+            cost=Quartiles.of(costs[case.name].first),
             ratio=costs[case.name].ratio(),
             points=points[case.name],
             limits=limits(points[case.name], case) if len(points[case.name]) > 1 else {},
@@ -315,7 +307,7 @@ def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], co
     ]
 
 
-def limits(points: Sequence[Point], case: Case) -> dict[str, Limit]:
+def limits(points: Sequence[Point], case: Case) -> dict[str, StepLimit]:
     """By panel, the largest step at which none of its observables is wrong by more than `WANTED`."""
     out = {}
     for panel, names in PANELS.items():

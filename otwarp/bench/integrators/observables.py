@@ -50,14 +50,17 @@ Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Measured:
+class Mean:
     """A mean and its standard error; nan where nothing was seen."""
 
     value: float
     error: float
 
 
-def from_means(function: Callable[[np.ndarray], np.ndarray], samples: np.ndarray) -> tuple[Measured, ...]:
+UNSEEN = Mean(np.nan, np.nan)
+
+
+def from_means(function: Callable[[np.ndarray], np.ndarray], samples: np.ndarray) -> tuple[Mean, ...]:
     """Functions of means over independent worlds, with standard errors to first order (delta method).
 
     Args:
@@ -70,7 +73,7 @@ def from_means(function: Callable[[np.ndarray], np.ndarray], samples: np.ndarray
     slopes = [(function(means + h) - function(means - h)) / 2.0 for h in np.diag(scale)]
     spread = ((samples - means) / scale) @ np.array(slopes)
     errors = np.sqrt((spread**2).mean(axis=0) / max(len(samples) - 1, 1))
-    return tuple(Measured(float(v), float(e)) for v, e in zip(function(means), errors, strict=True))
+    return tuple(Mean(float(v), float(e)) for v, e in zip(function(means), errors, strict=True))
 
 
 def measure_stationary(
@@ -82,7 +85,7 @@ def measure_stationary(
     lags: tuple[int, int, int],
     seconds: float,
     note: Callable[[], None] = lambda: None,
-) -> dict[str, Measured]:
+) -> dict[str, Mean]:
     """Variances and normalised correlations in a deep trap.
 
     Args:
@@ -131,7 +134,7 @@ def _stationary(m: np.ndarray) -> np.ndarray:
     return np.array([rho2, z2, later / rho2, (half - z * z) / z2, (whole - z * z) / z2])
 
 
-def measure_escape(sim: Simulation, mean: float, note: Callable[[], None] = lambda: None) -> Measured:
+def measure_escape(sim: Simulation, mean: float, note: Callable[[], None] = lambda: None) -> Mean:
     """Mean escape time of beads that start where the scene puts them [s].
 
     They are watched for `WATCHED` of the expected `mean`; see `escape_mean` for those that are still there.
@@ -146,7 +149,7 @@ def measure_escape(sim: Simulation, mean: float, note: Callable[[], None] = lamb
     return escape_mean(times, FORGOTTEN * mean, total * sim.time_step)
 
 
-def escape_mean(times: np.ndarray, forgotten: float, end: float) -> Measured:
+def escape_mean(times: np.ndarray, forgotten: float, end: float) -> Mean:
     """Mean of escape times of which those after `end` are unknown.
 
     T = ∫₀^f S dt + S(f)/λ, with λ = escapes between f and `end` over the time that beads were there: the estimate of
@@ -160,19 +163,19 @@ def escape_mean(times: np.ndarray, forgotten: float, end: float) -> Measured:
     left = times > forgotten
     seen = left & (times <= end)
     if not seen.any():
-        return Measured(np.nan, np.nan)
+        return UNSEEN
     there = np.where(left, np.minimum(times, end) - forgotten, 0.0)
     samples = np.stack([np.minimum(times, forgotten), left, there, seen], axis=1).astype(float)
     return from_means(lambda m: np.array([m[0] + m[1] * m[2] / m[3]]), samples)[0]
 
 
-def bound_of(found: Measured) -> tuple[float, bool]:
+def bound_of(found: Mean) -> tuple[float, bool]:
     """Size of an error, and whether that is only a bound: `SEEN` standard errors, where it is not seen."""
     seen = abs(found.value) >= SEEN * found.error
     return (abs(found.value), False) if seen else (SEEN * found.error, True)
 
 
-def worst(errors: dict[str, Measured], panel: str) -> Measured | None:
+def worst(errors: dict[str, Mean], panel: str) -> Mean | None:
     """The relative error of a panel: the largest that is seen, or else the one with the widest bound.
 
     None if one of the panel's observables was not measured.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
-from otwarp.bench.findings import BeadFindings, costs_of, positive
-from otwarp.bench.integrators.largest_step import Limit
-from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, Measured, worst
-from otwarp.bench.timing import Spread
+from otwarp.bench.findings import BeadFindings
+from otwarp.bench.integrators.largest_step import StepLimit
+from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, UNSEEN, Mean, worst
+from otwarp.bench.timing import Quartiles
 
 WANTED = 0.01
 """Relative error to which the figure `time to 1 %` belongs."""
@@ -26,9 +26,9 @@ class Point:
     """
 
     product: float
-    errors: dict[str, Measured]
+    errors: dict[str, Mean]
 
-    def panel(self, name: str) -> Measured | None:
+    def panel(self, name: str) -> Mean | None:
         """The worst observable of a panel."""
         return worst(self.errors, name)
 
@@ -49,10 +49,10 @@ class Line:
     name: str
     label: str
     group: str
-    cost: Spread
-    ratio: Spread
+    cost: Quartiles
+    ratio: Quartiles
     points: tuple[Point, ...]
-    limits: dict[str, Limit]
+    limits: dict[str, StepLimit]
 
     def time(self, product: float) -> float:
         """Run time per bead and simulated relaxation time [ns]."""
@@ -70,10 +70,6 @@ class IntegratorsBench(BeadFindings):
     """Error against run time of integrators, force models and precisions for one bead in one trap.
 
     Attributes:
-        kind: `cpu` (processor time of one thread) or `cuda` (wall time).
-        hardware: Name of the processor or accelerator that did the work.
-        machine: Its description, see `otwarp.bench.machine.Machine`.
-        beam, sphere: The bead and its trap, as plain numbers.
         worlds: Beads of a timed call.
         rounds: Repeats of a timed call.
         seconds: Budget of the errors [s].
@@ -86,11 +82,6 @@ class IntegratorsBench(BeadFindings):
         lines: All.
     """
 
-    kind: str
-    hardware: str
-    machine: dict[str, Any]
-    beam: dict[str, Any]
-    sphere: dict[str, Any]
     worlds: int
     rounds: int
     seconds: float
@@ -99,7 +90,7 @@ class IntegratorsBench(BeadFindings):
     lags: tuple[int, int, int]
     default: str
     default_product: float
-    references: dict[str, dict[str, Measured]]
+    references: dict[str, dict[str, Mean]]
     lines: tuple[Line, ...]
 
     FORMAT = "otwarp bench integrators"
@@ -114,40 +105,36 @@ class IntegratorsBench(BeadFindings):
 
     def json(self) -> dict[str, Any]:
         """Plain data for `from_json`; what was not seen is null."""
-        data = {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
-        for line in data["lines"]:
-            for point in line["points"]:
-                point["errors"] = {k: None if math.isnan(v["value"]) else v for k, v in point["errors"].items()}
+        data = super().json()
+        for errors in _errors(data):
+            errors.update({name: None for name, found in errors.items() if math.isnan(found["value"])})
         return data
 
     @classmethod
-    def from_json(cls, data: Any) -> IntegratorsBench:
+    def from_json(cls, data: Any) -> Self:
         """The inverse of `json`.
 
         Raises:
             KeyError, TypeError, ValueError: Not what `json` gave.
         """
-        fields = cls.fields_of(data)
-        for name in ("powers", "relaxations", "lags"):
-            fields[name] = tuple(fields[name])
-        fields["lines"] = tuple(_line(dict(line)) for line in fields["lines"])
-        fields["references"] = {
-            model: {name: Measured(**found) for name, found in of.items()} for model, of in fields["references"].items()
-        }
-        out = cls(**fields)
-        out.bead()
-        out.line(out.default)
-        return out
+        for errors in _errors(data):
+            errors.update({name: dataclasses.asdict(UNSEEN) for name, found in errors.items() if found is None})
+        return super().from_json(data)
+
+    def check(self) -> None:
+        """Raise `KeyError`, `TypeError` or `ValueError` for what no benchmark finds."""
+        super().check()
+        self.line(self.default)
+        for line in self.lines:
+            line.cost.check()
+            line.ratio.check()
+            if not set(line.limits) <= set(PANELS):
+                raise ValueError("an unknown panel")
+            for point in line.points:
+                if not set(point.errors) <= set(OBSERVABLES) or not 0.0 < point.product < math.inf:
+                    raise ValueError("an unknown observable, or no step")
 
 
-def _line(data: dict[str, Any]) -> Line:
-    points = []
-    for point in data["points"]:
-        if not set(point["errors"]) <= set(OBSERVABLES):
-            raise ValueError("an unknown observable")
-        errors = {k: Measured(math.nan, math.nan) if v is None else Measured(**v) for k, v in point["errors"].items()}
-        points.append(Point(product=positive(point["product"]), errors=errors))
-    if not set(data["limits"]) <= set(PANELS):
-        raise ValueError("an unknown panel")
-    limits = {k: Limit(**v) for k, v in data["limits"].items()}
-    return Line(**(data | costs_of(data) | {"points": tuple(points), "limits": limits}))
+def _errors(data: Any) -> list[dict[str, Any]]:
+    """The errors of all points in plain data."""
+    return [point["errors"] for line in data["lines"] for point in line["points"]]

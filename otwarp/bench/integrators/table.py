@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from otwarp.bench.integrators.cases import PLAIN
-from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, SEEN, Measured, bound_of
+from otwarp.bench.integrators.observables import OBSERVABLES, PANELS, SEEN, Mean, bound_of
 from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line
 from otwarp.bench.report import NOTHING, Table
 
@@ -37,7 +37,7 @@ def tables(bench: IntegratorsBench) -> list[Table]:
     return out
 
 
-def error_cell(found: Measured | None) -> str:
+def error_cell(found: Mean | None) -> str:
     """An error in per cent with its standard error, or a bound."""
     if found is None or not math.isfinite(found.value):
         return NOTHING

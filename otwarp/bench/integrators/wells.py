@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from otwarp.bench.forces.measure import thermal_points
 from otwarp.bench.integrators.fokker_planck import Estimate, Force, Lags, mean_exit_time, stationary_averages
 from otwarp.bench.rungs import TrappedBead
 from otwarp.errors import InputError
@@ -76,7 +75,7 @@ class Well:
 
     def start(self, worlds: int) -> np.ndarray:
         """(worlds, 3) places of a trapped bead [µm]."""
-        return thermal_points(self.bead, worlds, np.random.default_rng(worlds))
+        return self.bead.thermal_points(worlds, np.random.default_rng(worlds))
 
     def about_centre(self, dimensionless: Callable[[np.ndarray], np.ndarray]) -> Force:
         """Force in pN at points from the equilibrium, from Q at points from the focus."""

@@ -9,7 +9,7 @@ from functools import partial
 from otwarp.bench.machine import Machine
 from otwarp.bench.speed.result import SpeedBench, SpeedRow
 from otwarp.bench.speed.workloads import BEAD_PEERS, CASES, PeerCode, Prepared, Setting, Workload, workloads
-from otwarp.bench.timing import Pairs, Spread, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Pairs, Quartiles, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -40,7 +40,7 @@ class TimedWorkload:
 
     def label(self) -> str:
         """Its own name, and where threads are timed how many cores it got."""
-        got = f" (got {Spread.of(self.cores).median:.2f} cores)" if self.work.wall else ""
+        got = f" (got {Quartiles.of(self.cores).median:.2f} cores)" if self.work.wall else ""
         # a neighbour that takes the other core would make threads look useless
         return (self.ready.name or self.work.label) + got
 
@@ -95,9 +95,7 @@ def bench_speed(
     rows: list[SpeedRow] = []
     for group in groups.values():
         rows += measure_case(group, setting, rounds=rounds, seconds=seconds, note=note)
-    return SpeedBench(
-        kind=setting.kind, hardware=machine.name(), machine=machine.data(), rounds=rounds, rows=tuple(rows)
-    )
+    return SpeedBench(**machine.about(), rounds=rounds, rows=tuple(rows))
 
 
 def measure_case(
@@ -125,7 +123,7 @@ def measure_case(
             rows.append(SpeedRow(**about, label=work.label, worlds=0, skipped=skipped[work.label]))
         else:
             one, (ours, first) = ready[work.label], pairs[work.label]
-            rate = Spread.of([1.0 / s for s in ours])
+            rate = Quartiles.of([1.0 / s for s in ours])
             ratio = None if one is base else Pairs(first, ours).ratio()
             check = one.check()
             rows.append(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 from otwarp.bench.findings import Findings
-from otwarp.bench.timing import Spread
+from otwarp.bench.timing import Quartiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +29,8 @@ class SpeedRow:
     label: str
     unit: str
     worlds: int
-    rate: Spread | None = None
-    ratio: Spread | None = None
+    rate: Quartiles | None = None
+    ratio: Quartiles | None = None
     peer: bool = False
     goal: float | None = None
     check: float | None = None
@@ -44,16 +42,10 @@ class SpeedBench(Findings):
     """Speeds on one device.
 
     Attributes:
-        kind: `cpu` (processor time of one thread, unless a row says otherwise) or `cuda` (wall time).
-        hardware: Name of the processor or accelerator.
-        machine: See `otwarp.bench.machine.Machine`.
         rounds: Repeats.
         rows: In order of the cases.
     """
 
-    kind: str
-    hardware: str
-    machine: dict[str, Any]
     rounds: int
     rows: tuple[SpeedRow, ...]
 
@@ -62,7 +54,3 @@ class SpeedBench(Findings):
     def row(self, label: str) -> SpeedRow:
         """The row of that label; `KeyError` if there is none."""
         return {row.label: row for row in self.rows}[label]
-
-    def json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}

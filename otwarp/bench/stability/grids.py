@@ -18,13 +18,13 @@ from otwarp.bench.stability.thermal import (
     resting_height,
     robot_equipartition,
 )
-from otwarp.bench.stability.verdict import Measured
+from otwarp.bench.stability.verdict import Deviation
 
-Measure = Callable[[], Measured | None]
+Measure = Callable[[], Deviation | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class StressGrid:
     """One table: cells by row and column.
 
     Attributes:
@@ -43,7 +43,7 @@ class Grid:
 
 
 def product(
-    measure: Callable[..., Measured | None], rows: tuple[str, Sequence[Any]], columns: tuple[str, Sequence[Any]]
+    measure: Callable[..., Deviation | None], rows: tuple[str, Sequence[Any]], columns: tuple[str, Sequence[Any]]
 ) -> Callable[[Effort], Iterator[tuple[str, str, Measure]]]:
     """Cells of a measurement over two of its arguments, each given by name and values."""
 
@@ -66,7 +66,7 @@ CHOSEN, STABLE = (0.5, 1.0, 2.0, 4.0), (0.9, 0.99, 1.01, 2.0)
 """Time steps over the chosen one, and over the largest stable one."""
 
 
-def _steps(measure: Callable[..., Measured], rows: tuple[str, Sequence[Any]]) -> Callable:
+def _steps(measure: Callable[..., Deviation], rows: tuple[str, Sequence[Any]]) -> Callable:
     """Cells of a measurement with arguments `factor` and `stable`, over these time steps."""
 
     def cells(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
@@ -79,7 +79,7 @@ def _steps(measure: Callable[..., Measured], rows: tuple[str, Sequence[Any]]) ->
     return cells
 
 
-def _bead_at(effort: Effort, *, integrator: str, factor: float, stable: bool) -> Measured:
+def _bead_at(effort: Effort, *, integrator: str, factor: float, stable: bool) -> Deviation:
     """Variance of a bead in a spring at a time step over the chosen or the largest stable one."""
     from otwarp.bench.scenes import bead, scene, spring
 
@@ -87,7 +87,7 @@ def _bead_at(effort: Effort, *, integrator: str, factor: float, stable: bool) ->
     return bead_variance(effort, integrator=integrator, time_step=factor * step)
 
 
-def _bead_far(effort: Effort, *, distance: float, power: float) -> Measured:
+def _bead_far(effort: Effort, *, distance: float, power: float) -> Deviation:
     """Variance of a bead in a spring this far from the origin."""
     return bead_variance(effort, power=power, place=(PLACE[0] + distance, PLACE[1], PLACE[2]))
 
@@ -111,44 +111,44 @@ def _draws(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
 INTEGRATORS = ("eulerMaruyama", "leimkuhlerMatthews", "heun", "exponential")
 _POWERS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 
-GRIDS: tuple[Grid, ...] = (
-    Grid(
+GRIDS: tuple[StressGrid, ...] = (
+    StressGrid(
         name="step",
         title="Bead in a spring: ⟨x²⟩ against k_BT/k",
         axes=("integrator", "time step over the chosen and the largest stable one"),
         cells=_steps(_bead_at, ("integrator", INTEGRATORS)),
     ),
-    Grid(
+    StressGrid(
         name="power",
         title="Bead in a spring, chosen time step: ⟨x²⟩ against k_BT/k; at 0 K the way back against e^(−kt/γ)",
         axes=("temperature [K]", "power [mW]"),
         cells=product(bead_variance, ("temperature", TEMPERATURES), ("power", _POWERS)),
     ),
-    Grid(
+    StressGrid(
         name="commanded",
         title="Bead in a spring of 20 mW whose power is then commanded: ⟨x²⟩ against k_BT/k",
         axes=("integrator", "commanded power [mW]"),
         cells=product(bead_variance, ("integrator", INTEGRATORS), ("commanded", (5.0, 20.0, 40.0, 80.0, 160.0, 640.0))),
     ),
-    Grid(
+    StressGrid(
         name="distance",
         title="Bead in a spring far from the origin, chosen time step: ⟨x²⟩ against k_BT/k",
         axes=("distance [µm]", "power [mW]"),
         cells=product(_bead_far, ("distance", (0.0, 1e2, 1e3, 1e4, 1e5)), ("power", _POWERS)),
     ),
-    Grid(
+    StressGrid(
         name="robot",
         title="Robot in three springs: equipartition of its stiffest mode, unit quaternion",
         axes=("power [mW]", "time step over the chosen and the largest stable one"),
         cells=_steps(robot_equipartition, ("power", (2.0, 20.0, 200.0))),
     ),
-    Grid(
+    StressGrid(
         name="drag",
         title="Dragged bead: lag against γv/k",
         axes=("speed [µm/s]", "time step over the chosen and the largest stable one"),
         cells=_steps(dragged_bead, ("speed", (1.0, 100.0, 1e4))),
     ),
-    Grid(
+    StressGrid(
         name="jump",
         title="Trap that jumps aside: way of the bead against the equation of motion",
         axes=("force", "jump [µm]"),
@@ -156,13 +156,13 @@ GRIDS: tuple[Grid, ...] = (
             trap_jump, ("law", ("harmonic", "piecewise", "table")), ("jump", (0.0, 0.1, 0.5, 1.0, 2.0, 5.0, 20.0))
         ),
     ),
-    Grid(
+    StressGrid(
         name="pair",
         title="Two spheres pressed together by 5 pN: contact force and overlap against Hertz, third law",
         axes=("Young's modulus [Pa]", "size ratio"),
         cells=product(pressed_pair, ("modulus", MODULI), ("ratio", (1.0, 3.0, 10.0, 30.0))),
     ),
-    Grid(
+    StressGrid(
         name="overlap",
         title="Two free spheres of 1 µm that overlap at the start: what is left after 0.5 s, third law",
         axes=("Young's modulus [Pa]", "overlap [µm]"),
@@ -170,7 +170,7 @@ GRIDS: tuple[Grid, ...] = (
             first_overlap, ("modulus", MODULI), ("overlap", (0.0, 0.001, 0.01, 0.1, 0.3, 0.49, 0.51, 1.0, 2.0))
         ),
     ),
-    Grid(
+    StressGrid(
         name="floor",
         title="Bead on a floor whose trap jumps below: contact force and overlap against Hertz",
         axes=("Young's modulus [Pa]", "jump [µm]"),
@@ -178,7 +178,7 @@ GRIDS: tuple[Grid, ...] = (
             partial(pulled_onto, shape="plane"), ("modulus", MODULI), ("jump", (0.0, 0.1, 0.5, 1.0, 2.0, 5.0, 20.0))
         ),
     ),
-    Grid(
+    StressGrid(
         name="obstacles",
         title="Bead of 10 MPa pulled onto obstacles, box and cylinder 0.1 µm thin: it must not pass",
         axes=("shape", "jump [µm]"),
@@ -189,20 +189,20 @@ GRIDS: tuple[Grid, ...] = (
         ),
         full_only=True,
     ),
-    Grid(
+    StressGrid(
         name="crowd",
         title="Beads side by side on a floor, world driver and body driver: contact force against Hertz",
         axes=("Young's modulus [Pa]", "beads"),
         cells=product(crowd, ("modulus", MODULI), ("count", (2, 24, 25, 60))),
         full_only=True,
     ),
-    Grid(
+    StressGrid(
         name="resting",
         title="Bead with noise that a spring pulls onto a floor: mean height over its standard deviation (Boltzmann)",
         axes=("Young's modulus [Pa]", "centre of the spring below contact [µm]"),
         cells=product(resting_height, ("modulus", MODULI), ("below", (-0.05, 0.0, 0.01, 0.1))),
     ),
-    Grid(
+    StressGrid(
         name="resting-step",
         title="The same on a floor for a bead of 1 MPa, spring centred where it just touches",
         axes=("temperature [K]", "time step over the chosen one"),
@@ -212,13 +212,13 @@ GRIDS: tuple[Grid, ...] = (
             ("step", (0.0625, 0.25, 1.0, 4.0)),
         ),
     ),
-    Grid(
+    StressGrid(
         name="long",
         title="Long runs of a robot in three springs: equipartition at the end, unit quaternion",
         axes=("length", "worlds"),
         cells=_long_runs,
     ),
-    Grid(
+    StressGrid(
         name="random",
         title="Scenes drawn at random: invariants; at 0 K what halving the time step changes, over the smallest radius",
         axes=("kind, first number", "number"),

@@ -9,9 +9,9 @@ from typing import Any
 
 from otwarp.bench.findings import Findings
 from otwarp.bench.machine import Machine
-from otwarp.bench.stability.grids import GRIDS, Grid
+from otwarp.bench.stability.grids import GRIDS, StressGrid
 from otwarp.bench.stability.thermal import Effort
-from otwarp.bench.stability.verdict import Cell, Verdict, judge
+from otwarp.bench.stability.verdict import Cell, CellVerdict, judge
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -28,7 +28,7 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class GridResult:
-    """The cells of one grid; `name`, `title` and `axes` as `Grid`."""
+    """The cells of one grid; `name`, `title` and `axes` as `StressGrid`."""
 
     name: str
     title: str
@@ -49,7 +49,7 @@ class GridResult:
         """The cell at a place, if there is one."""
         return next((c for c in self.cells if (c.row, c.column) == (row, column)), None)
 
-    def largest(self, verdict: Verdict) -> Cell | None:
+    def largest(self, verdict: CellVerdict) -> Cell | None:
         """The cell of that verdict with the largest error."""
         found = [c for c in self.cells if c.verdict is verdict and c.error is not None]
         return max(found, key=lambda c: abs(c.error or 0.0), default=None)
@@ -60,29 +60,25 @@ class StabilityBench(Findings):
     """What `bench_stability` found.
 
     Attributes:
-        kind: `cpu` or `cuda`.
-        machine: See `otwarp.bench.machine.Machine`.
         effort: Worlds, random scenes and steps of the longest run.
         grids: In the order of `GRIDS`.
     """
 
-    kind: str
-    machine: dict[str, Any]
     effort: Effort
     grids: tuple[GridResult, ...]
 
     FORMAT = "otwarp bench stability"
 
     @property
-    def counts(self) -> dict[Verdict, int]:
+    def counts(self) -> dict[CellVerdict, int]:
         """Cells of every verdict."""
         found = Counter(c.verdict for g in self.grids for c in g.cells)
-        return {v: found[v] for v in Verdict}
+        return {v: found[v] for v in CellVerdict}
 
     @property
     def wrong(self) -> tuple[tuple[str, Cell], ...]:
-        """Grid name and cell of everything silently wrong."""
-        return tuple((g.name, c) for g in self.grids for c in g.cells if c.verdict is Verdict.WRONG)
+        """StressGrid name and cell of everything silently wrong."""
+        return tuple((g.name, c) for g in self.grids for c in g.cells if c.verdict is CellVerdict.WRONG)
 
     def json(self) -> dict[str, Any]:
         """Plain data."""
@@ -100,7 +96,7 @@ class StabilityBench(Findings):
         }
 
 
-def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[Grid, ...]:
+def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[StressGrid, ...]:
     """The grids of these names, or for no names those that the effort asks for.
 
     Raises:
@@ -150,8 +146,7 @@ def bench_stability(
             cells.append(judge(row, column, measure))
         results.append(GridResult(name=grid.name, title=grid.title, axes=grid.axes, cells=tuple(cells)))
     return StabilityBench(
-        kind="cpu" if place.is_cpu else "cuda",
-        machine=Machine.look(place).data(),
+        **Machine.look(place).about(),
         effort=how,
         grids=tuple(results),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from otwarp.bench.scenes import PLACE, POWER, STIFFNESS, bead, obstacle, pair, resting, scene, spring
 from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.thermal import Effort, advance, chosen_step, simulate, steps_for
-from otwarp.bench.stability.verdict import Defect, Measured
+from otwarp.bench.stability.verdict import Defect, Deviation
 from otwarp.laws import TrapLaw
 from otwarp.scene import Scene, Track, Trap
 from otwarp.units import FORCE_PER_POWER
@@ -29,7 +29,7 @@ THIRD_LAW = 1e-4
 """Sum of the contact forces of a pair over the load above which action is not reaction; float32 leaves 1e-6."""
 
 
-def pressed_pair(effort: Effort, *, modulus: float, ratio: float) -> Measured:
+def pressed_pair(effort: Effort, *, modulus: float, ratio: float) -> Deviation:
     """Contact force of two spheres that one spring presses together with `PRESS`, by Hertz's law; and the third law."""
     sim = simulate(pair(modulus, ratio, press=PRESS), effort)
     reach = 1.0 + ratio
@@ -45,10 +45,10 @@ def pressed_pair(effort: Effort, *, modulus: float, ratio: float) -> Measured:
     place = sim.state.position.numpy()[0].astype(float)
     gap_error = (reach - float(np.linalg.norm(place[1] - place[0])) - overlap) / min(1.0, ratio)
     force_error = float(np.linalg.norm(force[0])) / load - 1.0
-    return Measured(error=max(force_error, gap_error, key=abs))
+    return Deviation(error=max(force_error, gap_error, key=abs))
 
 
-def first_overlap(effort: Effort, *, modulus: float, overlap: float) -> Measured:
+def first_overlap(effort: Effort, *, modulus: float, overlap: float) -> Deviation:
     """What is left after half a second of the overlap with which two equal spheres start; and the third law.
 
     The exact overlap falls as t⁻². Spheres that fly apart have a negative one.
@@ -65,10 +65,10 @@ def first_overlap(effort: Effort, *, modulus: float, overlap: float) -> Measured
         raise Defect(f"two equal spheres that push each other apart drift by {drift:.3g} µm")
     left = 2.0 - float(np.linalg.norm(place[1] - place[0]))
     # without an overlap at the start nothing may move
-    return Measured(error=(left - exact) / max(overlap, 0.01))
+    return Deviation(error=(left - exact) / max(overlap, 0.01))
 
 
-def trap_jump(effort: Effort, *, law: str, jump: float, factor: float = 1.0) -> Measured:
+def trap_jump(effort: Effort, *, law: str, jump: float, factor: float = 1.0) -> Deviation:
     """Way of a bead whose trap jumps aside, over the jump, at ½, 1 and 3 relaxation times.
 
     `law` is `harmonic`, `piecewise` (lets go at 1.5 µm) or `table`; `factor` the time step over the chosen one.
@@ -91,7 +91,7 @@ def trap_jump(effort: Effort, *, law: str, jump: float, factor: float = 1.0) -> 
     away = np.array([jump, 0.0, 0.0])
     exact = away + closed_forms.followed(_force(law, sim), -away, mobility, times)
     error = np.linalg.norm(np.array(found) - np.array(PLACE) - exact, axis=1)
-    return Measured(error=float(error.max()) / max(jump, 0.01))
+    return Deviation(error=float(error.max()) / max(jump, 0.01))
 
 
 CURVE = TrapLaw(stiffness=STIFFNESS, threshold=0.5, inverse_square=0.125 * STIFFNESS, cutoff=1.5, power=POWER)
@@ -126,7 +126,7 @@ def _force(law: str, sim: Simulation) -> Callable[[np.ndarray], np.ndarray]:
     return piecewise
 
 
-def pulled_onto(effort: Effort, *, shape: str, modulus: float, jump: float) -> Measured:
+def pulled_onto(effort: Effort, *, shape: str, modulus: float, jump: float) -> Deviation:
     """Contact force of a bead whose trap jumps below the top of an obstacle, by Hertz's law; it must not pass."""
     sim = simulate(resting(shape, modulus=modulus), effort)
     x, y, z = PLACE
@@ -142,10 +142,10 @@ def pulled_onto(effort: Effort, *, shape: str, modulus: float, jump: float) -> M
     if jump > 0.0:
         force = float(sim.readout.contact_force.numpy()[0, 0, 2])
         error = max(error, force / (STIFFNESS * (jump - overlap)) - 1.0, key=abs)
-    return Measured(error=error)
+    return Deviation(error=error)
 
 
-def dragged_bead(effort: Effort, *, speed: float, factor: float = 1.0, stable: bool = False) -> Measured:
+def dragged_bead(effort: Effort, *, speed: float, factor: float = 1.0, stable: bool = False) -> Deviation:
     """Lag γv/k of a bead behind a spring that moves at `speed` [µm/s].
 
     `factor` is the time step over the chosen one, or over the largest stable one.
@@ -161,7 +161,7 @@ def dragged_bead(effort: Effort, *, speed: float, factor: float = 1.0, stable: b
     if sim.time > last:
         raise Defect(f"the trap stopped at {last} s, before the end of the measurement at {sim.time:.3g} s")
     lag = PLACE[0] + speed * sim.time - float(sim.state.position.numpy()[0, 0, 0])
-    return Measured(error=lag * STIFFNESS / (drag * speed) - 1.0)
+    return Deviation(error=lag * STIFFNESS / (drag * speed) - 1.0)
 
 
 def crowded_floor(modulus: float, count: int) -> Scene:
@@ -177,7 +177,7 @@ def crowded_floor(modulus: float, count: int) -> Scene:
     return scene(*bodies, traps=traps, temperature=0.0, obstacles=(obstacle("plane", place=(x, y, z - 1.0)),))
 
 
-def crowd(effort: Effort, *, modulus: float, count: int) -> Measured:
+def crowd(effort: Effort, *, modulus: float, count: int) -> Deviation:
     """Contact force of `count` beads on a floor, 0.2 µm above the centres of their springs."""
     sim = simulate(crowded_floor(modulus, count), effort)
     rate = STIFFNESS / closed_forms.drag(1.0, sim.scene.medium.viscosity)
@@ -185,4 +185,4 @@ def crowd(effort: Effort, *, modulus: float, count: int) -> Measured:
     hard = closed_forms.hardness(modulus, 1.0, bodies=1)
     overlap = closed_forms.pressed_overlap(hard, lambda d: STIFFNESS * (0.2 - d), 0.2)
     force = sim.readout.contact_force.numpy()[0, :, 2].astype(float) / (STIFFNESS * (0.2 - overlap)) - 1.0
-    return Measured(error=float(force[np.argmax(np.abs(force))]))
+    return Deviation(error=float(force[np.argmax(np.abs(force))]))

@@ -13,7 +13,7 @@ import numpy as np
 
 from otwarp.bench.scenes import bead, obstacle, scene, spring
 from otwarp.bench.stability.thermal import Effort, advance, simulate
-from otwarp.bench.stability.verdict import COARSE, Defect, Measured
+from otwarp.bench.stability.verdict import COARSE, Defect, Deviation
 from otwarp.scene import Body, Material, Scene, Sphere, Vec3
 from otwarp.simulation.simulation import Simulation
 
@@ -115,7 +115,7 @@ def _robot(rng: np.random.Generator) -> Body:
     return replace(body, position=_place(rng, 3.0), orientation=(x, y, z, w))
 
 
-def run_draw(effort: Effort, seed: int, *, cold: bool) -> Measured | None:
+def run_draw(effort: Effort, seed: int, *, cold: bool) -> Deviation | None:
     """Run a draw. Without noise the error is what halving the time step changes, over the smallest radius.
 
     With noise there is nothing to compare with: None.
@@ -134,7 +134,7 @@ def run_draw(effort: Effort, seed: int, *, cold: bool) -> Measured | None:
         changes.append(float(np.linalg.norm(after - before, axis=-1).max()) / smallest)
         before = after
         if changes[-1] <= max(0.25 * changes[0], COARSE):
-            return Measured(error=changes[0], predicted=changes[0])
+            return Deviation(error=changes[0], predicted=changes[0])
     raise Defect(f"halving the time step again and again moves the end by {changes} of the smallest radius")
 
 

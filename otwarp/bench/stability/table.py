@@ -6,7 +6,7 @@ import math
 
 from otwarp.bench.report import NOTHING
 from otwarp.bench.stability.measure import GridResult, StabilityBench
-from otwarp.bench.stability.verdict import LEGEND, Cell, Verdict
+from otwarp.bench.stability.verdict import LEGEND, Cell, CellVerdict
 
 
 def letters(grid: GridResult) -> list[tuple[str, ...]]:
@@ -26,14 +26,14 @@ def head(grid: GridResult) -> tuple[str, ...]:
 def stated(grid: GridResult) -> str:
     """The largest errors of the accurate and of the stable cells, and the wrong cells, in one paragraph."""
     parts = []
-    for verdict, words in ((Verdict.ACCURATE, "accurate"), (Verdict.STABLE, "stable")):
+    for verdict, words in ((CellVerdict.ACCURATE, "accurate"), (CellVerdict.STABLE, "stable")):
         worst = grid.largest(verdict)
         if worst is not None:
             parts.append(f"largest error of the {words} cells {_error(worst)} ({worst.row}; {worst.column})")
-    refusals = [c for c in grid.cells if c.verdict in (Verdict.REFUSED, Verdict.STOPPED)]
+    refusals = [c for c in grid.cells if c.verdict in (CellVerdict.REFUSED, CellVerdict.STOPPED)]
     if refusals:
         parts.append(f"first refusal: {refusals[0].message}")
-    wrong = [c for c in grid.cells if c.verdict is Verdict.WRONG]
+    wrong = [c for c in grid.cells if c.verdict is CellVerdict.WRONG]
     if wrong:
         # a defect without a number, such as one that is not finite, comes first
         worst = max(wrong, key=lambda c: math.inf if c.error is None else abs(c.error))

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.bench.scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, resting, robot, scene, spring
 from otwarp.bench.stability import closed_forms
-from otwarp.bench.stability.verdict import Defect, Measured, against
+from otwarp.bench.stability.verdict import Defect, Deviation, against
 from otwarp.errors import SimulationError
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
@@ -119,7 +119,7 @@ def bead_variance(
     time_step: float | None = None,
     place: tuple[float, float, float] = PLACE,
     commanded: float | None = None,
-) -> Measured:
+) -> Deviation:
     """Stationary ⟨x²⟩ = k_BT/k of a bead in a spring; at 0 K its way back to the centre instead, e^{−kt/γ}.
 
     `commanded` is a power that `Control.set` asks for after the start.
@@ -138,7 +138,7 @@ def bead_variance(
         sim.set_state(position=np.array(place) + np.array([[start, 0.0, 0.0]]))
         advance(sim, max(1, round(1.0 / (rate * sim.time_step))))
         moved = float(sim.state.position.numpy()[0, 0, 0]) - np.float32(place[0])
-        return Measured(error=moved / start - math.exp(-rate * sim.time))
+        return Deviation(error=moved / start - math.exp(-rate * sim.time))
     x = snapshots(sim, rate)[:, :, 0] - np.array(place, dtype=np.float32).astype(float)
     energy = BOLTZMANN * temperature
     predicted = sim.model.scales.variance_error if commanded is None else 0.0
@@ -153,7 +153,7 @@ def resting_height(
     power: float = POWER,
     temperature: float = 298.15,
     step: float = 1.0,
-) -> Measured:
+) -> Deviation:
     """Mean height of a bead that a spring pulls onto a floor, over its standard deviation by Boltzmann's law.
 
     `step` is the time step over the chosen one.
@@ -168,7 +168,7 @@ def resting_height(
     h = snapshots(sim, k / closed_forms.drag(1.0, what.medium.viscosity))[:, :, 0, 2] - PLACE[2]
     samples = h.mean(axis=0) - exact
     error, chance = float(samples.mean()), float(samples.std()) / math.sqrt(worlds)
-    return Measured(error=error / spread, standard_error=chance / spread)
+    return Deviation(error=error / spread, standard_error=chance / spread)
 
 
 class RobotModes:
@@ -205,7 +205,7 @@ class RobotModes:
 
 def robot_equipartition(
     effort: Effort, *, power: float = POWER, factor: float = 1.0, stable: bool = False, integrator: str = "heun"
-) -> Measured:
+) -> Deviation:
     """⟨λy²⟩ = k_BT in the stiffest mode of a robot in three springs, and a unit quaternion.
 
     `factor` is the time step over the chosen one, or over the largest stable one.
@@ -223,7 +223,7 @@ def robot_equipartition(
     return against(np.mean(found, axis=0), 1.0, predicted=sim.model.scales.variance_error)
 
 
-def long_run(effort: Effort, *, steps: int, worlds: int) -> Measured:
+def long_run(effort: Effort, *, steps: int, worlds: int) -> Deviation:
     """Equipartition over all modes in the last tenth of a long run of a robot, and a unit quaternion at its end."""
     sim = simulate(robot(), effort, worlds=worlds)
     modes = RobotModes(sim, POWER)

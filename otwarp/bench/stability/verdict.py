@@ -26,7 +26,7 @@ LIKELY, CERTAIN = 3.0, 5.0
 alarm in 10⁶ cells."""
 
 
-class Verdict(enum.Enum):
+class CellVerdict(enum.Enum):
     """How a cell ended; the value is its letter in tables."""
 
     ACCURATE = "A"
@@ -37,11 +37,11 @@ class Verdict(enum.Enum):
 
 
 LEGEND = {
-    Verdict.ACCURATE: f"accurate: within {100 * ACCURACY:g} % of the closed form",
-    Verdict.STABLE: f"stable with the stated error: as predicted or within {100 * COARSE:g} %; or no closed form",
-    Verdict.REFUSED: "refused with a clear error before the run",
-    Verdict.STOPPED: "stopped with a clear error, last good state kept",
-    Verdict.WRONG: "silently wrong: a defect",
+    CellVerdict.ACCURATE: f"accurate: within {100 * ACCURACY:g} % of the closed form",
+    CellVerdict.STABLE: f"stable with the stated error: as predicted or within {100 * COARSE:g} %; or no closed form",
+    CellVerdict.REFUSED: "refused with a clear error before the run",
+    CellVerdict.STOPPED: "stopped with a clear error, last good state kept",
+    CellVerdict.WRONG: "silently wrong: a defect",
 }
 """What the letters mean."""
 
@@ -51,7 +51,7 @@ class Defect(Exception):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class Deviation:
     """What a run gave against its closed form.
 
     Attributes:
@@ -65,17 +65,17 @@ class Measured:
     predicted: float = 0.0
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> CellVerdict:
         """Accurate, stable or wrong."""
         chance = CERTAIN * self.standard_error
         if not math.isfinite(self.error):
-            return Verdict.WRONG
+            return CellVerdict.WRONG
         if abs(self.error) <= ACCURACY + LIKELY * self.standard_error:
-            return Verdict.ACCURATE
+            return CellVerdict.ACCURATE
         missed = abs(self.error - self.predicted)
         if abs(self.error) <= COARSE + chance or missed <= max(ACCURACY, SHARE * abs(self.predicted)) + chance:
-            return Verdict.STABLE
-        return Verdict.WRONG
+            return CellVerdict.STABLE
+        return CellVerdict.WRONG
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,14 +85,14 @@ class Cell:
     Attributes:
         row, column: Its place, as in the grid's heads.
         verdict: How it ended.
-        error, standard_error, predicted: As `Measured`; None where nothing was measured.
+        error, standard_error, predicted: As `Deviation`; None where nothing was measured.
         message: The error that was raised, or what is wrong.
         warned: Warnings of the run.
     """
 
     row: str
     column: str
-    verdict: Verdict
+    verdict: CellVerdict
     error: float | None = None
     standard_error: float | None = None
     predicted: float | None = None
@@ -107,7 +107,7 @@ class Cell:
         return {**fields, "message": self.message, "warned": list(self.warned)}
 
 
-def judge(row: str, column: str, measure: Callable[[], Measured | None]) -> Cell:
+def judge(row: str, column: str, measure: Callable[[], Deviation | None]) -> Cell:
     """Run one cell; None from `measure` is a run that kept all invariants, with no closed form to compare with.
 
     A large error of which the run warned is a stated one.
@@ -118,26 +118,26 @@ def judge(row: str, column: str, measure: Callable[[], Measured | None]) -> Cell
         try:
             found = measure()
         except InputError as error:
-            return Cell(**at, verdict=_told(Verdict.REFUSED, error), message=str(error), warned=_texts(heard))
+            return Cell(**at, verdict=_told(CellVerdict.REFUSED, error), message=str(error), warned=_texts(heard))
         except SimulationError as error:
-            return Cell(**at, verdict=_told(Verdict.STOPPED, error), message=str(error), warned=_texts(heard))
+            return Cell(**at, verdict=_told(CellVerdict.STOPPED, error), message=str(error), warned=_texts(heard))
         except Defect as error:
-            return Cell(**at, verdict=Verdict.WRONG, message=str(error), warned=_texts(heard))
+            return Cell(**at, verdict=CellVerdict.WRONG, message=str(error), warned=_texts(heard))
     if found is None:
-        return Cell(**at, verdict=Verdict.STABLE, warned=_texts(heard))
+        return Cell(**at, verdict=CellVerdict.STABLE, warned=_texts(heard))
     verdict, message = found.verdict, ""
-    if verdict is Verdict.WRONG:
+    if verdict is CellVerdict.WRONG:
         if math.isfinite(found.error) and _texts(heard):
-            verdict = Verdict.STABLE
+            verdict = CellVerdict.STABLE
         else:
             message = f"error {found.error:.3g} ± {found.standard_error:.2g}, otwarp predicts {found.predicted:.3g}"
     return Cell(**at, verdict=verdict, message=message, warned=_texts(heard), **vars(found))
 
 
-def _told(verdict: Verdict, error: Exception) -> Verdict:
+def _told(verdict: CellVerdict, error: Exception) -> CellVerdict:
     """A refusal must be one line that says something."""
     text = str(error)
-    return verdict if text and "\n" not in text else Verdict.WRONG
+    return verdict if text and "\n" not in text else CellVerdict.WRONG
 
 
 def _texts(heard: list[warnings.WarningMessage]) -> tuple[str, ...]:
@@ -145,7 +145,7 @@ def _texts(heard: list[warnings.WarningMessage]) -> tuple[str, ...]:
     return tuple(str(w.message) for w in heard if issubclass(w.category, UserWarning))
 
 
-def against(samples: np.ndarray, exact: float, *, predicted: float = 0.0) -> Measured:
+def against(samples: np.ndarray, exact: float, *, predicted: float = 0.0) -> Deviation:
     """Relative error of the mean of independent `samples` (n,), whose exact mean is `exact`."""
     mean, spread = float(np.mean(samples)), float(np.std(samples)) / math.sqrt(len(samples))
-    return Measured(error=mean / exact - 1.0, standard_error=spread / abs(exact), predicted=predicted)
+    return Deviation(error=mean / exact - 1.0, standard_error=spread / abs(exact), predicted=predicted)

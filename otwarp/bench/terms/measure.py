@@ -19,7 +19,7 @@ from otwarp.bench.findings import Findings
 from otwarp.bench.machine import Machine
 from otwarp.bench.speed.peers import numpy_bead
 from otwarp.bench.terms.scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, TOGETHER, Comparison, alone, trap
-from otwarp.bench.timing import Pairs, Spread, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Pairs, Quartiles, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
@@ -113,8 +113,8 @@ def compare(
     for case in comparisons:
         both = [scenes[case.without].sim, scenes[case.with_].sim]
         out[case.term] = {
-            "off": Spread.of(samples[case.term].first),
-            "on": Spread.of(samples[case.term].second),
+            "off": Quartiles.of(samples[case.term].first),
+            "on": Quartiles.of(samples[case.term].second),
             "cost": samples[case.term].difference(),
             "drivers": [sim.model.features.driver for sim in both],
             "bytes_per_world": [world_bytes(sim.scene, scenes.device) for sim in both],
@@ -130,7 +130,7 @@ def together(
     cost_of = {case.with_: samples[case.term].difference().median for case in comparisons}
     return {
         label: {
-            "step": Spread.of(samples[label].second),
+            "step": Quartiles.of(samples[label].second),
             "cost": samples[label].difference(),
             "sum_of_parts": sum(cost_of[part] for part in parts) if parts else None,
             "bytes_per_world": world_bytes(scenes[name].sim.scene, scenes.device),
@@ -155,7 +155,7 @@ def measure_readout(scenes: TimedScenes, names: Sequence[str], rounds: int) -> d
         taken = [elapsed(partial(measure, times), device).on(device) for _ in range(rounds)]
         out[name] = {
             "traps": len(sim.scene.traps),
-            "cost": Spread.of([1e9 * t / (times * timed.bodies) for t in taken]),
+            "cost": Quartiles.of([1e9 * t / (times * timed.bodies) for t in taken]),
         }
     return out
 
@@ -192,16 +192,16 @@ def beside_numpy(device: wp.Device, *, beads: int, rounds: int, seconds: float) 
     otwarp, numpy = variances.tolist()
     return {
         "beads": beads,
-        "otwarp": Spread.of(rates.first),
-        "numpy": Spread.of(rates.second),
+        "otwarp": Quartiles.of(rates.first),
+        "numpy": Quartiles.of(rates.second),
         "ratio": rates.ratio(),
         "variance": {"otwarp": otwarp, "numpy": numpy, "theory": 1.0 / (1.0 - 0.5 * RELAXATION)},
     }
 
 
 def plain(found: Any) -> Any:
-    """The same with every `Spread` as plain numbers."""
-    if isinstance(found, Spread):
+    """The same with every `Quartiles` as plain numbers."""
+    if isinstance(found, Quartiles):
         return vars(found)
     return {name: plain(value) for name, value in found.items()} if isinstance(found, dict) else found
 
@@ -211,8 +211,6 @@ class TermsBench(Findings):
     """What the terms cost on one device.
 
     Attributes:
-        kind: `cpu` (processor time of one thread) or `cuda` (wall time).
-        machine: Where it was measured.
         bodies: In all worlds together.
         terms: By term, see `compare`.
         together: By label, see `together`.
@@ -220,8 +218,6 @@ class TermsBench(Findings):
         numpy: See `beside_numpy`.
     """
 
-    kind: str
-    machine: Machine
     bodies: int
     terms: dict[str, dict[str, Any]]
     together: dict[str, dict[str, Any]]
@@ -234,7 +230,7 @@ class TermsBench(Findings):
 
     def json(self) -> dict[str, Any]:
         """Plain data, under the name of the benchmark."""
-        return {"terms": {"device": self.kind, "machine": self.machine.data(), **self.data()}}
+        return {"terms": {"device": self.kind, "machine": self.machine, **self.data()}}
 
 
 def bench_terms(
@@ -267,13 +263,12 @@ def bench_terms(
             raise InputError(f"--term is {name!r}; allowed: {', '.join(known)}")
     comparisons = [known[name] for name in names] or comparisons
     place = pick_device(device)
-    kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
+    kind = machine.kind
     scenes = TimedScenes(place, bodies=bodies or BODIES[kind], seconds=seconds)
     samples = take_samples(scenes, comparisons, rounds)
     return TermsBench(
-        kind=kind,
-        machine=machine,
+        **machine.about(),
         bodies=scenes.bodies,
         terms=compare(scenes, comparisons, samples),
         together=together(scenes, comparisons, samples),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,6 +15,7 @@ from otwarp.cli.options import FILE
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
+    from otwarp.bench.findings import BeadFindings
     from otwarp.bench.report import Table as ResultTable
     from otwarp.optics.beam import Beam
     from otwarp.optics.mie import Particle
@@ -113,33 +114,28 @@ class Output:
                 click.echo(f"wrote {file}")
 
 
-class Run(Protocol):
-    """What a benchmark found, of one bead."""
-
-    beam: dict[str, Any]
-    sphere: dict[str, Any]
-
-    def bead(self) -> str:
-        """The bead and its trap in words."""
-        ...
-
-
 def taken(group: type, typed: dict[str, Any]) -> Any:
     """A `Bead` or an `Output` out of what was typed, whose options are removed from `typed`."""
     return group(**{field.name: typed.pop(field.name) for field in fields(group)})
 
 
-def check_same(
-    beam: Beam, sphere: Particle, files: tuple[Path, ...], runs: list[Any], *, ignore: tuple[str, ...] = ()
-) -> None:
-    """Refuse runs of another bead, whose errors do not belong into the same picture; `ignore` fields of the beam."""
-    from otwarp.bench.forces.result import beam_fields, sphere_fields
+def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a command with options, in this order."""
 
-    def kept(fields: dict[str, Any]) -> dict[str, Any]:
-        return {k: v for k, v in fields.items() if k not in ignore}
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def check_same(beam: Beam, sphere: Particle, files: tuple[Path, ...], runs: Sequence[BeadFindings]) -> None:
+    """Refuse runs of another bead, whose errors do not belong into the same picture."""
+    from otwarp.bench.findings import bead_fields
 
     for file, run in zip(files, runs, strict=True):
-        if (kept(run.beam), run.sphere) != (kept(beam_fields(beam)), sphere_fields(sphere)):
+        if {"beam": run.beam, "sphere": run.sphere} != bead_fields(beam, sphere):
             raise InputError(f"--with {file} holds another bead or trap ({run.bead()}); allowed: the one measured now")
 
 

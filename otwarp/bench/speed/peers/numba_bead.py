@@ -21,7 +21,7 @@ class Peer:
     """See `otwarp.bench.speed.peers`."""
 
     def __init__(self, beads: int, *, relaxation: float, kick: float, seed: int = 7, kind: str = "cpu"):
-        import numba
+        import numba  # pyright: ignore[reportMissingImports]
 
         self.name = f"numba {numba.__version__}"
 
