@@ -3,12 +3,12 @@
     with Recorder(scene, "out/run", frames_per_second=60.0, held=sim.model.held, time_step=sim.time_step) as recorder:
         recorder.write(frame)
 
-A `Simulation` gives `Frame`s, one per recorded moment; out come the files of a run. Open `run` first.
+Frames of a simulation come in (`otwarp.simulation.frame`), the files of a run go out. Open `run` first.
 
 | file | what it holds |
 |---|---|
 | `run`, `capacity` | `record_run`, behind `otwarp run`: what a run is refused for, before anything is allocated |
-| `frame`, `method` | `Frame`, one moment on the host; `Method`, how the run was computed |
+| `method` | `Method`: how the run was computed |
 | `recorder` | `Recorder`: hands frames on, and keeps the folder readable whatever happens to the program |
 | `netcdf`, `netcdf4_internals` | `run.nc`; what it needs of the library beyond its promises |
 | `monitor`, `statistics` | whether the task succeeded, and running means |

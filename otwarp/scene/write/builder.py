@@ -21,7 +21,6 @@ from otwarp.scene.description import (
     Obstacle,
     Rod,
     Settings,
-    Sphere,
     Trap,
 )
 from otwarp.scene.read.load import read_stage
@@ -310,27 +309,24 @@ class SceneBuilder:
         if body.material.adhesion != 0.0:
             raise InputError(f"SceneBuilder: {body.prim}: adhesion = {body.material.adhesion:g}: must be 0 for a robot")
         author_values(prim, vocabulary.BODY, body)
-        for sphere in body.spheres:
-            self._sphere(body, sphere, color, opacity)
-        for rod in body.rods:
-            self._rod(body, rod, color, opacity)
+        for part in (*body.spheres, *body.rods):
+            if not part.prim.startswith(body.prim + "/"):
+                raise InputError(f"SceneBuilder: {part.prim}: path = {part.prim}: must be below its body {body.prim}")
+            self._check_path(part.prim)
+            if isinstance(part, Rod):
+                capsule = self._capsule(part.prim, part.start, part.end, part.radius, color, opacity)
+                author_values(capsule, vocabulary.ROD, part)
+            else:
+                ball = self._ball(part.prim, part.radius)
+                author_pose(ball, part.offset, None)
+                author_values(ball, vocabulary.SPHERE, part)
+                self._look(ball, color, opacity)
         return prim
 
-    def _sphere(self, body: Body, sphere: Sphere, color: Color, opacity: float) -> None:
-        if not sphere.prim.startswith(body.prim + "/"):
-            raise InputError(f"SceneBuilder: {sphere.prim}: path = {sphere.prim}: must be below its body {body.prim}")
-        self._check_path(sphere.prim)
-        ball = UsdGeom.Sphere.Define(self._stage, self._parents(sphere.prim))
-        ball.CreateRadiusAttr(float(sphere.radius))
-        author_pose(ball.GetPrim(), sphere.offset, None)
-        author_values(ball.GetPrim(), vocabulary.SPHERE, sphere)
-        self._look(ball.GetPrim(), color, opacity)
-
-    def _rod(self, body: Body, rod: Rod, color: Color, opacity: float) -> None:
-        if not rod.prim.startswith(body.prim + "/"):
-            raise InputError(f"SceneBuilder: {rod.prim}: path = {rod.prim}: must be below its body {body.prim}")
-        prim = self._capsule(rod.prim, rod.start, rod.end, rod.radius, color, opacity)
-        author_values(prim, vocabulary.ROD, rod)
+    def _ball(self, path: str, radius: float) -> Usd.Prim:
+        ball = UsdGeom.Sphere.Define(self._stage, self._parents(path))
+        ball.CreateRadiusAttr(float(radius))
+        return ball.GetPrim()
 
     def _cell(self, path: str, body: Body, color: Color, opacity: float) -> Usd.Prim:
         sphere = body.spheres[0]
@@ -339,12 +335,11 @@ class SceneBuilder:
             raise InputError(
                 f"SceneBuilder: {path}: kind = {body.kind}: must be cell, with one centred colliding sphere, no rods"
             )
-        ball = UsdGeom.Sphere.Define(self._stage, self._parents(path))
-        ball.CreateRadiusAttr(float(sphere.radius))
-        UsdPhysics.RigidBodyAPI.Apply(ball.GetPrim())
-        author_values(ball.GetPrim(), vocabulary.CELL, body, sphere=sphere)
-        self._look(ball.GetPrim(), color, opacity)
-        return ball.GetPrim()
+        ball = self._ball(path, sphere.radius)
+        UsdPhysics.RigidBodyAPI.Apply(ball)
+        author_values(ball, vocabulary.CELL, body, sphere=sphere)
+        self._look(ball, color, opacity)
+        return ball
 
     def _obstacle(self, obstacle: Obstacle, color: Color, opacity: float) -> Usd.Prim:
         prim = define_obstacle(self._stage, self._parents(obstacle.prim), obstacle, self._rate)
@@ -376,12 +371,11 @@ class SceneBuilder:
         return prim
 
     def _goal(self, goal: Goal, color: Color, opacity: float) -> Usd.Prim:
-        ball = UsdGeom.Sphere.Define(self._stage, self._parents(goal.prim))
-        ball.CreateRadiusAttr(float(goal.tolerance))
-        author_pose(ball.GetPrim(), goal.position, None)
-        author_values(ball.GetPrim(), vocabulary.GOAL, vars(goal) | {"cell": [goal.cell]})
-        self._look(ball.GetPrim(), color, opacity)
-        return ball.GetPrim()
+        ball = self._ball(goal.prim, goal.tolerance)
+        author_pose(ball, goal.position, None)
+        author_values(ball, vocabulary.GOAL, vars(goal) | {"cell": [goal.cell]})
+        self._look(ball, color, opacity)
+        return ball
 
 
 def _laws(trap: Trap) -> list[tuple[str, TrapLaw]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
@@ -21,17 +23,14 @@ def define_obstacle(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle, rate: 
     Raises:
         InputError: Unknown shape.
     """
-    makers = {
-        "plane": _plane,
-        "box": _box,
-        "sphere": _sphere,
-        "cylinder": _cylinder,
-        "capsule": _capsule,
-        "mesh": _mesh,
-    }
-    if obstacle.shape not in makers:
-        raise InputError(f"SceneBuilder: {path}: shape = {obstacle.shape}: must be one of {', '.join(makers)}")
-    prim = makers[obstacle.shape](stage, path, obstacle).GetPrim()
+    shapes = _shapes(obstacle)
+    if obstacle.shape not in shapes:
+        raise InputError(f"SceneBuilder: {path}: shape = {obstacle.shape}: must be one of {', '.join(shapes)}")
+    kind, attributes = shapes[obstacle.shape]
+    shape = kind.Define(stage, path)
+    for name, value in attributes.items():
+        getattr(shape, f"Create{name}Attr")(value)
+    prim = shape.GetPrim()
     # A unit cube scaled to its half extents keeps three different sizes exact.
     scale = obstacle.size if obstacle.shape == "box" else None
     author_tracks(prim, rate, obstacle.position, obstacle.orientation, scale)
@@ -43,49 +42,22 @@ def define_obstacle(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle, rate: 
     return prim
 
 
-def _plane(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Plane:
-    plane = UsdGeom.Plane.Define(stage, path)
-    plane.CreateAxisAttr(UsdGeom.Tokens.z)
-    plane.CreateWidthAttr(PLANE_WIDTH)
-    plane.CreateLengthAttr(PLANE_WIDTH)
-    plane.CreateDoubleSidedAttr(True)
-    return plane
-
-
-def _box(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Cube:
-    cube = UsdGeom.Cube.Define(stage, path)
-    cube.CreateSizeAttr(2.0)
-    return cube
-
-
-def _sphere(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Sphere:
-    sphere = UsdGeom.Sphere.Define(stage, path)
-    sphere.CreateRadiusAttr(float(obstacle.size[0]))
-    return sphere
-
-
-def _round(kind: type, stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Cylinder | UsdGeom.Capsule:
-    shape = kind.Define(stage, path)
-    shape.CreateAxisAttr(UsdGeom.Tokens.z)
-    shape.CreateRadiusAttr(float(obstacle.size[0]))
-    shape.CreateHeightAttr(2.0 * float(obstacle.size[1]))
-    return shape
-
-
-def _cylinder(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Cylinder:
-    return _round(UsdGeom.Cylinder, stage, path, obstacle)
-
-
-def _capsule(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Capsule:
-    return _round(UsdGeom.Capsule, stage, path, obstacle)
-
-
-def _mesh(stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle) -> UsdGeom.Mesh:
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    points = np.ascontiguousarray(obstacle.vertices, dtype=np.float32)
-    triangles = np.ascontiguousarray(obstacle.triangles, dtype=np.int32)
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(triangles), 3))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles.ravel()))
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    return mesh
+def _shapes(obstacle: Obstacle) -> dict[str, tuple[type, dict[str, Any]]]:
+    """Shape → its USD class and what is authored of it."""
+    up = {"Axis": UsdGeom.Tokens.z}
+    radius, height = {"Radius": float(obstacle.size[0])}, {"Height": 2.0 * float(obstacle.size[1])}
+    faces = np.ascontiguousarray(obstacle.triangles, dtype=np.int32)
+    mesh = {
+        "Points": Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(obstacle.vertices, dtype=np.float32)),
+        "FaceVertexCounts": Vt.IntArray(len(faces), 3),
+        "FaceVertexIndices": Vt.IntArray.FromNumpy(faces.ravel()),
+        "SubdivisionScheme": UsdGeom.Tokens.none,
+    }
+    return {
+        "plane": (UsdGeom.Plane, up | {"Width": PLANE_WIDTH, "Length": PLANE_WIDTH, "DoubleSided": True}),
+        "box": (UsdGeom.Cube, {"Size": 2.0}),
+        "sphere": (UsdGeom.Sphere, radius),
+        "cylinder": (UsdGeom.Cylinder, up | radius | height),
+        "capsule": (UsdGeom.Capsule, up | radius | height),
+        "mesh": (UsdGeom.Mesh, mesh),
+    }
