@@ -11,7 +11,7 @@ from otwarp.cli.options import FILE, json_file_option
 from otwarp.cli.output import is_stdout, tables_console, write_json
 
 if TYPE_CHECKING:
-    from otwarp.hydrodynamics.decompose import Decomposition
+    from otwarp.hydrodynamics.decomposition import Decomposition
     from otwarp.scene import Body
 
 
@@ -36,7 +36,7 @@ def decompose(
     json_file: Path | None,
 ) -> None:
     """Turn a closed MESH (STL, OBJ, PLY, …) into spheres for optical forces, and say how well they stand for it."""
-    from otwarp.hydrodynamics.decompose import decompose as run
+    from otwarp.hydrodynamics.decomposition import decompose as run
 
     found = run(mesh, spheres=spheres, volume_error=volume_error, scale=scale)
     about = _describe(mesh, found)

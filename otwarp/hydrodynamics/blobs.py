@@ -14,8 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics.covering import COINCIDENT, Covering, Elements, cover, node_counts
-from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.covering import (
+    COINCIDENT,
+    Covering,
+    Elements,
+    cover,
+    node_counts,
+    outermost_spheres,
+    swallowed,
+)
 from otwarp.hydrodynamics.rigid import (
     BodyMobility,
     about_centre_of_diffusion,
@@ -173,14 +180,10 @@ def _centred(elements: Elements) -> tuple[Elements, np.ndarray]:
 
 def _without_buried_rods(elements: Elements, spheres: int) -> Elements:
     """Leave out rods inside another element; of coincident equal rods the first stays."""
-    reach = np.maximum(
-        elements.distance(elements.start), elements.distance(elements.end)
-    )  # [i, j]: end of i, axis of j
+    # [i, j]: ends of i, axis of j
+    reach = np.maximum(elements.distance(elements.start), elements.distance(elements.end))
     inside = reach + elements.radius[:, None] <= elements.radius * (1.0 + COINCIDENT)
-    order = np.arange(len(elements.radius))
-    swallowed = inside & (~inside.T | (order < order[:, None]))
-    np.fill_diagonal(swallowed, False)
-    kept = ~swallowed.any(axis=1) | (order < spheres)
+    kept = ~swallowed(inside) | (np.arange(len(inside)) < spheres)
     return Elements(elements.start[kept], elements.end[kept], elements.radius[kept])
 
 

@@ -28,6 +28,9 @@ LEAST_EXPOSED = 0.35
 COINCIDENT = 1e-9
 """Distance, relative to the radius, at which two surfaces count as one; the earlier element keeps it."""
 
+IMMERSED = 1e-12
+"""Relative overhang below which a sphere counts as inside another: rounding of authored coordinates."""
+
 PAIRS = 4_000_000
 """Pairs of nodes and samples up to which all distances are looked at: loading the tree takes as long as that."""
 
@@ -62,6 +65,23 @@ class Elements:
         squared = np.einsum("mi,mi->m", axis, axis)
         along = np.einsum("kmi,mi->km", points[:, None] - self.start, axis) / np.where(squared > 0.0, squared, 1.0)
         return self.start + np.clip(along, 0.0, 1.0)[..., None] * axis
+
+
+def outermost_spheres(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """Indices of the spheres (n, 3), (n,) that are not inside another one; of coincident equal ones the first stays."""
+    distance = np.linalg.norm(centres[:, None, :] - centres[None, :, :], axis=-1)
+    return np.flatnonzero(~swallowed(distance + radii[:, None] <= radii[None, :] * (1.0 + IMMERSED)))
+
+
+def swallowed(inside: np.ndarray) -> np.ndarray:
+    """(n,) which elements touch no liquid, from inside[i, j]: i is inside j.
+
+    Two elements inside each other are equal: the earlier one swallows the later.
+    """
+    order = np.arange(len(inside))
+    gone = inside & (~inside.T | (order < order[:, None]))
+    np.fill_diagonal(gone, False)
+    return np.any(gone, axis=1)
 
 
 @dataclass(frozen=True, eq=False)

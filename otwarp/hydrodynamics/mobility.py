@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.covering import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility, about_centre_of_diffusion, assemble, inverse, shift, symmetric
 from otwarp.hydrodynamics.rpy import cross_matrix, grand_mobility
 

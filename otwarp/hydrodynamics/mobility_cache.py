@@ -51,17 +51,14 @@ def cached(
     return found
 
 
-_PARTS = {"reference": (3,), "mobility": (6, 6), "flow_coupling": None, "error": (), "blobs": ()}
+_PARTS = {"reference": (3,), "mobility": (6, 6), "flow_coupling": (), "error": (), "blobs": ()}
 
 
 def _read(arrays: dict[str, np.ndarray] | None, spheres: int) -> BodyMobility | None:
     if arrays is None:
         return None
     try:
-        if any(
-            arrays[name].shape != (shape or (spheres, 6, 6) if shape is None else shape)
-            for name, shape in _PARTS.items()
-        ):
+        if any(arrays[name].shape != shape for name, shape in (_PARTS | {"flow_coupling": (spheres, 6, 6)}).items()):
             return None
         return assemble(
             arrays["reference"],

@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from otwarp.hydrodynamics.rigid import shift
+from otwarp.hydrodynamics.rpy import cross_matrix
 from otwarp.laws.wall_fits import COUPLING, NORMAL, PARALLEL, ROLL, SLIDING, SPIN
 
 
@@ -47,7 +49,7 @@ def sphere_excess(gap: float, radius: float, normal: np.ndarray) -> tuple[np.nda
     """
     nn = np.outer(normal, normal)
     along = np.eye(3) - nn
-    cross = np.array([[0.0, -normal[2], normal[1]], [normal[2], 0.0, -normal[0]], [-normal[1], normal[0], 0.0]])
+    cross = cross_matrix(np.asarray(normal))
     rows = []
     for k, per in ((0, 1.0), (1, radius)):
         a = 6.0 * np.pi * radius * (NORMAL(gap)[k] * nn + PARALLEL(gap)[k] * along)
@@ -81,7 +83,6 @@ def body_resistance(
         for x, y, z, radius in spheres:
             arm = np.array([x, y, z])
             gap = (normal @ position + n @ arm - offset) / radius - 1.0
-            motion = np.eye(6)
-            motion[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]  # u = U + Ω × arm
+            motion = shift(-arm)  # u = U + Ω × arm
             total += motion.T @ sphere_excess(float(gap), radius, n)[0] @ motion
     return total

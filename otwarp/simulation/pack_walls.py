@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.covering import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData, mat66
 from otwarp.scene import Body, Obstacle, Scene

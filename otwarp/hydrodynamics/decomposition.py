@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics.covering import Elements, exposed, spiral
-from otwarp.hydrodynamics.immersion import outermost_spheres
+from otwarp.hydrodynamics.covering import Elements, exposed, outermost_spheres, spiral
 from otwarp.hydrodynamics.mesh_surface import mesh_mobility
 from otwarp.hydrodynamics.mobility import body_mobility
 from otwarp.hydrodynamics.rigid import BodyMobility, relative_change, shift

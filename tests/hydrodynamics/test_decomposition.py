@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from otwarp.errors import InputError
-from otwarp.hydrodynamics.decompose import decompose, union_volume
+from otwarp.hydrodynamics.decomposition import decompose, union_volume
 from otwarp.hydrodynamics.solid import closed_mesh, solid_of
 
 GRID = 0.01
@@ -124,7 +124,7 @@ def test_bad_input(tmp_path, monkeypatch):
 
 
 def test_out_of_reach_is_refused(monkeypatch):
-    from otwarp.hydrodynamics import decompose as module
+    from otwarp.hydrodynamics import decomposition as module
 
     monkeypatch.setattr(module, "MOST_SPHERES", 2)
     with pytest.raises(
