@@ -23,8 +23,8 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
+from otwarp.scene.transforms import rotate
 from otwarp.simulation.pack_bodies import weight
-from otwarp.simulation.pack_traps import rotate
 from otwarp.units import BOLTZMANN
 
 SWEEP = 40.0
@@ -134,12 +134,17 @@ def flow_velocity(scene: Scene, place: np.ndarray) -> np.ndarray:
     return speed[:, None] * rotate(turn, np.array([1.0, 0.0, 0.0]))
 
 
+def _steady_load(scene: Scene, body: Body) -> float:
+    """Magnitude of the force that acts on a body wherever it is [pN]: its weight in the medium."""
+    return abs(weight(scene, body)) if scene.settings.gravity else 0.0
+
+
 def _roam(scene: Scene, body: Body, horizon: float) -> float:
-    """How far diffusion and weight take a body in the session [µm], by the Stokes drag of its largest sphere."""
+    """How far diffusion and steady load take a body in the session [µm], by the Stokes drag of its largest sphere."""
     mobility = 1.0 / (6.0 * math.pi * scene.medium.viscosity * max(s.radius for s in body.spheres))
     hot = scene.medium.temperature if scene.settings.brownian else 0.0
     thermal = DEVIATIONS * math.sqrt(2.0 * BOLTZMANN * hot * mobility * horizon)
-    return thermal + (abs(weight(scene, body)) * mobility * horizon if scene.settings.gravity else 0.0)
+    return thermal + _steady_load(scene, body) * mobility * horizon
 
 
 def _path(trap: Trap) -> np.ndarray:

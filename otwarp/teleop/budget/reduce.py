@@ -220,9 +220,9 @@ def _fewer_bodies(search: _Search, scene: Scene, reach: Reach, everything: _Cand
     if not len(order):
         search.log.append("no cell is beyond the reach of the traps: all bodies stay")
         return everything
-    # a crowd that stays one shares its compiled step; a few bodies need another
-    crowd = everything[1].driver == "grid"
-    fewest = min(max(0, MAX_WORLD_BODIES + 1 - len(stay)) if crowd else 0, len(order) - 1)
+    # a many-body scene that stays one shares its compiled step; a few bodies need another
+    many = everything[1].driver == "grid"
+    fewest = min(max(0, MAX_WORLD_BODIES + 1 - len(stay)) if many else 0, len(order) - 1)
     least = _trial(search, scene, reach, stay, order[:fewest])
     if search.fits(least[1]):
         return _bisect(search, scene, reach, (stay, order), (fewest, least), everything)

@@ -1,4 +1,4 @@
-"""What may be asked of the live loop, and who asks: commands, and `Sink`, which is shown frames and gives them.
+"""What may be asked of the live loop, and who asks: commands, and `Sink`, which gets frames and gives commands.
 
 Each command is checked where it is carried out.
 """
@@ -87,14 +87,14 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Let hands push; None for all."""
+    """Let the devices of a hand, or of both (None), push."""
 
     hand: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Disarm:
-    """Let the forces of hands fall; None for all."""
+    """Let the forces of a hand, or of both (None), fall to zero."""
 
     hand: str | None = None
 

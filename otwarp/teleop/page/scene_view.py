@@ -27,7 +27,7 @@ BACKGROUND = ((22, 32, 48), (6, 9, 15))
 """Colours of the middle and the edge of the background."""
 FINE, MIDDLE = 400, 3000
 """Balls up to which each is drawn with 1280, and with 320 triangles; more get 80."""
-CROWD, CROWD_INTERVAL = 2000, 0.1
+MANY, MANY_INTERVAL = 2000, 0.1
 """From that many balls on they are moved at most once in that many seconds: each time is 120 kB to every window."""
 FAINTEST, BRIGHTEST = 0.08, 0.5
 """Opacity of a beam without power, and at the largest power seen."""
@@ -112,7 +112,7 @@ class SceneView:
         self._size = float(np.linalg.norm(np.subtract(camera.position, camera.look_at)))
         self._head = 0.011 * self._size
         self._brightest = max([trap.power for trap in drawing.traps], default=0.0)
-        self._crowd_at = -np.inf
+        self._balls_at = -np.inf
         self._studio()
         scene = server.scene
         for k, part in enumerate(drawing.fixed):
@@ -144,8 +144,8 @@ class SceneView:
             position, orientation = moving.at(frame.time)
             handle.position, handle.wxyz = position, wxyz(orientation)
         many = sum(len(group.bodies) for group in self._drawing.balls)
-        if many <= CROWD or now - self._crowd_at >= CROWD_INTERVAL:
-            self._crowd_at = now
+        if many <= MANY or now - self._balls_at >= MANY_INTERVAL:
+            self._balls_at = now
             for group, handle in zip(self._drawing.balls, self._balls, strict=True):
                 place = np.nan_to_num(frame.position[group.bodies])
                 if not np.array_equal(place, handle.batched_positions):
