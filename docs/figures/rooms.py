@@ -20,7 +20,7 @@ PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "teleop": (0.25, 6.32, 6, 0.98, "amber", "a scene, live"),
     "bench": (6.5, 6.32, 4.25, 0.98, "violet", "what accuracy costs on this machine"),
     "record": (3.35, 5.31, 2.9, 0.66, "violet", "a run on disk"),
-    "preview": (3.35, 4.29, 1.1, 0.66, "violet", "pictures"),
+    "preview": (3.35, 3.97, 1.1, 0.98, "violet", "pictures"),
     "simulation": (4.75, 4.29, 6, 0.66, "red", "Model, State, Control, Readout: the object that steps"),
     "optics": (8.2, 3.26, 2.55, 0.66, "blue", "exact forces, tables, fits"),
     "haptics": (0.25, 0.92, 2.75, 2, "green", "devices, signal chain, servo"),
