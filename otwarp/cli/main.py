@@ -20,7 +20,7 @@ COMMANDS = {
     "teleop": "Run a scene live: traps by mouse or by hand, felt and seen.",
     "ros1": "Run a scene live with the paper's ROS 1 topics.",
     "ros2": "Run a scene live with ROS 2 topics.",
-    "haptics": "Hands: find their devices, measure their servo, replay their takes.",
+    "haptics": "Hands: find their devices, measure their servo, replay their recordings.",
     "forces": "Evaluate the optical force on a sphere exactly.",
     "mobility": "Say how the bodies of a scene diffuse, and how well that is known.",
     "decompose": "Turn a closed mesh into spheres.",

@@ -31,7 +31,7 @@ class Ros1Sink:
         roles: What the topics mean.
         say: Takes lines for the user.
         clock: Of the bridge.
-        alone: Whether nobody else watches: then the session ends with the node.
+        alone: Whether the session has no other sink for a user: then the session ends with the node.
     """
 
     interval = 0.0  # the bridge has a rate of its own

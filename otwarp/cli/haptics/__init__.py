@@ -9,7 +9,7 @@ from otwarp.cli.lazy import LazyGroup
 COMMANDS = {
     "check": "Find devices, and measure the servo on this machine.",
     "config": "Print the hands' configuration, to change it.",
-    "replay": "Feel a take again, and compare the forces bit for bit.",
+    "replay": "Run a recording's chains again, and compare forces bit for bit.",
 }
 """Commands and their one-line help; each lives in the module of its name and is imported when called."""
 
@@ -17,6 +17,6 @@ COMMANDS = {
 @click.group(cls=LazyGroup, package=__name__, rows=COMMANDS, invoke_without_command=True)
 @click.pass_context
 def haptics(context: click.Context) -> None:
-    """Hands: their devices, their servo, their takes."""
+    """Hands: their devices, their servo, their recordings."""
     if context.invoked_subcommand is None:
         click.echo(context.get_help())

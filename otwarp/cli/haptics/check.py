@@ -53,7 +53,7 @@ def check(
     from otwarp.haptics.check.check import run_check
     from otwarp.haptics.check.latency import VIRTUAL
 
-    measured = None if scene is None else _load(scene)  # a bad one is told before anything is measured
+    measured = None if scene is None else _load(scene)  # a bad one is reported before anything is measured
     with _progress(as_json) as say:
         found = run_check(seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say)
         if page:
@@ -107,13 +107,13 @@ def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
     """What is being done, on standard error; heeds SIGTERM."""
     if not sys.stderr.isatty():
 
-        def tell(line: str) -> None:
+        def log(line: str) -> None:
             """A line for a log, none where a program reads."""
             stop.check()
             if not as_json:
                 click.echo(f"{line} …", err=True)
 
-        yield tell
+        yield log
         return
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""`otwarp haptics replay`: are the forces of a take those that its chains send again?"""
+"""`otwarp haptics replay`: are the forces of a recording those that its chains send again?"""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ EXIT_DIFFERS = 1
 
 
 @click.command()
-@click.argument("take", type=FILE)
+@click.argument("recording", type=FILE)
 @json_option
-def replay(take: Path, as_json: bool) -> int:
-    """Run the haptic chains of TAKE, an .mcap file of `otwarp teleop --record`, on what they were given, and compare
-    all forces bit for bit.
+def replay(recording: Path, as_json: bool) -> int:
+    """Run the haptic chains of RECORDING, an .mcap file of `otwarp teleop --record`, on what they were given, and
+    compare all forces bit for bit.
 
-    A session that was killed leaves the folder FILE.mcap.part; give its name as TAKE. A take that is cut short is
+    A session that was killed leaves the folder FILE.mcap.part; give its name as RECORDING. One that is cut short is
     compared up to the cut. Exit code 0: all that is there is equal; 1: a force differs, or there is nothing to compare;
-    2: no take.
+    2: no recording.
     """
     from otwarp.teleop.recording.replay import replay_recording
 
-    report = replay_recording(take)
+    report = replay_recording(recording)
     if as_json:
         click.echo(json_text(report.to_dict()))
     else:
@@ -44,7 +44,7 @@ def replay(take: Path, as_json: bool) -> int:
 
 def _line(hand: HandReplay) -> str:
     """What came of one hand."""
-    told = f"{hand.hand:5}  {hand.cycles} cycles, {hand.compared} run again, {hand.mismatches} differ"
+    line = f"{hand.hand:5}  {hand.cycles} cycles, {hand.compared} run again, {hand.mismatches} differ"
     if hand.missing or hand.skipped:
-        told += f"; {hand.missing} are missing in {hand.gaps} gaps, {hand.skipped} could not be run again"
-    return told + (f"\n       first: {hand.first}" if hand.first else "")
+        line += f"; {hand.missing} are missing in {hand.gaps} gaps, {hand.skipped} could not be run again"
+    return line + (f"\n       first: {hand.first}" if hand.first else "")

@@ -86,8 +86,8 @@ class Ros1Node:
         except OSError as error:
             raise InputError(f"host is {self.host!r}: cannot listen there ({error.strerror})") from None
         self.uri = f"http://{self.host}:{self._slave.server_address[1]}/"
-        self._watcher = threading.Thread(target=self._watch, name="ros1-master", daemon=True)
-        self._watcher.start()
+        self._monitor = threading.Thread(target=self._follow_master, name="ros1-master", daemon=True)
+        self._monitor.start()
 
     @property
     def alive(self) -> bool:
@@ -158,8 +158,8 @@ class Ros1Node:
             self._stopped.set()
             publishers = list(self._publishers.values())
             subscribed = list(self._subscribed.values())
-        if threading.current_thread() is not self._watcher:
-            self._watcher.join(MASTER_TIMEOUT)  # lest it register what is taken back here
+        if threading.current_thread() is not self._monitor:
+            self._monitor.join(MASTER_TIMEOUT)  # lest it register what is taken back here
         deadline = time.monotonic() + LINGER
         for publisher in publishers:
             publisher.flush(deadline - time.monotonic())
@@ -213,7 +213,7 @@ class Ros1Node:
                 self.master_there = False
                 self.log.note("master", str(error))
 
-    def _watch(self) -> None:
+    def _follow_master(self) -> None:
         """Register anew with a master that has restarted."""
         while not self._stopped.wait(self._poll):
             try:

@@ -1,4 +1,4 @@
-"""The XML-RPC server of a node: master and other nodes tell it of publishers and ask it for topics."""
+"""The XML-RPC server of a node: master and other nodes report publishers to it and ask it for topics."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def test_a_restarted_master_hears_of_all_again(node, master):
         assert back == f"master: back; registered anew, {done}"
 
 
-def test_a_name_that_another_node_took_is_told_once(node, master):
+def test_a_name_that_another_node_took_is_reported_once(node, master):
     a = node("a")
     a.publisher("/t", TWIST)
     other = "http://127.0.0.1:1/"
@@ -161,7 +161,7 @@ def test_a_name_that_another_node_took_is_told_once(node, master):
     assert list(a.log.lines) == ["master: another node took the name /a"]
 
 
-def test_a_master_that_refuses_a_registration_is_told_once(node, master):
+def test_a_master_that_refuses_a_registration_is_reported_once(node, master):
     a = node("a")
     a.publisher("/t", TWIST)
     tried = []

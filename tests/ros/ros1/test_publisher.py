@@ -39,7 +39,7 @@ def request(**changed: str) -> bytes:
 
 
 @pytest.mark.parametrize("changed", [{}, {"md5sum": "*"}, {"type": "*", "md5sum": "*"}])
-def test_a_subscriber_is_told_the_type(node, changed):
+def test_a_subscriber_gets_the_type(node, changed):
     a = node("a")
     a.publisher("/t", TWIST, latch=True).publish(twist(1.0))
     header, message = shake(a, request(**changed))
@@ -59,7 +59,7 @@ def test_a_subscriber_is_told_the_type(node, changed):
         (request(topic=""), "refused", "no topic ''"),
     ],
 )
-def test_a_subscriber_that_does_not_fit_is_told_so(node, sent, kind, says):
+def test_a_subscriber_that_does_not_fit_gets_the_reason(node, sent, kind, says):
     a = node("a")
     a.publisher("/t", TWIST, latch=True).publish(twist(1.0))
     header, message = shake(a, sent)

@@ -16,7 +16,7 @@ from .setups import PATIENCE, TWIST, BadPublisher, MasterDouble, good_header, tw
 
 
 def heard_from(node, master: MasterDouble, bad: BadPublisher):
-    """A subscription told of this publisher only."""
+    """A subscription that knows this publisher only."""
     b = node("b")
     heard = b.subscribe("/t", TWIST)
     call(b.uri, "publisherUpdate", "/master", "/t", [bad.uri])
