@@ -15,14 +15,10 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.check.check import BUSY
-from otwarp.haptics.check.costs import STEPS, CallCost, chain_costs, mailbox_costs, step_cost
-from otwarp.haptics.check.jitter import Jitter, Percentiles, measure_jitter
-from otwarp.haptics.check.latency import STATE_RATE, check_hand, measure_latency
-from otwarp.haptics.check.width import DEVICE, HIGH, RATE, widths
-from otwarp.haptics.check.zwidth import PASSIVE, BareDevice, chain_width
-from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY
+from otwarp.haptics.check.check import BUSY, STEPS, CallCost, chain_costs, mailbox_costs, step_cost
+from otwarp.haptics.check.timing import STATE_RATE, Jitter, Percentiles, check_hand, measure_jitter, measure_latency
+from otwarp.haptics.check.zwidth import DEVICE, HIGH, PASSIVE, RATE, BareDevice, chain_width, widths
+from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, HandConfig
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw

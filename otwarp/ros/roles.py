@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.presets import PAIRINGS
+from otwarp.haptics.core.config import PAIRINGS
 from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
 from otwarp.scene import Obstacle, Scene

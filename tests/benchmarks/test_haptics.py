@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import haptics
 from benchmarks.report import PAGES, put_on_page, save_json
-from otwarp.haptics.check.width import Width
+from otwarp.haptics.check.zwidth import Width
 
 WANTED = 0.999
 """R² at servo rate, as in the tests of the chain."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from collections import deque
 
-from otwarp.haptics.devices.hid_port import HidFound
+from otwarp.haptics.devices.hid import HidFound
 
 
 class Port:

@@ -51,7 +51,7 @@ def check(
     Nothing that can push is armed.
     """
     from otwarp.haptics.check.check import run_check
-    from otwarp.haptics.check.latency import VIRTUAL
+    from otwarp.haptics.check.timing import VIRTUAL
 
     measured = None if scene is None else _load(scene)  # a bad one is reported before anything is measured
     with _progress(as_json) as say:
@@ -145,7 +145,7 @@ def _page_text(page: dict[str, Any]) -> str:
 
 
 def _print(found: Check) -> None:
-    from otwarp.haptics.check.tables import check_tables
+    from otwarp.cli.haptics.tables import check_tables
 
     console = tables_console(140)
     console.print(found.system, markup=False)

@@ -17,7 +17,7 @@ def config(mode: str) -> None:
     What a file keeps of it changes the presets of otwarp teleop --config FILE; what it leaves out stays. Device side in
     m, s, N, scene side in µm, pN; docs/haptics.md says what each number does. Without traps a hand has the scene's.
     """
+    from otwarp.haptics.core.config import two_hands
     from otwarp.haptics.core.fields import to_dict
-    from otwarp.haptics.core.presets import two_hands
 
     click.echo(json.dumps(to_dict(two_hands((), (), mode=mode)), indent=2, ensure_ascii=False))

@@ -17,8 +17,7 @@ from typing import Any, Protocol
 from otwarp.errors import InputError
 from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, VirtualCoupling
 from otwarp.haptics.chain.paper_mode import PaperRenderer
-from otwarp.haptics.chain.passivity import Passivity
-from otwarp.haptics.chain.safety import Safety
+from otwarp.haptics.chain.safety import Passivity, Safety
 from otwarp.haptics.core.config import HandConfig, PassivityConfig, SafetyConfig, checked_gains
 from otwarp.haptics.core.types import (
     ZERO,

@@ -17,22 +17,13 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.motion import VectorFilter
-from otwarp.haptics.core.config import ChainConfig, HandConfig, LowPass
+from otwarp.haptics.core.config import RELEASE_ALPHA, RELEASE_GAIN, RELEASE_RATE, ChainConfig, HandConfig, LowPass
 from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3, as_tuples
 from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
 from otwarp.laws import TrapLaw
 
 RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, offset=-1568.0, cutoff=0.10, power=1.0)
 """Eq. 1 with the release's constants, in its raw force units and scene units."""
-
-RELEASE_GAIN = 0.0022
-"""G_hand as the release ships it [N per raw unit]; the paper's range is 0.0022 to 0.0030."""
-
-RELEASE_ALPHA = 0.05
-"""α of both of the release's filters, per message."""
-
-RELEASE_RATE = 60.0
-"""Rate of each of the simulator's topics [Hz]; the force filter runs on two of them."""
 
 TOUCHING = 1e-9
 """Distance at which the release gives no force a direction, and sends none [scene units]."""

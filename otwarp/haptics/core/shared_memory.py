@@ -244,7 +244,7 @@ class Ring:
     """What a servo did in every cycle, on its way from the servo (`push`), which never waits, to its parent (`drain`).
 
     A record has 8-byte little-endian fields (`CYCLE`), so that a batch of them is at once the body of a ROS 2 message
-    (`otwarp.haptics.recording.messages`). With it, the chain of a hand can be run again on what it was given.
+    (`otwarp.haptics.recording`). With it, the chain of a hand can be run again on what it was given.
 
     Memory ordering. The producer fills a slot and then raises `written`; the consumer copies the slots below `written`
     and then raises `taken`. x86-64 keeps stores in order and loads in order. ARM may not: there a slot may be seen

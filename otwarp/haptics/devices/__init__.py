@@ -1,4 +1,16 @@
-"""Devices by name: `mouse`, `virtual:<script>`, `replay:<file>`, … as typed after `--left` and `--right`."""
+"""Devices by name: `mouse`, `virtual:<script>`, `replay:<file>`, … as typed after `--left` and `--right`.
+
+A device fulfils `core.types.Device`: metres, buttons as bits and newtons in its own frame. It is one file with
+`create(spec)` and, for hardware, `find_devices()`, and one row of `KINDS`; `mouse` is the shortest to read.
+
+    mouse, virtual, replay             software: the page's pointer, a script, a recording
+    spacemouse, dualsense              by HID: `hid` has what they share, `hid_ports` the system's side
+    openhaptics                        3D Systems Touch; `libhd` is its library
+    inverse3                           Haply; `inverse3_messages` is its protocol
+    forcedimension                     Force Dimension and Novint Falcon
+    ros1                               a driver that publishes poses in ROS 1
+    exchange                           where the servo's thread meets that of a driver
+"""
 
 from __future__ import annotations
 

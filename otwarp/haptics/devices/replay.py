@@ -1,7 +1,9 @@
 """Plays positions and buttons of a recording, without feeling anything.
 
 MCAP: a take of `otwarp teleop --record`, of which it plays one hand. A take that is cut short is played up to the cut,
-and so is the folder `FILE.mcap.part` that a killed session leaves. ROS bag: poses of a topic, see `bag`. CSV: a header
+and so is the folder `FILE.mcap.part` that a killed session leaves. ROS bag: poses of a topic, such as a Touch's
+driver publishes, read by `rosbags`: ROS 1 `.bag`, ROS 2 bags in a folder or as one `.db3`; positions count in metres
+unless told otherwise, and the driver of the paper's release publishes millimetres (`unit=mm`). CSV: a header
 that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON lines: one object per line
 with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase, positions in metres.
 Numbers written by `repr` come back bit for bit.
@@ -15,18 +17,22 @@ import math
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
-from otwarp.haptics.devices.bag import SUFFIXES, UNITS, bag_samples, is_bag
-from otwarp.haptics.recording.mcap import CONFIG, PART, SUFFIX, McapFile, is_take
+from otwarp.haptics.recording import CONFIG, PART, SUFFIX, McapFile, is_take
 
 EDGE = 1e-9
 """Seconds by which a sample may be early: differences of clock times round, and a sample must not slip by a cycle."""
 FARTHEST = 10.0
 """Metres; no hand is farther from its device."""
 COLUMNS = ("time", "x", "y", "z")
+UNITS = {"m": 1.0, "mm": 1e-3}
+"""Metres."""
+POSE = "geometry_msgs/msg/PoseStamped"
+SUFFIXES = (".bag", ".db3")
 OPTIONS = {"loop": ("0", "1"), "hand": ("left", "right"), "unit": tuple(UNITS), "topic": None}
 """What may come after the file's name, and its values, if it has only a few."""
 
@@ -41,7 +47,7 @@ class ReplayDevice:
         name: As the user named it.
         loop: Whether to start again at the end.
         hand: Which hand of a take; None for the one that it has.
-        topic, unit: Of a bag, see `bag.bag_samples`.
+        topic, unit: Of a bag, see `bag_samples`.
     """
 
     def __init__(
@@ -138,7 +144,7 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
 def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
     from otwarp.haptics.core.types import FRESH, SAMPLED, cycles_of
-    from otwarp.haptics.recording.messages import CYCLES_TYPE, unpack_cycles
+    from otwarp.haptics.recording import CYCLES_TYPE, unpack_cycles
 
     batches: dict[str, list[bytes]] = {}
     with McapFile(file) as take:
@@ -191,6 +197,60 @@ def _jsonl(file: Path, lines: Iterator[str]) -> Iterator[tuple[int, float, Seque
                 f'{file}, line {number}: must be {{"time": s, "position": [x, y, z], "buttons": bits}}'
             ) from None
         yield number, time, position, buttons
+
+
+def is_bag(file: Path) -> bool:
+    """Whether a recording is a bag, by its name or because it is the folder of one."""
+    return file.suffix.lower() in SUFFIXES or (file / "metadata.yaml").is_file()
+
+
+def bag_samples(file: Path, topic: str | None, unit: str) -> Iterator[tuple[int, float, list[float], int]]:
+    """(number, time, position, buttons) of the poses in a bag; times [s] count from the first, positions in metres.
+
+    Args:
+        file: `.bag`, `.db3`, or the folder of a ROS 2 bag.
+        topic: Of type PoseStamped; None for the only one that there is.
+        unit: Key of `UNITS`.
+
+    Raises:
+        InputError: No bag, no such topic, several to choose from, or no `rosbags`.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+    except ImportError:
+        raise InputError(f"{file}: a bag needs the package rosbags; install otwarp[teleop]") from None
+    if not file.exists():
+        raise InputError(f"{file}: cannot be read (no such file)")
+    try:
+        with AnyReader([file], default_typestore=_typestore()) as bag:
+            poses = [c for c in bag.connections if c.msgtype == POSE]
+            names = sorted({c.topic for c in poses})
+            chosen = topic or (names[0] if len(names) == 1 else None)
+            if chosen not in names:
+                allowed = ", ".join(f"topic={name}" for name in names) or f"a bag with a topic of type {POSE}"
+                raise InputError(f"{file}: has no poses of {topic or 'a topic that was named'}; allowed: {allowed}")
+            first, last = None, -1
+            messages = bag.messages([c for c in poses if c.topic == chosen])
+            for number, (connection, stamp, data) in enumerate(messages, 1):
+                if stamp <= last:  # two messages that came at once: the first counts
+                    continue
+                first, last = stamp if first is None else first, stamp
+                place: Any = bag.deserialize(data, connection.msgtype).pose.position  # type: ignore[attr-defined]
+                scale = UNITS[unit]
+                yield number, 1e-9 * (stamp - first), [scale * place.x, scale * place.y, scale * place.z], 0
+    except InputError:
+        raise
+    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+        raise InputError(f"{file}: cannot be read as a bag ({error})") from None
+    except Exception as error:  # a damaged bag fails in whatever its reader is made of
+        raise InputError(f"{file}: cannot be read as a bag ({type(error).__name__}: {error})") from None
+
+
+def _typestore() -> Any:
+    """Types for bags that do not bring their own."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 def create(spec: DeviceSpec) -> ReplayDevice:

@@ -17,18 +17,18 @@ import struct
 
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
-from otwarp.haptics.devices.hid_port import (
+from otwarp.haptics.devices.hid import (
     HidFound,
     HidPort,
     HidSystem,
     HidWanted,
+    RateHand,
     describe_devices,
-    hid_system,
     open_hid,
     parse_argument,
     waiting_reports,
 )
-from otwarp.haptics.devices.rate import RateHand
+from otwarp.haptics.devices.hid_ports import hid_system
 
 MODELS = {
     (0x046D, 0xC623): "SpaceTraveler",
@@ -189,7 +189,7 @@ def find_devices(system: HidSystem | None = None) -> tuple[str, ...]:
     Raises:
         InputError: A package is needed here, and absent.
     """
-    return describe_devices("spacemouse", _wanted("spacemouse"), system)
+    return describe_devices("spacemouse", _wanted("spacemouse"), system or hid_system())
 
 
 def _wanted(text: str, serial: str | None = None, ordinal: int = 0) -> HidWanted:

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import FACING_USER, check_orthogonal
+from otwarp.haptics.core.config import FACING_USER, PAIRINGS, check_orthogonal
 from otwarp.haptics.core.fields import Matrix, check_fields, number
-from otwarp.haptics.core.presets import PAIRINGS
 from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.ros.contract import (
     CELL_TOPIC,
@@ -55,7 +54,7 @@ class Ros2Config:
     """What the bridge says and hears, and in which units.
 
     Attributes:
-        pairing: Key of `otwarp.haptics.core.presets.PAIRINGS`: names and sides of the hands' topics.
+        pairing: Key of `otwarp.haptics.core.config.PAIRINGS`: names and sides of the hands' topics.
         namespace: Put before every topic, as `/twin`; empty for none.
         frame: `frame_id` of what is published.
         scene_unit: Micrometres in one unit of length on the topics. The companion's scenes are drawn in units of some

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.config import HandConfig, HapticsConfig, two_hands
 from otwarp.haptics.core.fields import from_dict, to_dict
-from otwarp.haptics.core.presets import two_hands
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import TableLaw

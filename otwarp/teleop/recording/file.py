@@ -24,8 +24,16 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import ForceGrid, TableLaw
-from otwarp.haptics.recording.mcap import SUFFIX, part_of
-from otwarp.haptics.recording.messages import CYCLES_TYPE, DEFINITIONS, SCENE_TYPE, pack_cycles, pack_scene, pack_text
+from otwarp.haptics.recording import (
+    CYCLES_TYPE,
+    DEFINITIONS,
+    SCENE_TYPE,
+    SUFFIX,
+    pack_cycles,
+    pack_scene,
+    pack_text,
+    part_of,
+)
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene
 from otwarp.teleop.core.frame import HANDS, LiveFrame

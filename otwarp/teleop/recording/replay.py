@@ -45,8 +45,16 @@ from otwarp.haptics.core.types import (
     scene_from_list,
 )
 from otwarp.haptics.force.law import Law
-from otwarp.haptics.recording.mcap import CONFIG, McapFile
-from otwarp.haptics.recording.messages import CYCLES_TYPE, SCENE_TYPE, beat_of, unpack_cycles, unpack_scene, unpack_text
+from otwarp.haptics.recording import (
+    CONFIG,
+    CYCLES_TYPE,
+    SCENE_TYPE,
+    McapFile,
+    beat_of,
+    unpack_cycles,
+    unpack_scene,
+    unpack_text,
+)
 from otwarp.teleop.recording.file import CYCLES, END, FORMAT, SCENE, START, laws_from_dict
 
 

@@ -25,7 +25,7 @@ from otwarp.haptics.core.config import HapticsConfig
 from otwarp.haptics.core.fields import to_dict
 from otwarp.haptics.core.types import CYCLE, SceneFrame
 from otwarp.haptics.force.law import Law
-from otwarp.haptics.recording.mcap import CONFIG, part_of
+from otwarp.haptics.recording import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles
 from otwarp.scene import Scene
 from otwarp.teleop.core.commands import Command

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 
 from otwarp.cli.main import main
-from otwarp.haptics.core.config import HapticsConfig
+from otwarp.haptics.core.config import HapticsConfig, two_hands
 from otwarp.haptics.core.fields import from_dict
-from otwarp.haptics.core.presets import two_hands
 
 
 def test_what_is_printed_is_the_preset(capfd):

@@ -6,9 +6,8 @@ import math
 
 import pytest
 
-from otwarp.haptics.core.config import FACING_USER, IDENTITY, CouplingConfig, LowPass
+from otwarp.haptics.core.config import FACING_USER, IDENTITY, TOUCH_CHAIN, TOUCH_SAFETY, CouplingConfig, LowPass
 from otwarp.haptics.core.fields import from_dict, to_dict
-from otwarp.haptics.core.presets import TOUCH_CHAIN, TOUCH_SAFETY
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import AXIAL, PERIOD, POWER, RADIAL, drive, hand_config, make_chain, scene_at, size
 

@@ -12,8 +12,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.motion import Motion
 from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
-from otwarp.haptics.core.config import IDENTITY, HandConfig, LowPass, SafetyConfig
-from otwarp.haptics.core.presets import PAPER_CHAIN
+from otwarp.haptics.core.config import IDENTITY, PAPER_CHAIN, HandConfig, LowPass, SafetyConfig
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
 from otwarp.haptics.force.table import ForceGrid, TableLaw

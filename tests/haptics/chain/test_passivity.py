@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from otwarp.haptics.chain.passivity import Passivity
+from otwarp.haptics.chain.safety import Passivity
 from otwarp.haptics.core.config import PassivityConfig
 from tests.haptics.setups import drive, energy_of, hand_config, make_chain, scene_at
 

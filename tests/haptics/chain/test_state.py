@@ -15,8 +15,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, VirtualCoupling
 from otwarp.haptics.chain.paper_mode import PaperForce, PaperRenderer
-from otwarp.haptics.chain.passivity import Passivity
-from otwarp.haptics.chain.safety import Safety
+from otwarp.haptics.chain.safety import Passivity, Safety
 from otwarp.haptics.core.config import CouplingConfig, HandConfig, LowPass, PassivityConfig, SafetyConfig
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3, scene_from_list
 from otwarp.haptics.force.law import IsotropicLaw, LocalModel, SplitLaw

@@ -9,16 +9,34 @@ import re
 import pytest
 from rich.console import Console
 
+from otwarp.cli.haptics.tables import check_tables, device_table, grant_table, width_table
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.check import width as check_width
-from otwarp.haptics.check.check import ADVICE, Check, FoundDevices, advised, find_all_devices, run_check, system_text
-from otwarp.haptics.check.costs import CallCost, chain_costs, mailbox_costs, step_cost, time_calls
-from otwarp.haptics.check.jitter import Percentiles
-from otwarp.haptics.check.latency import CURVE, VIRTUAL, TimedChain, check_hand, check_scene, measure_latency
-from otwarp.haptics.check.tables import check_tables, device_table, grant_table, width_table
-from otwarp.haptics.check.width import Width, limits, widths
-from otwarp.haptics.check.zwidth import chain_width
+from otwarp.haptics.check import zwidth
+from otwarp.haptics.check.check import (
+    ADVICE,
+    CallCost,
+    Check,
+    FoundDevices,
+    advised,
+    chain_costs,
+    find_all_devices,
+    mailbox_costs,
+    run_check,
+    step_cost,
+    system_text,
+    time_calls,
+)
+from otwarp.haptics.check.timing import (
+    CURVE,
+    VIRTUAL,
+    Percentiles,
+    TimedChain,
+    check_hand,
+    check_scene,
+    measure_latency,
+)
+from otwarp.haptics.check.zwidth import Width, chain_width, limits, widths
 from otwarp.haptics.core.realtime import Grant
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample
 from otwarp.haptics.devices import KINDS
@@ -157,8 +175,8 @@ class TestCosts:
 
 class TestWidth:
     def test_rows_have_theory_and_paper_beside_them(self, monkeypatch):
-        monkeypatch.setattr(check_width, "chain_width", lambda chain, *, wall=False, high: high)
-        monkeypatch.setattr(check_width, "paper_width", lambda *, rate, delay=0.0: 1e-3 * rate)
+        monkeypatch.setattr(zwidth, "chain_width", lambda chain, *, wall=False, high: high)
+        monkeypatch.setattr(zwidth, "paper_width", lambda *, rate, delay=0.0: 1e-3 * rate)
         found = widths()
         assert [one.reference for one in found] == [pytest.approx(400.0), None, None, 10.3, 1.4]
         assert [one.open_ended for one in found] == [False, True, True, False, False]
@@ -166,10 +184,8 @@ class TestWidth:
         assert "≥ 20000" in text and "2b/T" in text
 
     def test_the_first_row_is_what_z_width_says(self, monkeypatch):
-        monkeypatch.setattr(check_width, "paper_width", lambda *, rate, delay=0.0: 1.0)
-        monkeypatch.setattr(
-            check_width, "chain_width", lambda chain, **how: chain_width(chain, **(how | {"high": 300.0}))
-        )
+        monkeypatch.setattr(zwidth, "paper_width", lambda *, rate, delay=0.0: 1.0)
+        monkeypatch.setattr(zwidth, "chain_width", lambda chain, **how: chain_width(chain, **(how | {"high": 300.0})))
         assert widths()[0].found == 300.0
 
     def test_limits_are_the_presets(self):

@@ -15,8 +15,15 @@ from otwarp.haptics.check.zwidth import (
     paper_width,
     speeds,
 )
-from otwarp.haptics.core.config import ChainConfig, CouplingConfig, LowPass, SafetyConfig
-from otwarp.haptics.core.presets import TOUCH_DAMPING, TOUCH_MASS, TOUCH_QUANTUM
+from otwarp.haptics.core.config import (
+    TOUCH_DAMPING,
+    TOUCH_MASS,
+    TOUCH_QUANTUM,
+    ChainConfig,
+    CouplingConfig,
+    LowPass,
+    SafetyConfig,
+)
 
 PERIOD = 1e-3
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.chain.motion import VectorFilter
 from otwarp.haptics.core.config import (
+    PAIRINGS,
     ChainConfig,
     CouplingConfig,
     HandConfig,
@@ -19,9 +20,9 @@ from otwarp.haptics.core.config import (
     LowPass,
     PassivityConfig,
     SafetyConfig,
+    two_hands,
 )
 from otwarp.haptics.core.fields import from_dict, to_dict
-from otwarp.haptics.core.presets import PAIRINGS, two_hands
 
 EXACT = 1e-12
 """Relative error of a few float64 operations."""
@@ -127,7 +128,7 @@ def test_importing_is_light():
 
     ask = (
         "import sys, otwarp.haptics.chain.chain, otwarp.haptics.check.zwidth;"
-        "import otwarp.haptics.core.presets, otwarp.haptics.force.table;"
+        "import otwarp.haptics.force.table;"
         "print([m for m in ('numpy', 'warp', 'pxr', 'scipy') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True).stdout.strip() == "[]"

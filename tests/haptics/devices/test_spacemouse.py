@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import parse_devices
-from otwarp.haptics.devices.hid_port import HidFound
-from otwarp.haptics.devices.rate import LONGEST_STEP
+from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound
 from otwarp.haptics.devices.spacemouse import MODELS, MOST_REPORTS, SILENCE, SpaceMouseState, create, find_devices
 from otwarp.haptics.servo.servo import REOPEN_AFTER
 from tests.haptics.hid_double import Plugged, System

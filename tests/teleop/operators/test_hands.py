@@ -8,9 +8,8 @@ import json
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.config import HandConfig, HapticsConfig, two_hands
 from otwarp.haptics.core.fields import to_dict
-from otwarp.haptics.core.presets import two_hands
 from otwarp.teleop.operators.hands import changed, load_config, plan_hands, slowed
 from tests.teleop.scenes import three_beads, trap
 

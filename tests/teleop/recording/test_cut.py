@@ -11,8 +11,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import cycles_of
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.recording.mcap import MAGIC, McapFile, part_of
-from otwarp.haptics.recording.messages import CYCLES_TYPE
+from otwarp.haptics.recording import CYCLES_TYPE, MAGIC, McapFile, part_of
 from otwarp.teleop.recording import file as take_file
 from otwarp.teleop.recording.replay import HandReplay, ReplayReport, replay_recording
 from tests.teleop.recording.test_replay import STABLE, one

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.recording.mcap import McapFile
-from otwarp.haptics.recording.messages import unpack_text
+from otwarp.haptics.recording import McapFile, unpack_text
 from otwarp.teleop.core import commands as c
 from otwarp.teleop.recording.replay import replay_recording
 from otwarp.teleop.session.session import Session, SessionOptions

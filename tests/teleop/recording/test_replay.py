@@ -20,8 +20,7 @@ from otwarp.haptics.core.config import CouplingConfig, LowPass
 from otwarp.haptics.core.types import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
-from otwarp.haptics.recording.mcap import McapFile
-from otwarp.haptics.recording.messages import pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene
+from otwarp.haptics.recording import McapFile, pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene
 from otwarp.teleop.recording.replay import replay_recording
 from tests.haptics.setups import hand_config
 from tests.teleop.recording.recorded import LAWS, Session

@@ -22,7 +22,7 @@ from otwarp.haptics.core.config import HapticsConfig, LowPass
 from otwarp.haptics.core.fields import from_dict
 from otwarp.haptics.core.types import CYCLE, ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
-from otwarp.haptics.recording.mcap import McapFile, part_of
+from otwarp.haptics.recording import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start
 from otwarp.simulation.frame import SHAPES
 from otwarp.teleop.core import commands as c

@@ -10,8 +10,9 @@ import sys
 import pytest
 from rich.console import Console
 
+from otwarp.cli.haptics.tables import jitter_table
 from otwarp.errors import InputError
-from otwarp.haptics.check.jitter import Jitter, Percentiles, _python, jitter_table, loop_times, measure_jitter
+from otwarp.haptics.check.timing import Jitter, Percentiles, _python, loop_times, measure_jitter
 from otwarp.haptics.core.realtime import Grant, VirtualClock
 
 
@@ -85,14 +86,14 @@ def test_an_interrupt_of_the_whole_group_is_one_line():
         # a shell starts what runs in the background with interrupts ignored
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from otwarp.cli.main import main\n"
-        "from otwarp.haptics.check import jitter\n"
-        "start = jitter._python\n"
+        "from otwarp.haptics.check import timing\n"
+        "start = timing._python\n"
         "def python(code):\n"
         "    process = start(code)\n"
         "    print('started', process.pid, file=sys.stderr, flush=True)\n"
         "    return process\n"
-        "jitter._python = python\n"
-        "jitter_only = lambda *_, **__: jitter.measure_jitter(60.0)\n"
+        "timing._python = python\n"
+        "jitter_only = lambda *_, **__: timing.measure_jitter(60.0)\n"
         "from otwarp.haptics.check import check\n"
         "check.run_check = jitter_only\n"
         "sys.exit(main(['haptics', 'check', '--no-page', '--seconds', '60']))\n"

@@ -1,26 +1,51 @@
-"""HID devices by Linux's `/dev/hidraw*`: listed from sysfs, read without blocking, held by one hand at a time.
+"""HID devices as the system has them: Linux's `/dev/hidraw*`, read without any package, or the package `hidapi`.
 
-A node keeps up to 64 reports until they are read (Linux, drivers/hid/hidraw.c). Writing by USB waits for the transfer,
-up to 5 s if the device hangs (usbhid_output_report in drivers/hid/usbhid/hid-core.c), so a control loop must not
-write itself.
+hidapi's Linux wheel is not used where hidraw is there: its module `hid` is built on libusb, takes the device away from
+the kernel's own driver, and sees nothing that is connected by Bluetooth (trezor/cython-hidapi issues 110, 203;
+libusb/hidapi README). On Windows and macOS it never ran: it is written from the package's documentation and tested
+against a double of its module `hid`.
+
+A node of hidraw keeps up to 64 reports until they are read (Linux, drivers/hid/hidraw.c). Writing by USB waits for the
+transfer, up to 5 s if the device hangs (usbhid_output_report in drivers/hid/usbhid/hid-core.c), so a control loop must
+not write itself.
 """
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
+import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from otwarp.haptics.devices.hid_port import SYSFS, HidFound
+from otwarp.errors import InputError
+from otwarp.haptics.devices.hid import HidFound, HidSystem
 
+SYSFS = Path("/sys/class/hidraw")
 LONGEST = 4096
 """Bytes of the longest report that is taken whole (HID_MAX_BUFFER_SIZE was 4096 until Linux 5.x; ours have 78)."""
 BUS_BLUETOOTH = 0x05
 """linux/input.h."""
+HIDAPI_BUS_BLUETOOTH = 2
+"""HID_API_BUS_BLUETOOTH of hidapi.h, since 0.13."""
 GET_FEATURE = 0xC0004807
 """HIDIOCGFEATURE(0) of linux/hidraw.h: read and write, group 'H', number 7; the size goes to bits 16 to 29."""
+
+_taken: set[str] = set()
+"""Paths that are open by hidapi in this process: it would open one twice."""
+
+
+def hid_system() -> HidSystem:
+    """That of this machine.
+
+    Raises:
+        InputError: The package is needed and absent.
+    """
+    if sys.platform == "linux" and SYSFS.is_dir():
+        return Hidraw()
+    return Hidapi()
 
 
 class HidrawPort:
@@ -36,6 +61,8 @@ class HidrawPort:
     """
 
     def __init__(self, found: HidFound):
+        import fcntl  # of POSIX systems alone
+
         self._found = found
         self._fd = os.open(found.path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
@@ -66,6 +93,8 @@ class HidrawPort:
 
     def feature(self, number: int, size: int) -> bytes:
         """See `HidPort`."""
+        import fcntl
+
         answer = bytearray(size)
         answer[0] = number
         got = fcntl.ioctl(self._open_fd(), GET_FEATURE | size << 16, answer)
@@ -157,3 +186,96 @@ def top_usages(descriptor: bytes) -> Iterator[tuple[int, int]]:
             depth -= 1
         if kind in (0x80, 0x90, 0xA0, 0xB0, 0xC0):  # main items use up the usage
             usage = 0
+
+
+class HidapiPort:
+    """An open device of hidapi.
+
+    Args:
+        found: What it is.
+        device: `hid.device()`, opened.
+    """
+
+    def __init__(self, found: HidFound, device: Any):
+        self._found, self._device = found, device
+        _taken.add(found.path)
+
+    @property
+    def found(self) -> HidFound:
+        """See `HidPort`."""
+        return self._found
+
+    def read(self) -> bytes:
+        """See `HidPort`."""
+        return bytes(self._opened().read(LONGEST))
+
+    def write(self, report: bytes) -> None:
+        """See `HidPort`."""
+        if self._opened().write(report) < 0:
+            raise OSError("hidapi: write failed")
+
+    def feature(self, number: int, size: int) -> bytes:
+        """See `HidPort`."""
+        return bytes(self._opened().get_feature_report(number, size))
+
+    def close(self) -> None:
+        """See `HidPort`."""
+        device, self._device = self._device, None
+        if device is not None:
+            _taken.discard(self._found.path)
+            device.close()
+
+    def _opened(self) -> Any:
+        if self._device is None:
+            raise OSError("hidapi: closed")
+        return self._device
+
+
+class Hidapi:
+    """What hidapi lists.
+
+    Args:
+        module: `hid`, or a double of it.
+
+    Raises:
+        InputError: The package is absent.
+    """
+
+    def __init__(self, module: Any = None):
+        if module is None:
+            try:
+                module = import_module("hid")
+            except ImportError as error:
+                raise InputError(
+                    f"HID devices need the package hidapi here: pip install 'otwarp[haptics]' ({error})"
+                ) from None
+        self._hid = module
+
+    def devices(self) -> list[HidFound]:
+        """See `HidSystem`."""
+        listed = sorted((_listed(entry) for entry in self._hid.enumerate()), key=lambda found: found.path)
+        return list({found.path: found for found in listed}.values())
+
+    def open(self, found: HidFound) -> HidapiPort:
+        """See `HidSystem`."""
+        if found.path in _taken:
+            raise BlockingIOError(f"{found.path} is open")
+        device = self._hid.device()
+        device.open_path(found.path.encode())
+        device.set_nonblocking(True)
+        return HidapiPort(found, device)
+
+
+def _listed(entry: dict[str, Any]) -> HidFound:
+    """An entry of `hid.enumerate`; older versions do not say the bus, but number no interface of Bluetooth."""
+    path, bus = entry["path"], entry.get("bus_type", 0)
+    page, usage = entry.get("usage_page", 0), entry.get("usage", 0)
+    return HidFound(
+        path=path.decode(errors="replace") if isinstance(path, bytes) else str(path),
+        vendor=entry["vendor_id"],
+        product=entry["product_id"],
+        serial=entry.get("serial_number") or "",
+        name=entry.get("product_string") or "",
+        usages=((page, usage),) if page else (),
+        bluetooth=bus == HIDAPI_BUS_BLUETOOTH or (not bus and entry.get("interface_number", 0) == -1),
+    )

@@ -13,11 +13,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.recording.mcap import MAGIC, McapFile
-from otwarp.haptics.recording.messages import (
+from otwarp.haptics.recording import (
     CYCLES_TYPE,
     DEFINITIONS,
+    MAGIC,
     SCENE_TYPE,
+    McapFile,
     beat_of,
     pack_cycles,
     pack_scene,

@@ -1,24 +1,22 @@
-"""Finding and opening HID devices: the tiny protocol that `hidraw` and `hidapi` fulfil, and tests stand in for.
-
-On Linux `/dev/hidraw*` is read without any package. Elsewhere the package `hidapi` is needed. Its Linux wheel is not
-used where hidraw is there: its module `hid` is built on libusb, takes the device away from the kernel's own driver, and
-sees nothing that is connected by Bluetooth (trezor/cython-hidapi issues 110, 203; libusb/hidapi README).
-"""
+"""What HID devices have in common: finding and opening them, their arguments, and a place out of a deflection."""
 
 from __future__ import annotations
 
-import sys
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 
-SYSFS = Path("/sys/class/hidraw")
 RULES = "/etc/udev/rules.d/70-otwarp-hid.rules"
 """Where the rule goes that lets the user at the desk open a device; it must sort before 73-seat-late.rules."""
+LONGEST_STEP = 0.1
+"""Seconds of movement that one reading may catch up: a loop that was stopped must not make the hand leap."""
+BELOW = 1.0 - 1e-12
+"""Shortens a step at full deflection, so that rounding leaves it within the full speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,21 +114,6 @@ class HidWanted:
     ordinal: int = 0
 
 
-def hid_system() -> HidSystem:
-    """That of this machine.
-
-    Raises:
-        InputError: The package is needed and absent.
-    """
-    if sys.platform == "linux" and SYSFS.is_dir():
-        from otwarp.haptics.devices.hidraw import Hidraw
-
-        return Hidraw()
-    from otwarp.haptics.devices.hidapi import Hidapi
-
-    return Hidapi()
-
-
 def matching(wanted: HidWanted, system: HidSystem) -> list[HidFound]:
     """The devices of the wanted models, ordered by path, without interfaces of another use."""
     return [
@@ -201,14 +184,10 @@ def waiting_reports(port: HidPort, most: int) -> Iterator[bytes]:
         yield report
 
 
-def describe_devices(kind: str, wanted: HidWanted, system: HidSystem | None = None) -> tuple[str, ...]:
-    """One line per device that is plugged in: the text to ask for it by, and what it is.
-
-    Raises:
-        InputError: The package is needed and absent.
-    """
+def describe_devices(kind: str, wanted: HidWanted, system: HidSystem) -> tuple[str, ...]:
+    """One line per device that is plugged in: the text to ask for it by, and what it is."""
     lines = []
-    for number, found in enumerate(matching(wanted, system or hid_system()), 1):
+    for number, found in enumerate(matching(wanted, system), 1):
         model = wanted.models[found.vendor, found.product]
         link = "Bluetooth" if found.bluetooth else "USB"
         text = f"{kind}:{found.serial or f'#{number}'}"
@@ -257,3 +236,58 @@ def _number(where: str, key: str, text: str | None, default: float, low: float, 
     if not low <= value <= high:
         raise InputError(f"{where}: {key} = {text} must be a number from {low:g} to {high:g}")
     return value
+
+
+class RateHand:
+    """The place of a hand whose velocity is a deflection.
+
+    v = speed·s, s_i = sign(d_i)·(|d_i| − z)/(1 − z) beyond the dead zone z and 0 within, d clamped to ±1, and |s| to 1.
+    The deflection is held from one reading to the next.
+
+    Args:
+        speed: At full deflection, in any direction [m/s].
+        dead_zone: Part of the full deflection, per axis, that counts as none.
+
+    Attributes:
+        position: Since it was made [m].
+    """
+
+    __slots__ = ("_dead_zone", "_gain", "_speed", "_time", "_velocity", "position")
+
+    def __init__(self, speed: float, dead_zone: float):
+        self._speed, self._dead_zone, self._gain = speed, dead_zone, 1.0 / (1.0 - dead_zone)
+        self._time = -math.inf
+        self._velocity: Vec3 = ZERO
+        self.position: Vec3 = ZERO
+
+    def stop(self) -> None:
+        """Stand still until the next deflection, however long that takes."""
+        self._time, self._velocity = -math.inf, ZERO
+
+    def move(self, time: float, deflection: Vec3) -> Vec3:
+        """The place at `time` [s] on the way so far; from then on the deflection (parts of full, ±1) moves it."""
+        elapsed = time - self._time
+        if 0.0 < elapsed < math.inf:
+            elapsed = elapsed if elapsed < LONGEST_STEP else LONGEST_STEP
+            (x, y, z), (u, v, w) = self.position, self._velocity
+            self.position = (x + u * elapsed, y + v * elapsed, z + w * elapsed)
+        self._time = time
+        self._velocity = self._shaped(*deflection)
+        return self.position
+
+    def _shaped(self, x: float, y: float, z: float) -> Vec3:
+        """Velocity [m/s] of a deflection."""
+        x, y, z = self._beyond(x), self._beyond(y), self._beyond(z)
+        square = x * x + y * y + z * z
+        k = self._speed * BELOW
+        if square > 1.0:
+            k /= math.sqrt(square)
+        return k * x, k * y, k * z
+
+    def _beyond(self, d: float) -> float:
+        """What of a deflection lies beyond the dead zone, of what can."""
+        size = abs(d)
+        if size <= self._dead_zone:
+            return 0.0
+        beyond = (min(size, 1.0) - self._dead_zone) * self._gain
+        return beyond if d > 0.0 else -beyond

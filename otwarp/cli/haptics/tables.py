@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from otwarp.haptics.check.check import Advised, Check, FoundDevices
-from otwarp.haptics.check.costs import CallCost
-from otwarp.haptics.check.jitter import Percentiles, jitter_table
-from otwarp.haptics.check.latency import STATE_RATE, ServoLatency
-from otwarp.haptics.check.width import DEVICE, FeltLimit, Width
+from otwarp.haptics.check.check import Advised, CallCost, Check, FoundDevices
+from otwarp.haptics.check.timing import STATE_RATE, Jitter, Percentiles, ServoLatency
+from otwarp.haptics.check.zwidth import DEVICE, FeltLimit, Width
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -97,3 +95,21 @@ def check_tables(check: Check) -> list[Table]:
     if check.widths:
         tables.append(width_table(check.widths))
     return [*tables, limit_table(check.limits)]
+
+
+def jitter_table(measured: Sequence[Jitter]) -> Table:
+    """A table to print: one row per measurement, times in µs."""
+    from rich.table import Table
+
+    table = Table(title="Loop jitter [µs]")
+    for column in ("rate [Hz]", "beside", "spin", "what", "p50", "p99", "p99.9", "max", "skipped", "granted"):
+        table.add_column(column, justify="left" if column in ("beside", "what", "granted") else "right")
+    for one in measured:
+        beside = f"{one.busy} busy" if one.busy else "idle"
+        granted = ", ".join(f"{g.what} {g.detail}" for g in one.grants if g.granted) or "nothing"
+        front = (f"{one.rate:g}", beside, f"{1e6 * one.spin:g}")
+        for what, spread in (("period", one.period), ("lateness", one.lateness)):
+            numbers = (f"{1e6 * v:.0f}" for v in (spread.p50, spread.p99, spread.p999, spread.max))
+            ends = (str(one.skipped), granted) if what == "period" else ("", "")
+            table.add_row(*(front if what == "period" else ("", "", "")), what, *numbers, *ends)
+    return table

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import DeviceLost
-from otwarp.haptics.devices import hidapi, parse_devices
-from otwarp.haptics.devices.hid_port import HidFound
-from otwarp.haptics.devices.hidapi import Hidapi
-from otwarp.haptics.devices.latest_sender import LatestSender
+from otwarp.haptics.devices import hid_ports, parse_devices
+from otwarp.haptics.devices.exchange import LatestSender
+from otwarp.haptics.devices.hid import HidFound
+from otwarp.haptics.devices.hid_ports import Hidapi
 from otwarp.haptics.devices.spacemouse import create, find_devices
 
 NAVIGATOR = bytes.fromhex("05 01 09 08 a1 01 a1 00 85 01 16 a2 fe 26 5e 01 36 88 fa 46 78 05 55 0c 65 11 09 30 09 31")
@@ -29,7 +29,7 @@ class Machine:
     """A sysfs and a /dev of our own."""
 
     def __init__(self, root):
-        from otwarp.haptics.devices.hidraw import Hidraw
+        from otwarp.haptics.devices.hid_ports import Hidraw
 
         self.sysfs, self.dev = root / "sys", root / "dev"
         self.sysfs.mkdir()
@@ -115,8 +115,8 @@ def test_a_node_that_may_not_be_opened_is_told_apart(machine, monkeypatch):
     def refuse(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("otwarp.haptics.devices.hidraw.os.open", refuse)
-    monkeypatch.setattr("otwarp.haptics.devices.hidraw.os.access", lambda *_: False)
+    monkeypatch.setattr("otwarp.haptics.devices.hid_ports.os.open", refuse)
+    monkeypatch.setattr("otwarp.haptics.devices.hid_ports.os.access", lambda *_: False)
     with pytest.raises(InputError, match="udev rule"):
         create(parse_devices(["spacemouse"])[0], machine.system).open()
     (line,) = find_devices(machine.system)
@@ -134,7 +134,7 @@ def test_a_feature_is_asked_for_by_the_kernels_number(machine, monkeypatch):
         answer[1] = 7
         return 2
 
-    monkeypatch.setattr("otwarp.haptics.devices.hidraw.fcntl.ioctl", ioctl)
+    monkeypatch.setattr("fcntl.ioctl", ioctl)
     assert port.feature(5, 41) == b"\x05\x07"
     # _IOC(_IOC_WRITE | _IOC_READ, 'H', 0x07, 41)
     assert asked == [((2 | 1) << 30 | 41 << 16 | ord("H") << 8 | 7, 5, 41)]
@@ -144,14 +144,14 @@ def test_a_feature_is_asked_for_by_the_kernels_number(machine, monkeypatch):
 @linux
 @given(descriptor=st.binary(max_size=60))
 def test_no_descriptor_raises(descriptor):
-    from otwarp.haptics.devices.hidraw import top_usages
+    from otwarp.haptics.devices.hid_ports import top_usages
 
     assert all(0 <= page < 1 << 16 and 0 <= usage < 1 << 16 for page, usage in top_usages(descriptor))
 
 
 @linux
 def test_every_top_level_collection_of_a_descriptor_counts():
-    from otwarp.haptics.devices.hidraw import top_usages
+    from otwarp.haptics.devices.hid_ports import top_usages
 
     keyboard = bytes.fromhex("05 01 09 06 a1 01 05 07 19 e0 81 02 c0")
     vendor = bytes.fromhex("06 00 ff 09 01 a1 01 09 20 a1 02 c0 c0")
@@ -222,7 +222,7 @@ def test_hidapi_lists_reads_writes_and_loses():
     module.gone = True
     with pytest.raises(DeviceLost, match="read error"):
         first.read(0.001)
-    assert hidapi._taken == set()
+    assert hid_ports._taken == set()
     module.openable.clear()
     with pytest.raises(InputError, match="cannot be opened"):
         second.open()

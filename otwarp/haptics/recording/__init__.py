@@ -1,1 +1,0 @@
-"""Recordings on disk: the MCAP container and the messages in it."""
