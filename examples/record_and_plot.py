@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import xarray
 
 import otwarp as ot
-from otwarp.record.run import record_run
+from otwarp.record import record_run
 
 
 def main(duration: float = 1.0, out: str | Path = "out/bead") -> dict:

@@ -82,7 +82,7 @@ def run(
     The results are run.usda (opens in usdview, Blender, Isaac Sim), run.nc (netCDF for Python, MATLAB, …),
     summary.json and figure.png.
     """
-    from otwarp.record.run import record_run
+    from otwarp.record import record_run
 
     if not (math.isfinite(trap_speed) and trap_speed > 0.0):
         raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0 and finite")

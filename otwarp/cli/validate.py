@@ -48,7 +48,7 @@ def _findings_of_a_run(scene: Path) -> list[Finding]:
         loaded = Scene.load(scene)
     except InputError:
         return []  # among the findings already
-    from otwarp.record.run import check_run
+    from otwarp.record import check_run
 
     try:
         return [finding(scene, text, "warning") for text in check_run(loaded)]

@@ -17,3 +17,29 @@ Frames of a simulation come in (`otwarp.simulation.frame`), the files of a run g
 
 `run.usda` is written by `otwarp.scene.recording`, where USD is known.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from otwarp.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from otwarp.record.figure import draw as draw
+    from otwarp.record.method import Method as Method
+    from otwarp.record.read import Run as Run
+    from otwarp.record.read import read_run as read_run
+    from otwarp.record.recorder import Recorder as Recorder
+    from otwarp.record.run import check_run as check_run
+    from otwarp.record.run import record_run as record_run
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "figure": ("draw",),
+        "method": ("Method",),
+        "read": ("Run", "read_run"),
+        "recorder": ("Recorder",),
+        "run": ("check_run", "record_run"),
+    },
+)

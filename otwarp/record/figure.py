@@ -1,6 +1,6 @@
 """`figure.png`: where things went, how hard they were pressed, and how far the robots were from their traps.
 
-Everything is read from `run.nc`, so the figure can be made again: `otwarp.record.figure.draw("out/run")`.
+Everything is read from `run.nc`, so the figure can be made again: `otwarp.record.draw("out/run")`.
 """
 
 from __future__ import annotations

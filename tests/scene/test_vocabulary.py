@@ -24,13 +24,13 @@ from otwarp.simulation import parameters
 from tests.scene.conftest import StageFile
 
 FORCE = Attribute(
-    "ot:body:externalForce",
+    "ot:body:push",
     (0.0, 0.0, 0.0),
     "force",
     "[0, 1e-6]",
     optional=True,
-    field="forces.external_force",
-    per_world=("external_force",),
+    field="forces.push",
+    per_world=("push",),
     doc="Constant force in world coordinates.",
 )
 SINGLE = dataclasses.replace(FORCE, name="ot:body:wind", field="forces.wind", usd_type="float3", per_world=())
@@ -60,11 +60,11 @@ def authored(text: str, head: str = BODY_TEXT) -> tuple[str, str]:
 @pytest.mark.usefixtures("with_force")
 def test_a_vector_is_read_in_internal_units_where_it_is_authored(stage_file: StageFile) -> None:
     scene = stage_file.load(
-        authored("double3 ot:body:externalForce = (1e-12, 0, -2.5e-12)"),
+        authored("double3 ot:body:push = (1e-12, 0, -2.5e-12)"),
         authored("float3 ot:cell:wind = (0, 0.5e-12, 0)", CELL_TEXT),
     )
     robot, cell = scene.bodies
-    assert robot.forces == {"external_force": (1.0, 0.0, -2.5)}
+    assert robot.forces == {"push": (1.0, 0.0, -2.5)}
     assert cell.forces["wind"] == pytest.approx((0.0, 0.5, 0.0), rel=1e-6)  # single precision
     assert all(body.forces == {} for body in stage_file.load().bodies)
 
@@ -74,32 +74,32 @@ def test_what_the_builder_writes_loads_back_equal_and_says_no_more(tmp_path) -> 
     body = Body(
         prim="/World/Bead",
         spheres=(Sphere(prim="/World/Bead/Ball", radius=1.5),),
-        forces={"external_force": (0.1, -0.2, 0.3)},
+        forces={"push": (0.1, -0.2, 0.3)},
     )
     cell = Body(
         prim="/World/Cell",
         kind="cell",
         position=(9.0, 0.0, 0.0),
         spheres=(Sphere(prim="/World/Cell", radius=3.0),),
-        forces={"external_force": (0.0, 0.0, 7.0)},
+        forces={"push": (0.0, 0.0, 7.0)},
     )
     builder = SceneBuilder()
     for item in (body, cell):
         builder.add(item)
     path = builder.save(tmp_path / "scene.usda")
     assert Scene.load(path).bodies == (body, cell)
-    assert "double3 ot:body:externalForce = (1e-13, -2e-13, 3e-13)" in path.read_text()
+    assert "double3 ot:body:push = (1e-13, -2e-13, 3e-13)" in path.read_text()
     assert "wind" not in path.read_text()
 
 
 REFUSED = {
-    "double3 ot:body:externalForce = (nan, 0, 0)": "= (nan, 0, 0): must be 3 finite numbers of length in [0, 1e-06] N",
-    "double3 ot:body:externalForce = (0, inf, 0)": "= (0, inf, 0): must be 3 finite numbers of length in [0, 1e-06] N",
-    "double3 ot:body:externalForce = (0, 8e-7, 8e-7)": "must be 3 finite numbers of length in [0, 1e-06] N",
-    "double ot:body:externalForce = 1": "= 1.0 (type double): must be of type double3, 3 finite numbers of length in",
-    "double3 ot:body:externalForc = (0, 0, 0)": "did you mean ot:body:externalForce?",
-    "double3 ot:cell:externalForce = (0, 0, 0)": "must be on a prim with OtCellAPI applied",
-    "double3 ot:body:externalForce.timeSamples = { 0: (0, 0, 0), 1: (0, 0, 1e-12) }": "must be constant in time",
+    "double3 ot:body:push = (nan, 0, 0)": "= (nan, 0, 0): must be 3 finite numbers of length in [0, 1e-06] N",
+    "double3 ot:body:push = (0, inf, 0)": "= (0, inf, 0): must be 3 finite numbers of length in [0, 1e-06] N",
+    "double3 ot:body:push = (0, 8e-7, 8e-7)": "must be 3 finite numbers of length in [0, 1e-06] N",
+    "double ot:body:push = 1": "= 1.0 (type double): must be of type double3, 3 finite numbers of length in",
+    "double3 ot:body:pus = (0, 0, 0)": "did you mean ot:body:push?",
+    "double3 ot:cell:push = (0, 0, 0)": "must be on a prim with OtCellAPI applied",
+    "double3 ot:body:push.timeSamples = { 0: (0, 0, 0), 1: (0, 0, 1e-12) }": "must be constant in time",
 }
 
 
@@ -116,14 +116,12 @@ def test_a_bad_vector_is_one_line_with_prim_attribute_value_and_range(text: str,
 
 @pytest.mark.usefixtures("with_force")
 def test_the_schema_and_the_documentation_declare_it() -> None:
-    head = "double3 ot:body:externalForce = (0.0, 0.0, 0.0) ("
+    head = "double3 ot:body:push = (0.0, 0.0, 0.0) ("
     doc = "Constant force in world coordinates. Unit: N. Range: 3 finite numbers of length in [0, 1e-06]."
     text = generate._class(vocabulary.BODY)
     assert head in text
     assert doc in text
-    assert "| `ot:cell:externalForce` | double3 | N | `(0.0, 0.0, 0.0)` |" in generate._row(
-        vocabulary.CELL.attributes[-2]
-    )
+    assert "| `ot:cell:push` | double3 | N | `(0.0, 0.0, 0.0)` |" in generate._row(vocabulary.CELL.attributes[-2])
 
 
 @pytest.mark.usefixtures("with_force")
@@ -131,18 +129,18 @@ def test_it_may_differ_per_world(monkeypatch, stage_file: StageFile) -> None:
     monkeypatch.setattr(
         parameters, "PARAMETERS", parameters.PARAMETERS | parameters._of_vocabulary(vocabulary.BODY, vocabulary.CELL)
     )
-    spec = parameters.PARAMETERS["external_force"]
+    spec = parameters.PARAMETERS["push"]
     assert (spec.of, spec.width, spec.unit, spec.longest) == ("bodies", 3, "pN", 1e6)
-    values = parameters.expand("external_force", np.ones((5, 1, 3)), worlds=5, traps=1, bodies=2)
+    values = parameters.expand("push", np.ones((5, 1, 3)), worlds=5, traps=1, bodies=2)
     assert values.shape == (5, 2, 3)
     for wrong, message in (
         (np.zeros((4, 2, 3)), "(worlds, 1) or (worlds, bodies) followed by 3 with worlds = 5, bodies = 2"),
         ([0.0, 0.0, 2e6], "has a vector of length 2e+06; allowed: ≤ 1e+06 pN"),
     ):
         with pytest.raises(InputError, match=re.escape(message)):
-            parameters.expand("external_force", wrong, worlds=5, traps=1, bodies=2)
-    scene = stage_file.load(authored("double3 ot:body:externalForce = (1e-12, 0, 0)"))
-    np.testing.assert_array_equal(parameters.scene_values(scene)["external_force"], [[[1, 0, 0], [0, 0, 0]]])
+            parameters.expand("push", wrong, worlds=5, traps=1, bodies=2)
+    scene = stage_file.load(authored("double3 ot:body:push = (1e-12, 0, 0)"))
+    np.testing.assert_array_equal(parameters.scene_values(scene)["push"], [[[1, 0, 0], [0, 0, 0]]])
 
 
 @pytest.mark.parametrize("schema", vocabulary.SCHEMAS, ids=lambda schema: schema.name)
