@@ -25,8 +25,8 @@ class Document:
 
     @property
     def prose(self) -> str:
-        """The text without its blocks of code."""
-        return FENCE.sub("", self.text)
+        """The text without its blocks of code and comments."""
+        return re.sub(r"<!--.*?-->", "", FENCE.sub("", self.text), flags=re.DOTALL)
 
     def blocks(self, language: str) -> list[str]:
         """Blocks of code; `""` are those of no language."""

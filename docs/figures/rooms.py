@@ -77,7 +77,8 @@ def draw() -> Any:
             text(axes, x + 0.6, y + height - 0.22, about, size=8.8, color=QUIET)
             continue
         text(axes, x + 0.14, y + height - 0.36, about, size=8.8, color=QUIET, va="top", linespacing=1.4)
-        chips(axes, x + 0.14, y + height - 0.77, width - 0.2, shown["inner"][room], tint)
+        end = chips(axes, x + 0.14, y + height - 0.77, width - 0.2, shown["inner"][room], tint)
+        assert end > y or not shown["inner"][room], f"make {room} higher in docs/figures/rooms.py"
         also = [other for other in imports[room] if (room, other) not in direct]
         if also:
             words = "also: " + ", ".join(also)

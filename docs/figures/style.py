@@ -53,8 +53,8 @@ def text(axes: Axes, x: float, y: float, words: str, *, size: float = 9, **look:
     axes.text(x, y, words, fontsize=size, **look)
 
 
-def chips(axes: Axes, x: float, top: float, width: float, names: list[str], tint: str) -> None:
-    """Small labels in rows that are filled from the left, the first row's middle at `top`."""
+def chips(axes: Axes, x: float, top: float, width: float, names: list[str], tint: str) -> float:
+    """Small labels in rows that are filled from the left, the first row's middle at `top`; returns where they end."""
     at, row = x, top
     for name in names:
         long = CHIP_LETTER * len(name) + 0.16
@@ -67,6 +67,7 @@ def chips(axes: Axes, x: float, top: float, width: float, names: list[str], tint
         )
         text(axes, at + long / 2, row - 0.01, name, size=8.2, ha="center")
         at += long + CHIP_GAP
+    return row - CHIP_HEIGHT / 2 if names else top
 
 
 def arrow(
