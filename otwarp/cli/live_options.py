@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import device_option, json_option, seed_option
+from otwarp.cli.options import FILE, device_option, json_option, seed_option, with_options
+from otwarp.cli.output import json_text
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ DEVICES = (
     "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
 )
 
-_LIVE = (
+_SESSION = (
     click.option("--left", metavar="DEVICE", help=f"Device of the left hand: {DEVICES}."),
     click.option("--right", metavar="DEVICE", help="Device of the right hand."),
     click.option("--arm", is_flag=True, help="Arm the hands as soon as they hold their traps; else on the page."),
@@ -47,12 +47,16 @@ _LIVE = (
     click.option("--force-gain", type=float, metavar="N/PN", help="Newtons on the hand per piconewton in the scene."),
     click.option(
         "--config",
-        type=click.Path(path_type=Path),
+        type=FILE,
         metavar="FILE",
         help="What differs from the presets, JSON; `otwarp haptics config` prints them.",
     ),
     click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second of the live loop."),
     click.option("--servo-rate", type=float, default=1000.0, show_default=True, help="Servo cycles per second."),
+)
+"""Hands, pace and scene."""
+
+_REST = (
     click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token."),
     click.option("--port", type=int, help="Port of the page; default: 8080, or the next that is free."),
     click.option("--token", help="What a browser must know; made by itself where it is needed."),
@@ -61,6 +65,7 @@ _LIVE = (
     device_option,
     json_option,
 )
+"""Where the page is served, and how the session ends and is reported."""
 
 
 def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -74,13 +79,7 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
     open_option = click.option(
         "--open/--no-open", "browser", default=browser, show_default=True, help="Open a browser."
     )
-
-    def _decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed((*_LIVE[:14], page_option, open_option, *_LIVE[14:])):
-            command = option(command)
-        return command
-
-    return _decorate
+    return with_options(*_SESSION, page_option, open_option, *_REST)
 
 
 def open_session(scene: Path, options: dict[str, Any]) -> Session:
@@ -122,7 +121,6 @@ def run_session(session: Session, options: dict[str, Any]) -> int:
     """Until it ends, then say what it was like; the exit code, 1 if the servo died."""
     stop.check_interrupt()
     report = session.run()
-    text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) if options["as_json"] else report["text"]
-    click.echo(text)
+    click.echo(json_text(report) if options["as_json"] else report["text"])
     stop.check()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
     return int(session.loop.hands.died)
