@@ -26,3 +26,10 @@ def test_readme_quotes_the_printed_costs():
     cpu, cuda = costs("cpu"), costs("cuda")
     for term, here, there in rows:
         assert (here, there) == (cpu[term], cuda[term]), term
+
+
+def test_the_list_of_scripts_is_whole():
+    folder = ROOT / "benchmarks"
+    text = (folder / "README.md").read_text()
+    for script in folder.glob("[a-z]*.py"):
+        assert f"`{script.stem}" in text or f"`{script.name}`" in text, script.name
