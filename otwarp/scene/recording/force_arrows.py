@@ -88,7 +88,7 @@ class ForceArrows:
             _solid(layer, path.AppendChild("shaft"), "Cylinder", SHAFT_RADIUS, shaft, 0.5 * shaft, kind)
             _solid(layer, path.AppendChild("head"), "Cone", HEAD_RADIUS, HEAD_LENGTH, 1.0 - 0.5 * HEAD_LENGTH, kind)
 
-    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+    def samples(self, frame: Frame, world: int) -> Iterator[Any]:
         """Where each arrow starts, where it points, how long it is, and whether it is shown."""
         force = np.concatenate([frame.trap_force[world], frame.contact_force[world, self._bodies]]).astype(float)
         size = np.linalg.norm(force, axis=1)
@@ -102,14 +102,10 @@ class ForceArrows:
         length = size * self._length
         shown, length = length >= SHORTEST, np.maximum(length, SHORTEST) / self._unit
         for k, turn in enumerate(_from_z(along)):
-            base = 4 * k
-            yield self.attributes[base].path, vec3d(tail[k])
-            yield self.attributes[base + 1].path, quatd(turn)
-            yield self.attributes[base + 2].path, Gf.Vec3d(length[k])
-            yield (
-                self.attributes[base + 3].path,
-                UsdGeom.Tokens.inherited if shown[k] else UsdGeom.Tokens.invisible,
-            )
+            yield vec3d(tail[k])
+            yield quatd(turn)
+            yield Gf.Vec3d(length[k])
+            yield UsdGeom.Tokens.inherited if shown[k] else UsdGeom.Tokens.invisible
 
     def _held_spheres(self, frame: Frame, world: int) -> np.ndarray:
         """(T, 3) centres of the spheres that traps hold; the focus of a trap that holds none [µm]."""

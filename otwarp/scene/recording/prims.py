@@ -47,8 +47,8 @@ class SampleSource(Protocol):
         """Author what does not change during the run."""
         ...
 
-    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
-        """Values of one frame."""
+    def samples(self, frame: Frame, world: int) -> Iterator[Any]:
+        """Values of one frame, in the order of `attributes`."""
         ...
 
 
@@ -163,13 +163,13 @@ class BodyPoses:
         """Author the op orders."""
         self._placed.author(layer)
 
-    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+    def samples(self, frame: Frame, world: int) -> Iterator[Any]:
         """Translations and orientations."""
         places = self._placed.place(frame.position[world, self._index])
         turns = self._placed.turn(frame.orientation[world, self._index])
-        for n, (place, turn) in enumerate(zip(places, turns, strict=True)):
-            yield self.attributes[2 * n].path, vec3d(place)
-            yield self.attributes[2 * n + 1].path, quatd(turn)
+        for place, turn in zip(places, turns, strict=True):
+            yield vec3d(place)
+            yield quatd(turn)
 
 
 class Traps:
@@ -190,14 +190,14 @@ class Traps:
         for path, turn in zip(self._placed.paths, self._turns, strict=True):
             attribute(layer, path.AppendProperty(ORIENT), Sdf.ValueTypeNames.Quatd, quatd(turn))
 
-    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+    def samples(self, frame: Frame, world: int) -> Iterator[Any]:
         """Translations and powers [W]."""
         places = self._placed.place(frame.trap_position[world])
         digits = 7 if frame.trap_power.dtype == np.float32 else 15
-        for n, (place, power) in enumerate(zip(places, frame.trap_power[world], strict=True)):
-            yield self.attributes[2 * n].path, vec3d(place)
+        for place, power in zip(places, frame.trap_power[world], strict=True):
+            yield vec3d(place)
             # without the digits that a number of the device does not have
-            yield self.attributes[2 * n + 1].path, authored(float(f"{power:.{digits}g}"), "power")
+            yield authored(float(f"{power:.{digits}g}"), "power")
 
 
 @dataclass(frozen=True)
@@ -272,9 +272,9 @@ class Instances:
         for path in self._still:
             attribute(layer, path, kinds.get(path.name, Sdf.ValueTypeNames.Vector3fArray), Sdf.ValueBlock())
 
-    def samples(self, frame: Frame, world: int) -> Iterator[tuple[Sdf.Path, Any]]:
+    def samples(self, frame: Frame, world: int) -> Iterator[Any]:
         """Positions (float) and orientations (half, as the schema wants it) in the instancer's frame."""
-        for n, group in enumerate(self._instanced):
+        for group in self._instanced:
             # how far each body has turned since the start, seen from the instancer; the rotation of a cell inside its
             # prototype comes on top of the instance's own and must not be written into it
             since = multiply(frame.orientation[world, group.index], conjugate(group.start))
@@ -283,8 +283,8 @@ class Instances:
             local, turns = group.positions.copy(), group.orientations.copy()
             local[group.slots] = centre + rotate(since, group.shift)
             turns[group.slots] = multiply(since, turns[group.slots])
-            yield self.attributes[2 * n].path, Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
-            yield self.attributes[2 * n + 1].path, Vt.QuathArray.FromNumpy(turns.astype(np.float16))
+            yield Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
+            yield Vt.QuathArray.FromNumpy(turns.astype(np.float16))
 
 
 def _rows(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -127,7 +127,8 @@ class UsdRecording:
         """Take one frame; frames come in order of time."""
         code = frame.time * self._rate
         code = float(round(code)) if abs(code - round(code)) <= self._snap else code
-        samples = [pair for source in self._sources for pair in source.samples(frame, self._world)]
+        values = (value for source in self._sources for value in source.samples(frame, self._world))
+        samples = [(sampled.path, value) for sampled, value in zip(self._sampled, values, strict=True)]
         if self._clip is None or self._filled == CLIP_FRAMES:
             if self._clip is not None:
                 # the first frame of the next clip ends this one: nothing is interpolated across clips

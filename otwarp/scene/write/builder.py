@@ -162,6 +162,9 @@ class SceneBuilder:
         """Draw a rod from `start` to `end` (centres of its rounded ends, µm, body frame); looks only, no physics.
 
         Rods that collide or drag are `Rod`s of the body that `add` is given.
+
+        Raises:
+            InputError: A length or radius [µm] that is not positive, or the path is taken.
         """
         return self._capsule(f"{body_prim}/{name}", start, end, radius, color, opacity)
 
@@ -190,7 +193,17 @@ class SceneBuilder:
         intensity: float = 1500.0,
         color: Color = (1.0, 1.0, 1.0),
     ) -> Usd.Prim:
-        """Author a light: `distant`, shining along `direction`, or `dome`, the same from everywhere."""
+        """Author a light.
+
+        Args:
+            prim: Its path.
+            kind: `distant`, shining along `direction` (of any length), or `dome`, the same from everywhere.
+            direction: See `kind`; in world coordinates.
+            intensity, color: As USD's light schemas mean them; the colour is linear RGB in [0, 1].
+
+        Raises:
+            InputError: Another kind, or the path is taken.
+        """
         self._check_path(prim)
         if kind not in ("distant", "dome"):
             raise InputError(f"SceneBuilder: {prim}: kind = {kind}: must be one of distant, dome")
