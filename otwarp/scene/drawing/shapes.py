@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
 from otwarp.scene.drawing.looks import Look, Looks
-from otwarp.scene.read.obstacles import fan
+from otwarp.scene.meshes import fan
 
 _AXES = {"Z": [0, 1, 2], "X": [1, 2, 0], "Y": [2, 0, 1]}
 SMOOTHING_ANGLE = np.cos(np.radians(50.0))

@@ -9,6 +9,6 @@
 | `attributes` | `ot:` attributes by the vocabulary's rows: names, types, ranges |
 | `bodies`, `traps`, `obstacles`, `environment` | the readers |
 | `motion` | time samples → keys between which straight lines will do |
-| `overlap`, `mesh_overlap` | bodies that start inside each other or inside an obstacle |
+| `overlap` | bodies that start inside each other or inside an obstacle |
 | `validate` | all that can be said of a file before it runs |
 """

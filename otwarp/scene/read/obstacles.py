@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Obstacle
+from otwarp.scene.meshes import fan
 from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.motion import motion
 from otwarp.scene.read.source import Source, track, vec3
@@ -126,11 +127,3 @@ def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[
     if left_handed != (float(np.prod(scale)) < 0.0):  # keep the outside outside
         triangles = triangles[:, ::-1]
     return {"shape": "mesh", "vertices": points * scale, "triangles": np.ascontiguousarray(triangles, dtype=np.int32)}
-
-
-def fan(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Triangles (m, 3) of polygons given by their corner counts and concatenated corner indices, as fans."""
-    many = np.maximum(counts - 2, 0)
-    first = np.repeat(np.cumsum(counts) - counts, many)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(many) - many, many)
-    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)

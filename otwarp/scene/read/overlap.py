@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from otwarp.scene.description import Body, Obstacle, Rod, Sphere
-from otwarp.scene.read.mesh_overlap import inside_mesh, nearest_distance
+from otwarp.scene.meshes import inside_mesh, nearest_distance
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import bad
 

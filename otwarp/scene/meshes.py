@@ -1,4 +1,4 @@
-"""Distance of points from a triangle mesh, and whether they are inside it.
+"""Triangle meshes: polygons cut into triangles, distance of points, whether they are inside, whether it is closed.
 
 Every test first asks for bounding boxes, all points against all triangles at once, so that ten thousand cells in a
 mesh of some thousand triangles take less than a second; the exact formulas then see the few pairs that are left.
@@ -18,6 +18,14 @@ _TILT = np.array([0.1907, 0.3315, -0.4127, 0.8264])
 
 _WELD = 1e-6
 """Vertices this close, relative to the mesh, are one."""
+
+
+def fan(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Triangles (m, 3) of polygons given by their corner counts and concatenated corner indices, as fans."""
+    many = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, many)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(many) - many, many)
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
 
 
 def nearest_distance(points: np.ndarray, reach: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
