@@ -46,7 +46,7 @@ INNER: dict[str, set[str]] = {
     "scene.read": {"scene", "scene.vocabulary", "scene.schema"},
     "scene.write": {"scene", "scene.vocabulary", "scene.schema", "scene.read"},
     "scene.recording": {"scene", "scene.vocabulary", "scene.read"},
-    "scene.drawing": {"scene.read"},
+    "scene.drawing": {"scene", "scene.read"},
     "preview": {"preview.kernels"},
     "preview.kernels": set(),
     "ros": set(),
