@@ -168,12 +168,9 @@ def preview(
             _check_file(target, suffix)
     look = Look(width=size[0], height=size[1], samples=samples, style=style)
     picture = partial(_picture, film, look=look, camera=camera, forces=forces, device=device)
-    if movie is not None and (film.count < 2 or most_frames < 2):
-        least = min(film.count, most_frames)
+    if movie is not None and (least := min(film.count, most_frames)) < 2:
         raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")
-    written: list[Path] = []
-    if out is not None:
-        written.append(save_png(picture(film.time_code(frame, time)), out))
+    written = [] if out is None else [save_png(picture(film.time_code(frame, time)), out)]
     if movie is not None:
         save_movie(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
         written.append(Path(movie))
