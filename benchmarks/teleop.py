@@ -24,13 +24,11 @@ from otwarp.device import pick_device
 from otwarp.haptics.core.types import Vec3
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
-from otwarp.teleop.core.commands import Command
-from otwarp.teleop.core.frame import HANDS, LiveFrame
+from otwarp.teleop.core import HANDS, Command, LiveFrame
 from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, traps_of
 from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
-from otwarp.teleop.session import live
+from otwarp.teleop.session import Session, SessionOptions, live
 from otwarp.teleop.session.live import LiveLoop
-from otwarp.teleop.session.session import Session, SessionOptions
 
 RADIUS, SPEED, STIFFNESS, POWER = 1.0, 5.0, 10.0, 20.0
 """Of the bead [µm], of the hand's trap [µm/s], of the trap [pN/µm] at its power [mW]."""

@@ -14,7 +14,7 @@ from otwarp.cli.output import json_text
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.teleop.session.session import Session
+    from otwarp.teleop.session import Session
 
 DEVICES = (
     "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
@@ -86,7 +86,7 @@ def open_session(scene: Path, options: dict[str, Any]) -> Session:
     """A session that has not begun, from the values of `live_options`."""
     from otwarp.scene import Scene
     from otwarp.teleop.operators.hands import load_config
-    from otwarp.teleop.session.session import PageOptions, Session, SessionOptions
+    from otwarp.teleop.session import PageOptions, Session, SessionOptions
 
     duration = options["duration"]
     if duration is not None and not 0.0 < duration < float("inf"):

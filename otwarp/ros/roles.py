@@ -14,7 +14,7 @@ from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
 from otwarp.scene import Obstacle, Scene
 from otwarp.scene.transforms import conjugate, rotate
-from otwarp.teleop.core.frame import HANDS, LiveFrame
+from otwarp.teleop.core import HANDS, LiveFrame
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from otwarp.errors import InputError
 from otwarp.ros.motion import Group, centroid, move_pair
 from otwarp.ros.roles import Roles
-from otwarp.teleop.core.commands import Command, MoveTraps, Reset, ShiftTraps, Stop
-from otwarp.teleop.core.frame import LiveFrame
+from otwarp.teleop.core import Command, LiveFrame, MoveTraps, Reset, ShiftTraps, Stop
 
 if TYPE_CHECKING:
     from otwarp.ros.ros1.bridge import Ros1Bridge

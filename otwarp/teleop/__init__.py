@@ -1,7 +1,7 @@
 """Live sessions: a scene simulated in pace with the clock, moved by operators, felt, shown and recorded.
 
-In comes a scene, with devices for its hands; out come frames (`core.frame.LiveFrame`), 120 a second, and recordings
-that replay bit for bit. Open `session.session` first (what `otwarp teleop` runs), then `session.live` (one tick of it).
+In comes a scene, with devices for its hands; out come frames (`core.LiveFrame`), 120 a second, and recordings that
+replay bit for bit. Open `session` first (what `otwarp teleop` runs), then `session.live` (one tick of it).
 
     core        what all speak: frames out, commands in, `Sink`, and how simulated time follows the clock's
     operators   which hand moves which traps, what it feels of the scene, and the servo between

@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from otwarp.errors import InputError
-from otwarp.teleop.core.frame import PaceNow
+from otwarp.teleop.core import PaceNow
 
 SPEEDS = (0.01, 10.0)
 """Simulated seconds per second that a session may be asked for."""

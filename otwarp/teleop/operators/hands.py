@@ -25,7 +25,7 @@ from otwarp.scene import Scene, description
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.frame import Frame
 from otwarp.simulation.model import Model
-from otwarp.teleop.core.frame import HANDS, vec3
+from otwarp.teleop.core import HANDS, vec3
 
 SLOTS = 16
 """Spheres of one optical kind that a servo period evaluates at most; the nearest to the hands' traps. The force on one

@@ -30,7 +30,7 @@ from otwarp.haptics.servo.link import (
 )
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.haptics.servo.servo import Hand, Servo
-from otwarp.teleop.core.frame import HandFrame
+from otwarp.teleop.core import HandFrame
 from otwarp.teleop.operators.hands import HandPlan, LocalScene
 
 

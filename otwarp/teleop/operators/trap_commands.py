@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.types import Vec3
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.core.frame import vec3
+from otwarp.teleop.core import vec3
 
 FARTHEST = 1e6
 """Micrometres from the origin beyond which no trap is put: a metre."""

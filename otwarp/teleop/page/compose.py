@@ -15,7 +15,7 @@ import numpy as np
 from otwarp.scene import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
-from otwarp.teleop.core.frame import vec3
+from otwarp.teleop.core import vec3
 from otwarp.teleop.page.protocol import (
     BallGroup,
     BodyDrawing,

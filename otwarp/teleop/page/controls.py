@@ -8,8 +8,21 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from otwarp.haptics.core.types import Vec3
-from otwarp.teleop.core.commands import Arm, Command, Disarm, Pause, Record, Reset, SetGains, SetPower, SetSpeed, Stop
-from otwarp.teleop.core.frame import HANDS, HandFrame, vec3
+from otwarp.teleop.core import (
+    HANDS,
+    Arm,
+    Command,
+    Disarm,
+    HandFrame,
+    Pause,
+    Record,
+    Reset,
+    SetGains,
+    SetPower,
+    SetSpeed,
+    Stop,
+    vec3,
+)
 from otwarp.teleop.page.gizmos import MODES, Gizmos
 from otwarp.teleop.page.protocol import Drawing, PageFrame
 from otwarp.teleop.page.readout import banner, figures, hand_text

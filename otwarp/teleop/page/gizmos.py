@@ -17,8 +17,7 @@ import numpy as np
 
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.core.types import ZERO, Vec3
-from otwarp.teleop.core.commands import Command, MoveTraps
-from otwarp.teleop.core.frame import HANDS, HandFrame, vec3
+from otwarp.teleop.core import HANDS, Command, HandFrame, MoveTraps, vec3
 from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
 POINTER_EVERY = 0.1

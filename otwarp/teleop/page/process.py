@@ -22,8 +22,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import FACING_USER, check_orthogonal
 from otwarp.haptics.core.fields import Matrix
 from otwarp.scene import Scene
-from otwarp.teleop.core.commands import Command
-from otwarp.teleop.core.frame import HANDS, LiveFrame
+from otwarp.teleop.core import HANDS, Command, LiveFrame
 from otwarp.teleop.page.access import address, choose_token
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.protocol import (

@@ -20,8 +20,7 @@ import numpy as np
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.servo.link import ServoStatus
-from otwarp.teleop.core.commands import Command
-from otwarp.teleop.core.frame import HandFrame, LiveFrame, PaceNow
+from otwarp.teleop.core import Command, HandFrame, LiveFrame, PaceNow
 
 _LENGTH = struct.Struct("!Q")
 Colour = tuple[int, int, int]

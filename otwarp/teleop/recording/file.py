@@ -36,7 +36,7 @@ from otwarp.haptics.recording import (
 )
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene
-from otwarp.teleop.core.frame import HANDS, LiveFrame
+from otwarp.teleop.core import HANDS, LiveFrame
 
 FORMAT = 1
 """Version of what a recording holds."""

@@ -28,8 +28,7 @@ from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles
 from otwarp.scene import Scene
-from otwarp.teleop.core.commands import Command
-from otwarp.teleop.core.frame import LiveFrame, PaceNow
+from otwarp.teleop.core import Command, LiveFrame, PaceNow
 from otwarp.teleop.recording.file import (
     COMMANDS,
     END,

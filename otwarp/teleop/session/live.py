@@ -18,9 +18,8 @@ from otwarp.record.monitor import Monitor
 from otwarp.scene import Scene
 from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.core import commands as c
-from otwarp.teleop.core.commands import Sink
-from otwarp.teleop.core.frame import LiveFrame, SessionMonitor
+from otwarp.teleop import core as c
+from otwarp.teleop.core import LiveFrame, SessionMonitor, Sink
 from otwarp.teleop.core.pace import Pace
 from otwarp.teleop.operators.hands import HandPlan, LocalScene
 from otwarp.teleop.operators.servo import Hands, ServoFactory

@@ -10,8 +10,8 @@ from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.state import Control
 from otwarp.teleop.budget import reduce as budget
 from otwarp.teleop.budget.report import BATCHES, measure_scene
+from otwarp.teleop.session import Session, SessionOptions
 from otwarp.teleop.session.live import GLIDE
-from otwarp.teleop.session.session import Session, SessionOptions
 from tests.teleop.scenes import three_beads
 
 

@@ -12,8 +12,7 @@ import pytest
 import otwarp as ot
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.teleop.core.commands import MoveTraps, Pause
-from otwarp.teleop.core.frame import HandFrame
+from otwarp.teleop.core import HandFrame, MoveTraps, Pause
 from otwarp.teleop.page.child import HAND_HANDLE, TRAP_HANDLE
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.gizmos import DEAD_MAN

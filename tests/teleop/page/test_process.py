@@ -15,7 +15,7 @@ import pytest
 import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.haptics.core.fields import Matrix
-from otwarp.teleop.core.commands import Sink
+from otwarp.teleop.core import Sink
 from otwarp.teleop.page import process as module
 from otwarp.teleop.page.process import PageProcess
 from otwarp.teleop.page.protocol import Complaint, receive, send

@@ -20,7 +20,7 @@ from otwarp.haptics.servo.link import Cycles
 from otwarp.haptics.servo.process import HandSetup, ServoProcess
 from otwarp.scene import Scene
 from otwarp.simulation.frame import SHAPES, Frame
-from otwarp.teleop.core.frame import HandFrame, LiveFrame
+from otwarp.teleop.core import HandFrame, LiveFrame
 from otwarp.teleop.recording.writer import RecordingWriter
 from tests.haptics.setups import AXIAL, RADIAL
 

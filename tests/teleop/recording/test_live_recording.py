@@ -13,9 +13,9 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.recording import McapFile, unpack_text
-from otwarp.teleop.core import commands as c
+from otwarp.teleop import core as c
 from otwarp.teleop.recording.replay import replay_recording
-from otwarp.teleop.session.session import Session, SessionOptions
+from otwarp.teleop.session import Session, SessionOptions
 from tests.teleop.scenes import three_beads
 
 HANDS = {

@@ -25,8 +25,8 @@ from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.haptics.recording import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start
 from otwarp.simulation.frame import SHAPES
-from otwarp.teleop.core import commands as c
-from otwarp.teleop.core.frame import HandFrame
+from otwarp.teleop import core as c
+from otwarp.teleop.core import HandFrame
 from otwarp.teleop.recording import writer as writer_module
 from otwarp.teleop.recording.file import laws_from_dict, laws_to_dict
 from otwarp.teleop.recording.replay import replay_recording

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from otwarp.teleop.core import commands as c
+from otwarp.teleop import core as c
 from otwarp.teleop.operators.trap_commands import GENTLE
 from tests.teleop.scenes import PLACES
 from tests.teleop.session.test_live import RATE, Stage, place

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError, SimulationError
-from otwarp.teleop.core import commands as c
-from otwarp.teleop.core.frame import LiveFrame
+from otwarp.teleop import core as c
+from otwarp.teleop.core import LiveFrame
 from otwarp.teleop.operators.hands import plan_hands
 from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
 from otwarp.teleop.session.live import LiveLoop
