@@ -11,6 +11,7 @@ import tempfile
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,8 @@ def save(folder: Path, about: str, arrays: dict[str, np.ndarray]) -> None:
         return
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, about=np.array(about), checksum=np.array(_checksum(arrays)), **arrays)
+            named: dict[str, Any] = {"about": np.array(about), "checksum": np.array(_checksum(arrays)), **arrays}
+            np.savez(file, **named)
         Path(part).replace(path)
     except OSError:
         Path(part).unlink(missing_ok=True)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from typing import Any
 
 import warp as wp
+from warp._src import context
 
 from otwarp.errors import InputError
 
@@ -21,7 +23,7 @@ def start_warp() -> None:
     written there is passed on.
     """
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-    if wp._src.context.runtime is not None:
+    if context.runtime is not None:
         return
     sys.stderr.flush()
     kept = os.dup(2)
@@ -56,3 +58,14 @@ def pick_device(name: str | wp.Device | None) -> wp.Device:
         return wp.get_device(name)
     except (RuntimeError, ValueError) as error:
         raise InputError(f"device is {name!r}; allowed: {', '.join(known)}") from error
+
+
+def empty(shape: int | tuple[int, ...], dtype: Any, device: Any) -> wp.array:
+    """`wp.empty` of any type: Warp's hints know numbers alone, not vectors and structs.
+
+    Args:
+        shape: Of the array.
+        dtype: Warp type of its elements, or a struct.
+        device: Warp device or its name.
+    """
+    return wp.empty(shape=shape, dtype=dtype, device=device)

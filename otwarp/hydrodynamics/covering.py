@@ -157,9 +157,9 @@ def nearest_node(nodes: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Index of the node nearest to each sample; `nodes` (n, d), `samples` (k, d)."""
     if len(nodes) * len(samples) <= PAIRS:
         return np.argmax(samples @ nodes.T - 0.5 * np.einsum("ni,ni->n", nodes, nodes), axis=1)
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    return cKDTree(nodes).query(samples)[1]
+    return KDTree(nodes).query(samples)[1]
 
 
 def exposed(elements: Elements, k: int, points: np.ndarray) -> np.ndarray:

@@ -135,11 +135,11 @@ def _report(surface: ClosedMesh, centres: np.ndarray, radii: np.ndarray, error: 
 
 def _greedy_cover(solid: Solid, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Centres and radii of inscribed balls, each the one that fills most of what those before it leave."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     inside = solid.depth > 0.0
     place, depth = solid.place[inside], solid.depth[inside]
-    pairs = cKDTree(place).query_pairs(1.8 * solid.cell, output_type="ndarray")
+    pairs = KDTree(place).query_pairs(1.8 * solid.cell, output_type="ndarray")
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     step = np.linalg.norm(place[pairs[:, 0]] - place[pairs[:, 1]], axis=1)
     # a ball is not on the medial axis when a neighbour's reaches all but a tenth of a step around it

@@ -97,7 +97,7 @@ def solid_of(mesh: ClosedMesh, cells: int) -> Solid:
     Returns:
         The cells inside, and those no farther outside than the deepest is inside.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     cell = (mesh.volume / cells) ** (1.0 / 3.0)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -108,7 +108,7 @@ def solid_of(mesh: ClosedMesh, cells: int) -> Solid:
     corners = mesh.vertices[mesh.triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     point, normal, _ = sample_mesh(mesh.vertices, mesh.triangles, int(area / (cell / 3.0) ** 2))
-    tree = cKDTree(point)
+    tree = KDTree(point)
     deepest = float(tree.query(origin + cell * (np.argwhere(inside) + 0.5 - 0.5 * counts))[0].max())
     rim = int(np.ceil(deepest / cell))
     inside, counts = np.pad(inside, rim), counts + 2 * rim

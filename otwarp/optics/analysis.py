@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -61,8 +62,9 @@ def axial_equilibria(
     def axial(height: float) -> float:
         return float(force(beam, sphere, np.array([[0.0, 0.0, height]]), device=device)[0, 2])
 
-    roots = [float(brentq(axial, z[i], z[i + 1], xtol=1e-10)) for i in range(len(z) - 1) if q[i] > 0.0 >= q[i + 1]]
-    return tuple(sorted(roots, key=lambda height: abs(height - beam.focus_shift)))
+    falls = np.flatnonzero((q[:-1] > 0.0) & (q[1:] <= 0.0))
+    roots: list[Any] = [brentq(axial, z[i], z[i + 1], xtol=1e-10) for i in falls]
+    return tuple(sorted(map(float, roots), key=lambda height: abs(height - beam.focus_shift)))
 
 
 def trap_properties(beam: Beam, sphere: Particle, *, device: str | None = None) -> TrapProperties:

@@ -7,10 +7,12 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
 
+from otwarp.device import empty
 from otwarp.errors import InputError
 from otwarp.kernels.core.exact_data import ROW, ExactData
 from otwarp.kernels.optics.exact import exact_force_kernel
@@ -68,7 +70,7 @@ class PackedForce:
         reach: Largest distance from the focus that is served [µm].
     """
 
-    data: ExactData
+    data: Annotated[Any, ExactData]
     orders: int
     nodes: int
     reach: float
@@ -118,7 +120,7 @@ def batched_force(
     for first in range(0, len(sequence), CHUNK):
         chosen = sequence[first : first + CHUNK]
         there = wp.array(places[chosen], dtype=wp.vec3d, device=where)
-        found = wp.empty(len(chosen), dtype=wp.vec3d, device=where)
+        found = empty(len(chosen), wp.vec3d, where)
         wp.launch(
             kernel, dim=len(chosen), inputs=[packed.data, there, 0], outputs=[found], device=where, block_dim=BLOCK
         )
@@ -126,10 +128,10 @@ def batched_force(
     return out
 
 
-def _on_cores(kernel: wp.Kernel, data: ExactData, places: np.ndarray, device: wp.Device) -> np.ndarray:
+def _on_cores(kernel: wp.Kernel, data: Annotated[Any, ExactData], places: np.ndarray, device: wp.Device) -> np.ndarray:
     """Q at `places`, in launches that the cores of this process share."""
     points = wp.array(np.ascontiguousarray(places), dtype=wp.vec3d, device=device)
-    found = wp.empty(len(places), dtype=wp.vec3d, device=device)
+    found = empty(len(places), wp.vec3d, device)
 
     def launch(first: int) -> None:
         count = min(CHUNK_PER_CORE, len(places) - first)
@@ -203,7 +205,7 @@ def _packed(beam: Beam, sphere: Particle, rules: int, device: str) -> PackedForc
         return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
 
     def pairs(values: np.ndarray) -> wp.array:
-        return put(np.stack([values.real, values.imag], axis=-1), wp.vec2d)
+        return put(np.stack([np.real(values), np.imag(values)], axis=-1), wp.vec2d)
 
     data = ExactData()
     data.wavenumber, data.orders, data.charge = beam.wavenumber, orders + 1, beam.charge

@@ -156,7 +156,8 @@ def _coefficients(beam: Beam, points: np.ndarray, orders: int, nodes: int) -> np
     radial = bessel_j(highest, k * rho[:, None] * spectrum.sine)
     out = np.zeros((2, 2 * orders + 1, len(points), orders + 1), dtype=complex)
     scale = 2.0 * math.pi / math.sqrt(spectrum.power)
-    amplitudes = dict(zip((1, -1), beam.helicities(), strict=True))
+    right, left = beam.helicities()
+    amplitudes: dict[int, complex] = {1: right, -1: left}
 
     def put(helicity: int, m: int, value: np.ndarray) -> None:
         """Give the sum of one order the phase of its azimuthal integral: i^j J_j, where J_{−j} = (−1)^j J_j."""
@@ -173,7 +174,7 @@ def _coefficients(beam: Beam, points: np.ndarray, orders: int, nodes: int) -> np
         if j not in products:
             products[j] = carrier * radial[j]
         # a complex times a real matrix: half the work of promoting the real one
-        value = (products[j].real @ table) + 1j * (products[j].imag @ table)
+        value = (np.real(products[j]) @ table) + 1j * (np.imag(products[j]) @ table)
         put(helicity, m, value)
         if beam.charge == 0:
             put(-helicity, -m, value if (m - helicity) % 2 == 0 else -value)
@@ -199,15 +200,15 @@ def _act(beam: Beam, sphere: Particle, points: np.ndarray, orders: int, nodes: i
         if not np.any(change):
             continue
         both = 2.0 * before + change
-        out[:, 2] -= _overlap(both, along_axis(change, helicity)).real
+        out[:, 2] -= np.real(_overlap(both, along_axis(change, helicity)))
         moved = across_axis(change, helicity)
         sideways = _overlap(before + change, moved) + _overlap(change, across_axis(before, helicity))
-        out[:, 0] -= sideways.real
-        out[:, 1] -= sideways.imag
+        out[:, 0] -= np.real(sideways)
+        out[:, 1] -= np.imag(sideways)
         raised = _overlap(before + change, raise_m(change)) + _overlap(change, raise_m(before))
-        out[:, 3] -= raised.real
-        out[:, 4] -= raised.imag
-        density = (np.conj(both) * change).real
+        out[:, 3] -= np.real(raised)
+        out[:, 4] -= np.imag(raised)
+        density = np.real(np.conj(both) * change)
         out[:, 5] -= np.sum(m * density, axis=(0, 2))
         out[:, 6] -= np.sum(density, axis=(0, 2))
     return out

@@ -134,7 +134,7 @@ def escape_contour(
     lines = []
     # every vertex is the middle of a grid edge with one end in the basin
     for vertices in contour_generator(z=whole.astype(float)).lines(0.5):
-        column, row = vertices[:, 0], vertices[:, 1]
+        column, row = np.asarray(vertices).T
         ends = [np.stack([f(column).astype(int), f(row).astype(int)], axis=1) for f in (np.floor, np.ceil)]
         first_in = whole[ends[0][:, 1], ends[0][:, 0]][:, None]
         near, far = (np.stack([across[e[:, 0]], height[e[:, 1]]], axis=1) for e in ends)

@@ -97,10 +97,10 @@ def _made(
     beam: Beam, sphere: Particle, *, tolerance: float, interpolation: Interpolation, device: str | None
 ) -> ForceTable:
     """A table whose error on unseen points is below `tolerance`·peak."""
-    device = pick_device(device).alias
+    where = pick_device(device).alias
 
     def field(points: np.ndarray) -> np.ndarray:
-        return force(beam, sphere, points, device=device)
+        return force(beam, sphere, points, device=where)
 
     core = 1.2 * sphere.radius + 1.5 * beam.wavelength
     near = core + abs(beam.focus_shift)
@@ -131,7 +131,7 @@ def _made(
         error = float(np.linalg.norm(table.force(points) - field(points), axis=1).max()) / peak
         # what a few thousand points find is short of the largest error by a few per cent
         if error <= 0.9 * tolerance:
-            measured = {"error": error, "properties": _properties(table, device), "steepest": steepest_slope(table)}
+            measured = {"error": error, "properties": _properties(table, where), "steepest": steepest_slope(table)}
             return ForceTable(**(vars(table) | measured))
         shrink *= 0.7 * tolerance / error
     raise InputError(

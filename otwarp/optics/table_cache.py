@@ -86,4 +86,5 @@ def save(folder: Path, table: ForceTable) -> None:
 def _properties(fields: dict[str, Any] | None) -> TrapProperties | None:
     if fields is None:
         return None
-    return TrapProperties(**{k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()})
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
+    return TrapProperties(**values)

@@ -251,12 +251,12 @@ def thin_out(scene: Scene, keep: Iterable[int], reach: Reach, *, freeze: bool = 
 
 def _touchable(scene: Scene, kept: np.ndarray, others: np.ndarray, reach: Reach) -> np.ndarray:
     """(n,) whether each of `others` collides, stays where it is, and may be touched by one of `kept` in the session."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     place = np.array([b.position for b in scene.bodies])
     collides = np.array([bool(scene.bodies[i].colliding) for i in others])
     still = np.linalg.norm(reach.drift[others], axis=1) <= reach.bound[others]
-    near, _ = cKDTree(place[kept]).query(place[others])
+    near, _ = KDTree(place[kept]).query(place[others])
     movers = reach.bound[kept] + reach.roam[kept] + np.linalg.norm(reach.drift[kept], axis=1)
     cells = [reach.bound[i] for i in kept if scene.bodies[i].kind == "cell"]
     pushed = 2.0 * max(cells, default=0.0) if scene.traps else -math.inf
