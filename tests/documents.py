@@ -59,6 +59,7 @@ DOCUMENTS = [
             ROOT / "README.md",
             ROOT / "CHANGELOG.md",
             ROOT / "CONTRIBUTING.md",
+            *(ROOT / "benchmarks").rglob("*.md"),
             *(ROOT / "docs").rglob("*.md"),
             *(ROOT / "examples").rglob("*.md"),
         ]
