@@ -4,6 +4,8 @@ In: samples of a device (m, s) and states of the simulation (µm, mW). Out: a fo
 traps (µm). Plain Python numbers only, for nothing here knows of NumPy, Warp or USD: a servo process starts fast and
 stays small.
 
+A *side* is left or right: a device, its chain and its traps; the *hand* is the operator's, which moves the device.
+
 The inner rooms, each of which imports only those above it; `chain.chain` is the file to open first:
 
     core           types, configuration, clocks and priority, shared memory

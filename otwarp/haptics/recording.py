@@ -25,9 +25,9 @@ from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
 
 MAGIC = b"\x89MCAP0\r\n"
 CONFIG = "/otwarp/config"
-"""Topic that every take of otwarp begins with."""
+"""Topic that every recording of otwarp begins with."""
 SUFFIX, PART = ".mcap", ".mcap.part"
-"""Of a take, and of the folder in which it is written."""
+"""Of a recording, and of the folder in which it is written."""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -97,7 +97,7 @@ class McapFile:
     """An MCAP file that is open for reading; a context manager.
 
     Args:
-        path: The file, or the folder `FILE.mcap.part` that a take's session left when it was killed.
+        path: The file, or the folder `FILE.mcap.part` that a session left when it was killed.
 
     Raises:
         InputError: It cannot be read, or is no MCAP file.
@@ -178,26 +178,26 @@ class McapFile:
 
 
 def part_of(path: Path) -> Path:
-    """The folder in which a take lies while it is written, and stays if its session is killed."""
+    """The folder in which a recording lies while it is written, and stays if its session is killed."""
     return path.with_name(path.name + ".part")
 
 
-def is_take(path: Path) -> bool:
-    """Whether a name is that of a take, or of the folder that a killed session leaves of one."""
+def is_recording(path: Path) -> bool:
+    """Whether a name is that of a recording, or of the folder that a killed session leaves of one."""
     return path.name.lower().endswith((SUFFIX, PART))
 
 
 def _content_of(path: Path) -> Path:
-    """The file to read: in the folder of a take it has the folder's name, and `.mcap` after it."""
+    """The file to read: in the folder of a recording it has the folder's name, and `.mcap` after it."""
     if path.name.lower().endswith(PART) and path.is_dir():
         return path / (path.name + SUFFIX)
     return path
 
 
 def _left_of(path: Path) -> str:
-    """What to read instead of a take that is not there, if its session was killed or still runs; else ""."""
+    """What to read instead of a recording that is not there, if its session was killed or still runs; else ""."""
     part = part_of(path)
-    if path.exists() or not is_take(part) or not part.is_dir():
+    if path.exists() or not is_recording(part) or not part.is_dir():
         return ""
     return f"; {part} exists, left by a session that was killed or still runs: give that name to read it"
 

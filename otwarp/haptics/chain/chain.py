@@ -1,4 +1,4 @@
-"""The haptic chain of one hand: from a sample of its device and the newest state of the scene to a force.
+"""The haptic chain of one side: from a sample of its device and the newest state of the scene to a force.
 
 stable: velocity → coupling → motion gain with clutch → force sum → force gain → filter → damping → passivity → safety
 paper:  motion low-pass and gain with clutch → the release's force node, per published state → its damping → safety

@@ -150,8 +150,8 @@ class VirtualCoupling:
 class Motion:
     """G_control: how far the hand has carried its traps, Δtrap = motion_gain·A·Δhand, while it holds them.
 
-    `carried` is where the force is evaluated; `commanded` lags behind it by the motion low-pass and is what the
-    simulation is told. In absolute mode the traps follow the place of the hand from where it took hold.
+    `carried` is where the force is evaluated; `commanded` lags behind it by the motion low-pass and is what
+    the simulation gets. In absolute mode the traps follow the place of the hand from where it took hold.
     """
 
     __slots__ = ("_absolute", "_axes", "_hand", "_last", "_limit", "_map", "_origin", "carried", "commanded", "filter")

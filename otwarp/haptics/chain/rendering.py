@@ -1,4 +1,4 @@
-"""The chain of a hand as the servo keeps it: made for a device, armed, tuned, stepped, checked, dropped when it fails.
+"""The chain of one side as the servo keeps it: made for a device, armed, tuned, stepped, checked, dropped on failure.
 
 It knows neither the device nor the clock, so that a recording can be run again through the very same code
 (`otwarp.teleop.recording.replay`).
@@ -32,7 +32,7 @@ ROUNDING = 1.0 + 1e-9
 
 
 class ChainLike(Protocol):
-    """The signal chain of one hand, see `otwarp.haptics.chain.chain`.
+    """The signal chain of one side, see `otwarp.haptics.chain.chain`.
 
     It starts disarmed, knows time by `sample.time`, and a simulation that stands still by a `scene.beat` that does. The
     first beat is 1: before it, no chain is stepped.
@@ -90,7 +90,7 @@ class ChainLike(Protocol):
 
 
 class Rendering:
-    """The chain of one hand.
+    """The chain of one side.
 
     Args:
         make_chain: The chain for a device; called again after the device was away and after a fault, so that nothing
@@ -175,7 +175,7 @@ class Rendering:
         if not math.isfinite(total):
             return self._fail(f"force ({x:g}, {y:g}, {z:g}) N or traps {now.traps} not finite")
         limit = self.limit
-        if size > limit * ROUNDING and limit > 0.0:  # a device without motors ignores what it is told
+        if size > limit * ROUNDING and limit > 0.0:  # a device without motors ignores every force
             k = limit / size
             self.said = f"force of {size:.3g} N held to the limit of {limit:g} N"
             return replace(now, force=(k * x, k * y, k * z))

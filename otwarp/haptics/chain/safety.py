@@ -101,7 +101,7 @@ class Passivity:
 
 
 class Safety:
-    """State of one hand: whether it may push, and how hard.
+    """Whether the motors of one side may push, and how hard.
 
     - A hand starts disarmed and pushes only after `arm`. With `dead_man`, button 0 must be held too; letting go lets
       the force fall, and holding it again ramps it in.

@@ -1,4 +1,4 @@
-"""What a machine can do for a hand: devices, what the system grants, punctuality, latency, cost, Z-width."""
+"""What a machine can do for an operator: devices, what the system grants, punctuality, latency, cost, Z-width."""
 
 from __future__ import annotations
 
@@ -300,9 +300,9 @@ def run_check(
     Raises:
         InputError: A number out of range, or a `device` that is not there.
     """
-    check_numbers(seconds, rate)  # what is bad is told before anything is looked for or measured
+    check_numbers(seconds, rate)  # what is bad is an error before anything is looked for or measured
     parse_devices([device])
-    progress(f"latency in the servo process, {device}")  # first: a device that is not there is told at once
+    progress(f"latency in the servo process, {device}")  # first: a device that is not there is an error at once
     latency, trouble = None, []
     try:
         latency = measure_latency(seconds, device=device, rate=rate)

@@ -295,8 +295,8 @@ def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float 
 
     Args:
         seconds: How long [s], 0.05 to 3600.
-        device: See `otwarp.haptics.devices`. A device other than a virtual one is read and told zero force: its hand is
-            not armed.
+        device: See `otwarp.haptics.devices`. A device other than a virtual one is read and gets zero force: it is not
+            armed.
         rate: Cycles per second [Hz].
 
     Raises:
@@ -336,7 +336,7 @@ def _feed(servo: ServoProcess, file: Path, seconds: float, armed: bool) -> int:
         if status is not None and not status.hands[0].present:
             raise InputError(status.hands[0].message or "the device went away")
         if not servo.alive or time.perf_counter() - begun > seconds + DEADLINE:
-            raise InputError("servo: it ended, or told no times, before the measurement was over")
+            raise InputError("servo: it ended, or reported no times, before the measurement was over")
         time.sleep(1.0 / STATE_RATE)
     last = servo.status()
     return (last.late if last else 0) - (first.late if first else 0)

@@ -35,7 +35,7 @@ from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, Tra
 
 REST = 1.0
 """Part of the first quarter's largest speed that the last may have. A linear loop grows or dies exponentially, so that
-this is the border of stability itself; what a loop with passivity control does there is bounded, and dies by the
+this is the limit of stability itself; what a loop with passivity control does there is bounded, and dies by the
 device's own damping."""
 
 Render = Callable[[float, float], float]

@@ -193,7 +193,7 @@ class SafetyConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandConfig:
-    """One hand: what it moves, how far, and how hard it is pushed.
+    """One side: the traps that the operator's hand moves, how far, and how hard it is pushed back.
 
     Attributes:
         name: `left` or `right`.
@@ -244,7 +244,7 @@ def checked_gains(motion_gain: float | None, force_gain: float | None) -> Gains:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HapticsConfig:
-    """All hands of a session; no trap is in two of them.
+    """All sides of a session; no trap is in two of them.
 
     Raises:
         InputError: Two hands of one name, or a trap in two hands.

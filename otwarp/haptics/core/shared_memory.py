@@ -44,7 +44,7 @@ _CRC = struct.Struct("Q")
 _SEED = 0xFFFFFFFF
 
 SECONDS = 8.0
-"""What a ring holds at the servo's rate: a consumer that is away longer loses cycles, and is told how many."""
+"""What a ring holds at the servo's rate: a consumer that is away longer loses cycles, and knows how many."""
 
 RING_MAGIC, RING_VERSION = b"otwarprg", 1
 RING_HEADER = struct.Struct("8s3Q")
@@ -124,7 +124,7 @@ class Mailbox(Generic[T]):
             memory.close()
             raise InputError(
                 f"mailbox {name!r}: holds {found or f'{size} bytes'}, must hold {wanted} "
-                "(magic, version, payload bytes, capacities, kind) as its creator was told"
+                "(magic, version, payload bytes, capacities, kind) as its creator was asked"
             )
         return cls(layout, memory, owner=False)
 
@@ -320,7 +320,7 @@ class Ring:
         return True
 
     def miss(self) -> None:
-        """Count a record that cannot be told."""
+        """Count a record that does not fit."""
         self._lost[0] += 1
 
     def drain(self) -> bytes:

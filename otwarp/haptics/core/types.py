@@ -135,7 +135,7 @@ class SceneFrame:
 
 @dataclass(frozen=True, slots=True)
 class ServoFrame:
-    """What the servo publishes of one hand.
+    """What the servo publishes of one side.
 
     Attributes:
         tick: Counts servo cycles.
@@ -162,7 +162,7 @@ STATES = ("disarmed", "ramping", "armed", "decaying", "fault")
 """What `ServoFrame.state` may be, in the order of their codes."""
 
 CYCLE = struct.Struct("<Q2d3d4Q4d3d3ddQ3d")
-"""One cycle of a hand, in the order of `Cycle`."""
+"""One cycle of one side, in the order of `Cycle`."""
 ARMED, DISARMED, SILENT, ENDING, GAINS, MADE = 1, 2, 3, 4, 5, 6
 ACTIONS = {
     ARMED: "armed",
@@ -182,7 +182,7 @@ rates."""
 
 
 class Cycle(NamedTuple):
-    """One cycle of one hand.
+    """One cycle of one side.
 
     Attributes:
         tick: Counts the cycles of the servo.

@@ -34,7 +34,7 @@ class Kind:
         home: `module:function`, imported when used; the function takes a `DeviceSpec` and returns a `Device`.
         argument: What comes after the colon: `required`, `optional` or `none`.
         means: What the argument is, for messages.
-        several: Whether two hands may name the same one: software is made anew for each, hardware is not.
+        several: Whether both sides may name the same one: software is made anew for each, hardware is not.
         probe: Whether it may be opened and closed to see whether it is there, without moving or calibrating anything.
     """
 
@@ -68,14 +68,14 @@ ALIASES = {"haply": "inverse3"}
 
 @dataclass(frozen=True, slots=True)
 class DeviceSpec:
-    """One hand's device as asked for.
+    """A device as asked for.
 
     Attributes:
         text: As typed.
         kind: Row of `KINDS`.
         argument: After the colon, or None.
-        hand: Index of the hand.
-        ordinal: How many hands before this one asked for the same kind without saying which: 1 takes the second
+        hand: Index of the side.
+        ordinal: How many sides before this one asked for the same kind without saying which: 1 takes the second
             SpaceMouse that is found.
         pointer: Name of the mailbox in which the page writes the pointer, for `mouse`.
         name: `left` or `right`, None where nobody said.
@@ -93,7 +93,7 @@ class DeviceSpec:
 def parse_devices(
     texts: Sequence[str], pointers: Sequence[str | None] = (), names: Sequence[str | None] = ()
 ) -> tuple[DeviceSpec, ...]:
-    """The devices of all hands, in their order.
+    """The devices of all sides, in their order.
 
     Args:
         texts: `kind` or `kind:argument` of each hand; quotes around the argument are taken off.
@@ -144,7 +144,7 @@ def create_device(spec: DeviceSpec) -> Device:
 
 
 def probe_devices(specs: Sequence[DeviceSpec]) -> None:
-    """Open and close the devices that may be, so that one that is not there is told before long work begins.
+    """Open and close the devices that may be, so that one that is not there is an error before long work begins.
 
     Raises:
         InputError: One is not there.

@@ -1,6 +1,6 @@
 """A Sony DualSense: a stick and the triggers are the hand's velocity; rumble and stiff triggers stand in for force.
 
-A poor hand's haptics: it cannot push. The size of the force, as a part of `force`, shakes both motors and stiffens both
+It cannot push. The size of the force, as a part of `force`, shakes both motors and stiffens both
 triggers; its direction is lost. `DeviceInfo.force` is therefore no force of the device but the one that is rendered as
 the strongest effect.
 
@@ -342,7 +342,7 @@ class DualSense:
         return Feel(round(self._motors * level), round(self._triggers * level))
 
     def _lost(self, error: OSError) -> DeviceLost:
-        self._let_go(wait=False)  # the other hand's loop must not wait for a device that hangs
+        self._let_go(wait=False)  # the loop of the other device must not wait for one that hangs
         return DeviceLost(error.strerror or str(error))
 
     def close(self) -> None:

@@ -44,7 +44,7 @@ MOST_DIGITS = 9
 """More make no such number, and Python refuses to read very many."""
 
 _open: set[int] = set()
-"""The SDK's ids of devices that hands of this process have."""
+"""The SDK's ids of devices that sides of this process have."""
 _guard = threading.Lock()
 """Over `_open`, and over opening and closing, which change what the SDK takes for its default device."""
 
@@ -119,7 +119,7 @@ class ForceDimensionDevice:
         """Find it, enable its forces at zero force, begin to serve it.
 
         Raises:
-            InputError: Package or SDK is not installed, the device is not there, or another hand has it.
+            InputError: Package or SDK is not installed, the device is not there, or another side has it.
         """
         self.close()
         dhd = sdk()
@@ -189,11 +189,11 @@ class Service:
         self._thread = threading.Thread(target=self._run, name=f"forcedimension {number}", daemon=True)
 
     def start(self) -> None:
-        """Begin to serve it."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Zero force, and an end."""
+        """Zero force, then the end of the thread."""
         self._stopping = True
         self.wake.set()
         self._thread.join(STOP_WITHIN)

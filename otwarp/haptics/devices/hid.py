@@ -31,7 +31,7 @@ class HidFound:
         name: As the device says.
         usages: (page, usage) of its top-level collections; empty where the system does not say.
         bluetooth: Whether it is connected by Bluetooth.
-        allowed: Whether this user may open it, as far as can be told.
+        allowed: Whether this user may open it, as far as is known.
     """
 
     path: str
@@ -87,7 +87,7 @@ class HidSystem(Protocol):
 
         Raises:
             PermissionError: This user may not.
-            BlockingIOError: Another hand, or another otwarp, has it.
+            BlockingIOError: Another side, or another otwarp, has it.
             OSError: It cannot be opened otherwise.
         """
         ...
@@ -95,7 +95,7 @@ class HidSystem(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HidWanted:
-    """Which device a hand asks for.
+    """Which device is asked for.
 
     Attributes:
         text: As typed, for messages.

@@ -56,7 +56,7 @@ class HidrawPort:
 
     Raises:
         PermissionError: This user may not.
-        BlockingIOError: It is held by another hand.
+        BlockingIOError: Another side holds it.
         OSError: It is gone.
     """
 

@@ -55,7 +55,7 @@ class Inverse3Device:
 
     Args:
         service: Address of its simulation channel.
-        device: Id of the Inverse3, or None for the first that no other hand of this process has.
+        device: Id of the Inverse3, or None for the first that no other side of this process has.
         grip: Id of the handle whose buttons count, or None for the one with the same place among the handles as the
             Inverse3 has among its kind.
         name: As the user named it.
@@ -91,7 +91,7 @@ class Inverse3Device:
 
         Raises:
             InputError: `websockets` is not installed, the service is not there or not one, it has no such device, or
-                another hand has it.
+                another side has it.
         """
         self.close()
         socket, inventory = connect(self._service, self._name)
@@ -151,7 +151,7 @@ class Inverse3Device:
 
 
 _taken: set[str] = set()
-"""Ids of the devices that hands of this process have: the service adds up what several clients command."""
+"""Ids of the devices that sides of this process have: the service adds up what several clients command."""
 _guard = threading.Lock()
 
 
@@ -175,11 +175,11 @@ class ServiceLink:
         self._thread = threading.Thread(target=self._run, name=f"inverse3 {device}", daemon=True)
 
     def start(self) -> None:
-        """Begin to talk."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Zero force, end of the talk."""
+        """Zero force, then the end of the thread."""
         self._stopping = True
         self.wake.set()
         self._thread.join(ANSWER_WITHIN + 2.0 * CLOSE_WITHIN)

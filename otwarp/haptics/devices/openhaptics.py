@@ -33,7 +33,7 @@ TOUCH_FORCES = (3.3, 0.88)
 ANSWER_WITHIN = 2.0
 """Seconds in which the scheduler must have served a device that was added, or taken leave of one that goes."""
 FAREWELLS = 5
-"""Ticks for which a device that goes is told zero force before it is given up."""
+"""Ticks for which a device that goes gets zero force before it is given up."""
 
 
 class Served:
@@ -89,7 +89,7 @@ class Scheduler:
     def attach(self, name: str | None, exchange: Exchange, what: str) -> Served:
         """Find a device, enable its forces and serve it, at zero force.
 
-        The library's scheduler goes on while the device is initialised: another hand may be under force.
+        The library's scheduler goes on while the device is initialised: another device may be under force.
 
         Args:
             name: As configured in Touch Setup, or None for the default device.
@@ -97,7 +97,7 @@ class Scheduler:
             what: As the user named it, for messages.
 
         Raises:
-            InputError: It is not there, another hand has it, or the scheduler does not serve it.
+            InputError: It is not there, another side has it, or the scheduler does not serve it.
         """
         with self._lock:
             self.hd.errors()
@@ -288,7 +288,7 @@ class OpenHapticsDevice:
         """Initialise it and begin to serve it.
 
         Raises:
-            InputError: OpenHaptics is not installed, the device is not there, or another hand has it.
+            InputError: OpenHaptics is not installed, the device is not there, or another side has it.
         """
         self.close()
         scheduler = shared_scheduler()

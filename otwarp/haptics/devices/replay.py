@@ -1,12 +1,11 @@
 """Plays positions and buttons of a recording, without feeling anything.
 
-MCAP: a take of `otwarp teleop --record`, of which it plays one hand. A take that is cut short is played up to the cut,
-and so is the folder `FILE.mcap.part` that a killed session leaves. ROS bag: poses of a topic, such as a Touch's
-driver publishes, read by `rosbags`: ROS 1 `.bag`, ROS 2 bags in a folder or as one `.db3`; positions count in metres
-unless told otherwise, and the driver of the paper's release publishes millimetres (`unit=mm`). CSV: a header
-that names `time,x,y,z` and, if there are any, `buttons`; other columns are ignored. JSON lines: one object per line
-with `time`, `position` (three numbers) and, if there are any, `buttons`. Times [s] increase, positions in metres.
-Numbers written by `repr` come back bit for bit.
+MCAP: a recording of `otwarp teleop --record`, of which it plays one side. One that is cut short is played up to there,
+and so is the folder `FILE.mcap.part` that a killed session leaves. ROS bag: poses of a topic, such as a Touch's driver
+publishes, read by `rosbags`: ROS 1 `.bag`, ROS 2 bags in a folder or as one `.db3`; positions count in metres unless
+`unit=mm`, which the driver of the paper's release publishes. CSV: a header that names `time,x,y,z` and, if there are
+any, `buttons`; other columns are ignored. JSON lines: one object per line with `time`, `position` (three numbers) and,
+if there are any, `buttons`. Times [s] increase, positions in metres. Numbers written by `repr` come back bit for bit.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
-from otwarp.haptics.recording import CONFIG, PART, SUFFIX, McapFile, is_take
+from otwarp.haptics.recording import CONFIG, PART, SUFFIX, McapFile, is_recording
 
 EDGE = 1e-9
 """Seconds by which a sample may be early: differences of clock times round, and a sample must not slip by a cycle."""
@@ -46,7 +45,7 @@ class ReplayDevice:
         file: The recording, `.mcap`, the folder `.mcap.part`, a bag, `.csv` or `.jsonl`.
         name: As the user named it.
         loop: Whether to start again at the end.
-        hand: Which hand of a take; None for the one that it has.
+        hand: Which side of a recording of ours; None for the one that it has.
         topic, unit: Of a bag, see `bag_samples`.
     """
 
@@ -79,9 +78,9 @@ class ReplayDevice:
         Raises:
             InputError: It is not there, or a line is not what it must be.
         """
-        take = is_take(self._file)
-        bag = not take and is_bag(self._file)
-        word = "pose" if bag else "cycle" if take else "line"
+        own = is_recording(self._file)
+        bag = not own and is_bag(self._file)
+        word = "pose" if bag else "cycle" if own else "line"
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
         samples = bag_samples(self._file, self._topic, self._unit) if bag else _samples(self._file, self._hand)
         for line, time, position, buttons in samples:
@@ -128,8 +127,8 @@ class ReplayDevice:
 def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """(line, time, position, buttons) of a recording."""
     readers = {".csv": _csv, ".jsonl": _jsonl}
-    if is_take(file):
-        yield from _take(file, hand)
+    if is_recording(file):
+        yield from _recorded(file, hand)
         return
     reader = readers.get(file.suffix.lower())
     if reader is None:
@@ -141,30 +140,30 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
         raise InputError(f"{file}: cannot be read ({error})") from None
 
 
-def _take(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
-    """A hand of a take; of samples that only repeat the last one, or are no numbers, it has none."""
+def _recorded(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
+    """One side of a recording; of samples that only repeat the last one, or are no numbers, it has none."""
     from otwarp.haptics.core.types import FRESH, SAMPLED, cycles_of
     from otwarp.haptics.recording import CYCLES_TYPE, unpack_cycles
 
     batches: dict[str, list[bytes]] = {}
-    with McapFile(file) as take:
+    with McapFile(file) as recording:
         known = False
-        for message in take.messages():
+        for message in recording.messages():
             known = known or message.topic == CONFIG
             if message.kind == CYCLES_TYPE:
                 name, _, records = unpack_cycles(message.data)
                 batches.setdefault(name, []).append(records)
     if not known:
-        raise InputError(f"{file}: is no take of otwarp, or too little of one; it has no {CONFIG}")
+        raise InputError(f"{file}: is no recording of otwarp, or too little of one; it has no {CONFIG}")
     if hand is None and len(batches) == 1:
         (hand,) = batches
     if hand not in batches:
-        has = f"hand={', hand='.join(sorted(batches))}" if batches else "a take of a session that had a device"
+        has = f"hand={', hand='.join(sorted(batches))}" if batches else "a recording of a session that had a device"
         raise InputError(f"{file}: holds no hand {hand or 'that was named'!r}; allowed: {has}")
     for records in batches[hand]:
         for cycle in cycles_of(records):
-            told = cycle.flags & SAMPLED and cycle.flags & FRESH
-            if told and math.isfinite(sum(cycle.position)):
+            heard = cycle.flags & SAMPLED and cycle.flags & FRESH
+            if heard and math.isfinite(sum(cycle.position)):
                 yield cycle.tick, cycle.time, cycle.position, cycle.buttons
 
 
@@ -254,8 +253,8 @@ def _typestore() -> Any:
 
 
 def create(spec: DeviceSpec) -> ReplayDevice:
-    """`replay:FILE`, and after it `,loop=1`; for a take `,hand=left`, by default the hand of the same name; for a bag
-    `,topic=/NAME` and `,unit=mm`."""
+    """`replay:FILE`, and after it `,loop=1`; for ours `,hand=left`, by default that of the same name; for
+    a bag `,topic=/NAME` and `,unit=mm`."""
     # a file's name may hold commas and equals signs; only these endings are options
     path, options = spec.argument or "", ["replay"]
     while True:

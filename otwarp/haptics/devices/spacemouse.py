@@ -86,7 +86,7 @@ class SpaceMouseState:
         self.buttons = 0
 
     def take(self, report: bytes) -> bool:
-        """Take in a report; whether it told the translation. One that is unknown or too short changes nothing."""
+        """Take in a report; whether it held the translation. One that is unknown or too short changes nothing."""
         number, size = (report[0], len(report)) if report else (0, 0)
         if number == 1 and size >= 7:
             self.translation = _AXES.unpack_from(report, 1)

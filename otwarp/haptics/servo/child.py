@@ -3,7 +3,7 @@
 It is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and with it
 whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order, by a
 signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well); in
-each case the chains let go, every device is told zero force, and only then it ends.
+each case the chains let go, every device gets zero force, and only then it ends.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
         ]
         gone = parent_is_gone()
         grants = request_realtime(cpu=order.cpu) if order.realtime else ()
-        told = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
+        granted = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
         # nothing in the loop makes cycles of references, and a collection would take milliseconds
         gc.collect()
         gc.freeze()
@@ -122,7 +122,7 @@ def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
             status,
             rate=order.rate,
             orphaned=lambda: ended() or gone(),
-            grants=told,
+            grants=granted,
         )
     except InputError as error:
         status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))

@@ -12,7 +12,7 @@ from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
 from otwarp.haptics.core.types import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 
 TEXT = 160
-"""Bytes of a line about one hand."""
+"""Bytes of a line about one device."""
 GRANTS = 480
 """Bytes of what the operating system gave."""
 START, START_SPHERE, START_TRAP = 16384, 384, 512
@@ -28,14 +28,14 @@ _STATE_CODES = {name: code for code, name in enumerate(STATES)}
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What the parent wants; the latest counts, so arming is told by counters: a missed message loses none.
+    """What the parent wants; the latest counts, so arming goes by counters: a missed message loses none.
 
     Attributes:
         beat: Counts orders; the servo disarms when it stands still.
-        arm, disarm: How often each hand was armed and disarmed.
+        arm, disarm: How often each side was armed and disarmed.
         stop: Whether to end.
-        gains: Motion gain [µm/m] and force gain [N/pN] of each hand, None for as configured; empty for all so.
-        take: Number of the recording that runs, 0 for none.
+        gains: Motion gain [µm/m] and force gain [N/pN] of each side, None for as configured; empty for all so.
+        recording: Number of the one that runs, 0 for none.
     """
 
     beat: int
@@ -43,10 +43,10 @@ class Orders:
     disarm: tuple[int, ...]
     stop: bool = False
     gains: tuple[Gains, ...] = ()
-    take: int = 0
+    recording: int = 0
 
     def next(self, *, arm: int | None = None, disarm: int | None = None, stop: bool = False) -> Orders:
-        """The next orders: one more beat, and a hand armed or disarmed; all else as it was."""
+        """The next orders: one more beat, and a side armed or disarmed; all else as it was."""
         return replace(
             self,
             beat=self.beat + 1,
@@ -58,7 +58,7 @@ class Orders:
 
 @dataclass(frozen=True, slots=True)
 class HandStatus:
-    """How a hand's device is.
+    """How a device is.
 
     Attributes:
         present: Whether it answers.
@@ -99,7 +99,7 @@ class ServoStatus:
 
 
 class OrdersLayout:
-    """`Orders` in a mailbox, for a number of hands; a gain that is as configured is NaN."""
+    """`Orders` in a mailbox, for one or two sides; a gain that is as configured is NaN."""
 
     kind = b"orders"
 
@@ -112,35 +112,35 @@ class OrdersLayout:
         """See `shared_memory.Layout`."""
         gains = value.gains or ((None, None),) * self._hands
         flat = [math.nan if gain is None else gain for pair in gains for gain in pair]
-        self._record.pack(buffer, (value.beat, value.stop, value.take, *value.arm, *value.disarm, *flat))
+        self._record.pack(buffer, (value.beat, value.stop, value.recording, *value.arm, *value.disarm, *flat))
 
     def unpack(self, buffer: bytearray) -> Orders:
         """See `shared_memory.Layout`."""
         n = self._hands
-        beat, stop, take, *rest = self._record.unpack(buffer)
+        beat, stop, recording, *rest = self._record.unpack(buffer)
         flat = [None if gain != gain else gain for gain in rest[2 * n :]]
         gains = tuple(zip(flat[::2], flat[1::2], strict=True)) if any(gain is not None for gain in flat) else ()
-        return Orders(beat, tuple(rest[:n]), tuple(rest[n : 2 * n]), bool(stop), gains, take)
+        return Orders(beat, tuple(rest[:n]), tuple(rest[n : 2 * n]), bool(stop), gains, recording)
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What a hand's chain remembered when a recording began.
+    """What a chain remembered when a recording began.
 
     Attributes:
-        take: Number of the recording.
+        recording: Its number.
         tick: Its first cycle.
         text: `Rendering.state` as JSON; "" if it was too long for its mailbox.
     """
 
-    take: int
+    recording: int
     tick: int
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """What came out of a hand's ring, see `process.ServoProcess.drain`.
+    """What came out of a ring, see `process.ServoProcess.drain`.
 
     Attributes:
         records: `ring.CYCLE`, one after another; `ring.cycles_of` reads them.
@@ -174,16 +174,16 @@ class StartLayout:
         data = value.text.encode()
         if len(data) > self._room:
             raise InputError(f"start of a recording: {len(data)} bytes; must be at most {self._room}")
-        self._record.pack(buffer, (value.take, value.tick, len(data), data))
+        self._record.pack(buffer, (value.recording, value.tick, len(data), data))
 
     def unpack(self, buffer: bytearray) -> Start:
         """See `shared_memory.Layout`."""
-        take, tick, size, data = self._record.unpack(buffer)
-        return Start(take, tick, data[:size].decode())
+        recording, tick, size, data = self._record.unpack(buffer)
+        return Start(recording, tick, data[:size].decode())
 
 
 class StatusLayout:
-    """`ServoStatus` in a mailbox, for a number of hands."""
+    """`ServoStatus` in a mailbox, for one or two sides."""
 
     kind = b"status"
 

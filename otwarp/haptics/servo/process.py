@@ -44,14 +44,14 @@ KEPT = 16384
 
 @dataclass(frozen=True, slots=True)
 class HandSetup:
-    """One hand as its parent wants it.
+    """One side as its parent wants it.
 
     Attributes:
         device: Such as `virtual:circle`, see `otwarp.haptics.devices`.
         chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
             of one with plain arguments.
         pointer: Name of the page's mailbox, for `mouse`.
-        name: `left` or `right`; a take that is replayed holds hands by name.
+        name: `left` or `right`; a recording that is replayed holds devices by name.
     """
 
     device: str
@@ -98,7 +98,7 @@ class ServoProcess:
         pointers, hand_names = [hand.pointer for hand in hands], [hand.name for hand in hands]
         specs = parse_devices([hand.device for hand in hands], pointers, hand_names)
         for spec in specs:
-            create_device(spec)  # a bad argument is told here, not by a process that ends
+            create_device(spec)  # a bad argument is an error here, not in a process that ends
         n = len(specs)
         layouts = SceneLayout(spheres, traps), HandLayout(traps), OrdersLayout(n), StatusLayout(n)
         self._scenes = Mailbox.create(layouts[0])
@@ -110,7 +110,7 @@ class ServoProcess:
         self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
         self._starts: list[Start | None] = [None] * n
         self._lost = [0] * n
-        self._takes = 0
+        self._recordings = 0
         self._published: deque[SceneFrame] = deque(maxlen=KEPT)
         self._keeping = False
         self._rest: list[Cycles] = [Cycles()] * n
@@ -187,21 +187,21 @@ class ServoProcess:
         self.heartbeat()
 
     def heartbeat(self) -> None:
-        """Say that the parent lives; without it for `servo.PARENT_SILENCE` the hands disarm."""
+        """Say that the parent lives; without it for `servo.PARENT_SILENCE` all sides disarm."""
         self._tell(self._orders.next())
 
     def arm(self, hand: int | None = None) -> None:
-        """Allow a hand, or all, to push."""
+        """Allow one side, or all, to push."""
         for i in self._which(hand):
             self._tell(self._orders.next(arm=i))
 
     def disarm(self, hand: int | None = None) -> None:
-        """Let the force of a hand, or of all, fall to zero."""
+        """Let the force of one side, or of all, fall to zero."""
         for i in self._which(hand):
             self._tell(self._orders.next(disarm=i))
 
     def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
-        """Change gains of a hand in mid-run [µm/m, N/pN]; None leaves one as it is.
+        """Change the gains of one side in mid-run [µm/m, N/pN]; None leaves one as it is.
 
         The force follows within the slew limit, traps do not jump, and chains that are made later have them too.
 
@@ -215,7 +215,7 @@ class ServoProcess:
         self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
 
     def record(self, on: bool) -> None:
-        """Begin a recording of all hands, at any time, or end it; `drain` has what it holds."""
+        """Begin a recording of all sides, at any time, or end it; `drain` has what it holds."""
         if self._over and not on:
             return
         if on:
@@ -225,11 +225,11 @@ class ServoProcess:
             while len(self._published) > 1:  # the servo may not have read the last one yet
                 self._published.popleft()
             self._keeping = True
-        self._takes += on
-        self._tell(replace(self._orders.next(), take=self._takes if on else 0))
+        self._recordings += on
+        self._tell(replace(self._orders.next(), recording=self._recordings if on else 0))
 
     def drain(self, hand: int) -> Cycles:
-        """The cycles of a hand since the last call, while a recording runs and after it; never blocks.
+        """The cycles of one side since the last call, while a recording runs and after it; never blocks.
 
         To be called at least every `ring.SECONDS`. After `stop` it has the last ones, once.
         """
@@ -239,7 +239,7 @@ class ServoProcess:
             self._rest[hand] = Cycles(b"", rest.lost, rest.start)
             return rest
         new = self._start_boxes[hand].read()
-        if new is not None and new.take == self._takes:
+        if new is not None and new.recording == self._recordings:
             self._starts[hand] = new
         start, ring = self._starts[hand], self._rings[hand]
         if start is None:
@@ -248,7 +248,7 @@ class ServoProcess:
         if self._keeping:
             scenes = tuple(self._published)
             self._published.clear()
-            self._keeping = self._orders.take > 0
+            self._keeping = self._orders.recording > 0
         records, skip = ring.drain(), 0
         # what an earlier recording left comes first
         while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:
@@ -256,7 +256,7 @@ class ServoProcess:
         return Cycles(records[skip:], ring.lost - self._lost[hand], start, scenes)
 
     def hand(self, hand: int) -> ServoFrame | None:
-        """What a hand last published; None before the first, and the last of all after `stop`."""
+        """What one side last published; None before the first, and the last of all after `stop`."""
         self._which(hand)
         new = None if self._over else self._boxes[hand].read()
         if new is not None:

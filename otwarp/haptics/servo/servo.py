@@ -1,4 +1,4 @@
-"""What the servo does in each cycle: device → chain → device → mailbox, for each hand, and what it does when they fail.
+"""What the servo does in each cycle: device → chain → device → mailbox, for each side, and what it does when they fail.
 
 A function of a clock, devices, chains and mailboxes only, so that tests run it on a virtual clock in their own process;
 `process` runs it at 1 kHz in a process of its own.
@@ -46,7 +46,7 @@ MOST_BUTTONS = 2**63
 REOPEN_AFTER = 0.5
 """Seconds from the loss of a device to the first attempt to open it again, and from one attempt to the next."""
 PARENT_SILENCE = 1.0
-"""Seconds without orders after which all hands disarm; longer than a scene takes to pause, shorter than a shrug."""
+"""Seconds without orders after which all sides disarm; longer than a scene takes to pause."""
 LAST_CYCLES = 0.2
 """Seconds that the chains have to bring their forces to zero before they are cut; their watchdogs need 0.1 s."""
 STATUS_EVERY = 10
@@ -56,8 +56,10 @@ WINDOW = 1.0
 
 
 class Opening:
-    """An attempt to open a device anew. It may take long, so the servo runs it beside its loop, for the other hand's
-    sake; the loop keeps its hands off the device until `done`."""
+    """An attempt to open a device anew.
+
+    It may take long, so the servo runs it beside its loop, which leaves this device alone until `done`.
+    """
 
     def __init__(self, device: Device, beside: bool):
         self.done, self.error = False, ""
@@ -77,7 +79,7 @@ class Opening:
 
 
 class Hand:
-    """One hand in the servo: its device, its chain, its mailbox, its ring.
+    """One side in the servo: its device, its chain, its mailbox, its ring.
 
     Args:
         device: Not opened yet.
@@ -111,7 +113,7 @@ class Hand:
 
     @property
     def force(self) -> Vec3:
-        """What the device was last told [N]."""
+        """Last force sent to the device [N]."""
         return self._last.force
 
     def open(self) -> None:
@@ -152,17 +154,17 @@ class Hand:
         except InputError as error:
             self._say(str(error))
 
-    def record(self, take: int, tick: int, scene: SceneFrame) -> None:
-        """Record from this cycle on, as the take of this number, with all that the chain remembers now; 0 ends it."""
-        self._recording = take > 0 and self._ring is not None
+    def record(self, recording: int, tick: int, scene: SceneFrame) -> None:
+        """Record from this cycle on, under this number, with all that the chain remembers now; 0 ends it."""
+        self._recording = recording > 0 and self._ring is not None
         if not self._recording or self._starts is None:
             return
         self._rendering.actions()  # what they did is in the snapshot
         try:
-            self._starts.write(Start(take, tick, json.dumps(self._rendering.state(scene), separators=(",", ":"))))
-        except Exception as error:  # told, and the take replays from the next chain on; the hand goes on regardless
-            self._starts.write(Start(take, tick, ""))
-            self._say(f"the start of the recording cannot be told: {error}")
+            self._starts.write(Start(recording, tick, json.dumps(self._rendering.state(scene), separators=(",", ":"))))
+        except Exception as error:  # reported; it replays from the next chain on, and the device goes on regardless
+            self._starts.write(Start(recording, tick, ""))
+            self._say(f"the start of the recording cannot be kept: {error}")
 
     def cycle(self, now: float, scene: SceneFrame, tick: int = 0) -> None:
         """Read, step, write, publish."""
@@ -177,7 +179,7 @@ class Hand:
         self._box.write(state)
         if self._recording and self._ring is not None:
             try:
-                self._ring.push(self._told(tick, now, scene.beat, state))
+                self._ring.push(self._as_record(tick, now, scene.beat, state))
             except Exception:  # whatever a driver calls a sample, its hand goes on
                 self._ring.miss()
 
@@ -203,7 +205,7 @@ class Hand:
             return None
         return state
 
-    def _told(self, tick: int, now: float, beat: int, state: ServoFrame) -> tuple[float, ...]:
+    def _as_record(self, tick: int, now: float, beat: int, state: ServoFrame) -> tuple[float, ...]:
         """This cycle in the order of `ring.CYCLE`."""
         sample, rendering, flags = self._sample, self._rendering, self._flags
         at, position, buttons = math.nan, (math.nan, math.nan, math.nan), 0
@@ -224,7 +226,7 @@ class Hand:
     def _lose(self, now: float, why: str) -> None:
         name = self._device.info.name
         self._flags |= LOST
-        with suppress(Exception):  # one that failed in reading may still be told to let go
+        with suppress(Exception):  # one that failed in reading may still let go
             self._device.write(ZERO)
         self._rendering.drop()
         self._try_at = now + REOPEN_AFTER
@@ -257,20 +259,20 @@ class Hand:
             self.status = replace(self.status, message=line)
 
     def release(self, now: float) -> None:
-        """Zero force, say so, let go of the device."""
+        """Zero force, report it, close the device."""
         if self._opening is None or self._opening.done:
             zero = (lambda: self._device.write(ZERO),) if self.status.present else ()
             for last in (*zero, self._device.close):
                 try:
                     last()
-                except Exception as error:  # it must not keep the other hand from being released
+                except Exception as error:  # it must not keep the other device from being released
                     self._say(str(error))
         self._last = replace(self._last, tick=self._last.tick + 1, time=now, force=ZERO, state="disarmed")
         self._box.write(self._last)
 
 
 class Servo:
-    """The loop of all hands.
+    """The loop of all sides.
 
     Args:
         clock: Of all times.
@@ -306,7 +308,7 @@ class Servo:
         self.tick, self.late = 0, 0
 
     def run(self) -> None:
-        """Open the devices, run until told to stop or orphaned, and leave every device at zero force.
+        """Open the devices, run until ordered to stop or orphaned, and leave every device at zero force.
 
         Raises:
             InputError: A device is not there; those opened before are released.
@@ -348,7 +350,7 @@ class Servo:
             self._report(now)
 
     def end(self, now: float | None = None) -> None:
-        """Disarm all hands and stop once their forces are zero, or after `LAST_CYCLES`."""
+        """Disarm all sides and stop once their forces are zero, or after `LAST_CYCLES`."""
         if self._end_at == math.inf:
             self._end_at = (self._clock.now() if now is None else now) + LAST_CYCLES
             self._state = "ending"
@@ -367,8 +369,8 @@ class Servo:
         self._heard, self._silent = now, False
         was, self._obeyed = self._obeyed, orders
         for i, hand in enumerate(self._hands):
-            if orders.take != was.take:
-                hand.record(orders.take, self.tick, self._scenes.scene)
+            if orders.recording != was.recording:
+                hand.record(orders.recording, self.tick, self._scenes.scene)
             hand.set_gains(*(orders.gains[i] if orders.gains else (None, None)))
             if orders.disarm[i] != was.disarm[i]:  # wins over arming
                 hand.disarm()

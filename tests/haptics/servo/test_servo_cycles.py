@@ -74,7 +74,7 @@ def events(rig, hand=0):
 
 def test_every_cycle_of_a_recording_is_told_as_it_was():
     rig = Recorded([Traced(), Traced(-0.02)])
-    rig.run((0.05, rig.order(take=1)), (0.1, rig.arm()), (0.3, rig.order(take=0)), (0.4, rig.stop))
+    rig.run((0.05, rig.order(recording=1)), (0.1, rig.arm()), (0.3, rig.order(recording=0)), (0.4, rig.stop))
     cycles = rig.cycles[0]
     assert [c.tick for c in cycles] == list(range(cycles[0].tick, cycles[0].tick + len(cycles)))
     assert abs(len(cycles) - 250) <= 1
@@ -99,7 +99,7 @@ def test_every_cycle_of_a_recording_is_told_as_it_was():
 def test_reasons_of_disarming_are_told():
     rig = Recorded([Traced()])
     rig.run(
-        (0.01, rig.order(take=1)),
+        (0.01, rig.order(recording=1)),
         (0.02, rig.arm()),
         (0.1, lambda: rig.tell(disarm=0)),
         (0.2, rig.arm()),
@@ -121,7 +121,7 @@ def test_losses_failures_and_new_chains_are_told_and_keep_the_gains():
     rig.hands[0]._rendering._make_chain = lambda info: made.append(make(info)) or made[-1]
     gains = rig.order(gains=((20.0, None),))
     rig.run(
-        (0.01, rig.order(take=1)),
+        (0.01, rig.order(recording=1)),
         (0.05, rig.arm()),
         (0.1, gains),
         (0.3, rig.arm()),  # after it failed at 0.2
@@ -147,7 +147,7 @@ def test_gains_ordered_reach_the_chain_once_and_smoothly():
     rig = Recorded([Traced(0.004)], chain=lambda info: make_chain(config))
     rig.x = 0.3
     rig.run(
-        (0.01, rig.order(take=1)),
+        (0.01, rig.order(recording=1)),
         (0.05, rig.arm()),
         (0.9, rig.order(gains=((None, 0.25),))),
         (1.2, rig.order(gains=((None, 1e9),))),  # a parent that does not check
@@ -161,7 +161,7 @@ def test_gains_ordered_reach_the_chain_once_and_smoothly():
 
 def test_a_ring_that_nobody_empties_stops_nothing_and_counts():
     rig = Recorded([Traced()], slots=16)
-    rig.order(take=1)()
+    rig.order(recording=1)()
     ring, rig.rings = rig.rings[0], []
     rig.run((0.05, rig.arm()), (0.3, rig.stop))
     assert [c.tick for c in cycles_of(ring.drain())] == list(range(1, 17))
@@ -176,7 +176,7 @@ def test_a_sample_that_cannot_be_told_keeps_its_hand_alive():
             return sample if time < 0.1 else type(sample)("soon", sample.position, 1, True)
 
     rig = Recorded([Odd()])
-    rig.order(take=1)()
+    rig.order(recording=1)()
     rig.run((0.05, rig.arm()), (0.3, rig.stop))
     assert rig.rings[0].lost > 100
     assert rig.status.read().state == "stopped"
@@ -193,16 +193,16 @@ def test_a_start_that_is_too_long_is_said_and_the_recording_goes_on():
 
     for chain in (Long, Broken):
         rig = Recorded([Traced()], chain=chain)
-        rig.run((0.05, rig.order(take=1)), (0.2, rig.stop))
+        rig.run((0.05, rig.order(recording=1)), (0.2, rig.stop))
         assert rig.begun[0][0].text == ""
-        assert "the start of the recording cannot be told" in rig.status.read().hands[0].message
+        assert "the start of the recording cannot be kept" in rig.status.read().hands[0].message
         assert len(rig.cycles[0]) >= 150
 
 
 def test_orders_with_gains_and_a_recording_pass_their_mailbox():
     with Mailbox.create(OrdersLayout(2)) as box:
         for gains in ((), ((None, 0.5), (3.0, None))):
-            orders = Orders(0, (0, 0), (0, 0), gains=gains, take=7).next(arm=1)
+            orders = Orders(0, (0, 0), (0, 0), gains=gains, recording=7).next(arm=1)
             box.write(orders)
             assert box.read() == orders
     with Mailbox.create(StartLayout(1, 1)) as box:
@@ -213,6 +213,6 @@ def test_orders_with_gains_and_a_recording_pass_their_mailbox():
 def test_a_hand_without_a_ring_records_nothing():
     rig = Rig([Traced()])
     assert isinstance(rig.hands[0], Hand)
-    rig.told = Orders(0, (0,), (0,), take=1)
+    rig.told = Orders(0, (0,), (0,), recording=1)
     rig.run((0.1, rig.stop))
     assert rig.servo.tick > 90

@@ -229,7 +229,7 @@ def test_gains_and_recordings_pass_between_the_processes():
     assert [c.tick for c in cycles] == list(range(first.tick, first.tick + len(cycles)))
     assert cycles[-1].force_gain == 0.2
     assert sum(GAINS in actions_of(c.actions) for c in cycles) in (1, 2)  # a later order may overtake
-    assert last.start.take == 2 > first.take
+    assert last.start.recording == 2 > first.recording
     assert any(ENDING in actions_of(c.actions) for c in cycles_of(last.records))
     assert servo.drain(0).records == b""
     assert json.loads(first.text)["chain"]["safety"]
