@@ -10,7 +10,7 @@ import pytest
 from otwarp.scene import SceneBuilder
 from otwarp.scene.read.validate import validate
 from tests.scene.conftest import StageFile
-from tests.scene.test_author import LAW, STILL_TRAP, full_builder
+from tests.scene.write.test_builder import LAW, STILL_TRAP, full_builder
 
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdc"])

@@ -12,7 +12,7 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene, export_in_metres
 from otwarp.scene.read.validate import validate
 from tests.scene.conftest import StageFile
-from tests.scene.test_author import full_builder
+from tests.scene.write.test_builder import full_builder
 
 RELATIVE = 1e-9
 """Float64 through a scale of 1e-6 and back, with room."""
