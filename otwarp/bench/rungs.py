@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.bench.typed import check_names
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, CurveFit, Particle, TrapProperties, fit_piecewise, trap_properties
@@ -70,9 +71,7 @@ def chosen_rungs(names: Sequence[str]) -> tuple[Rung, ...]:
         InputError: A name that is not in `LADDER`.
     """
     known = [rung.name for rung in LADDER]
-    for name in names:
-        if name not in known:
-            raise InputError(f"--model is {name!r}; allowed: {', '.join(known)}")
+    check_names("--model", names, known)
     return tuple(rung for rung in LADDER if not names or rung.name in names or rung.name == HARMONIC)
 
 

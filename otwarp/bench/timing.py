@@ -98,12 +98,15 @@ def calls_for(work: Callable[[int], object], device: wp.Device, seconds: float) 
 
 Measurement = Callable[[], float]
 
+Note = Callable[[str], None]
+"""Called with what is being done, often enough to stop there."""
+
 
 def interleaved(
     pairs: Mapping[str, tuple[Measurement, Measurement]],
     rounds: int,
     *,
-    note: Callable[[str], None] = lambda name: None,
+    note: Note = lambda name: None,
 ) -> dict[str, Pairs]:
     """Measure every pair once per round, the order within a pair swapped from round to round.
 

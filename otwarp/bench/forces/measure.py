@@ -19,9 +19,9 @@ from otwarp.bench.forces.result import Errors, ForcesBench, Row
 from otwarp.bench.machine import Machine
 from otwarp.bench.rungs import HARMONIC, Rung, TrappedBead, chosen_rungs
 from otwarp.bench.timed_rung import SEED, TimedRung
-from otwarp.bench.timing import Quartiles, interleaved
+from otwarp.bench.timing import Note, Quartiles, interleaved
+from otwarp.bench.typed import check_least
 from otwarp.device import pick_device
-from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle, build_table, evaluate
 
 WORLDS = {"cpu": 4096, "cuda": 1 << 20}
@@ -31,9 +31,6 @@ SECONDS = 0.1
 """Length of one measured call, unless a single step takes longer."""
 
 REGION_PROBES, THERMAL_PROBES = 4000, 1000
-
-Note = Callable[[str], None]
-"""Called with what is being done, often enough to stop there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +114,8 @@ def bench_forces(
         InputError: An argument out of range, or a trap that does not hold the bead.
     """
     rungs = chosen_rungs(models)
-    _check(worlds, rounds)
+    check_least("--worlds", worlds, 1)
+    check_least("--rounds", rounds, 1)
     place = pick_device(device)
     machine = Machine.look(place)
     bead = TrappedBead(beam, sphere)
@@ -140,12 +138,6 @@ def bench_forces(
         reference_error=judged.estimate / judged.peak,
         rows=_rows(runners, errors, rounds, note),
     )
-
-
-def _check(worlds: int | None, rounds: int) -> None:
-    for name, value in (("worlds", worlds), ("rounds", rounds)):
-        if value is not None and value < 1:
-            raise InputError(f"--{name} is {value}; allowed: 1 or more")
 
 
 def _judged_runners(

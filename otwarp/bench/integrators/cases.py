@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from otwarp.bench.rungs import LADDER, Rung
-from otwarp.errors import InputError
+from otwarp.bench.typed import check_names
 from otwarp.scene import Settings
-from otwarp.simulation.simulation import Simulation
 
 GROUPS = ("integrator", "force", "precision")
 
@@ -72,9 +70,7 @@ def all_cases(groups: Sequence[str], *, fast_math: bool) -> tuple[Case, ...]:
     Raises:
         InputError: A group that is not in `GROUPS`.
     """
-    for name in groups:
-        if name not in GROUPS:
-            raise InputError(f"--axis is {name!r}; allowed: {', '.join(GROUPS)}")
+    check_names("--axis", groups, GROUPS)
     wanted = groups or GROUPS
     common = {"fast_math": fast_math}
     cases = [c for c in _integrators(common) if "integrator" in wanted or c.name == DEFAULT]
@@ -95,11 +91,9 @@ def _integrators(common: dict[str, Any]) -> list[Case]:
 
 
 def _precisions() -> list[Case]:
-    table, known = rung(TABLE), inspect.signature(Simulation).parameters
     kinds: dict[str, dict[str, Any]] = {
         "float32": {"fast_math": False},
         "float32, fast_math": {"fast_math": True},
+        "float64": {"precision": "float64"},
     }
-    if "precision" in known:
-        kinds["float64"] = {"precision": "float64"}
-    return [Case(name=k, label=k, group="precision", rung=table, settings=how) for k, how in kinds.items()]
+    return [Case(name=k, label=k, group="precision", rung=rung(TABLE), settings=how) for k, how in kinds.items()]

@@ -175,15 +175,6 @@ class Ball:
         time = splu(self.adjoint).solve(-np.ones(len(self.volume)))
         return float(np.average(time[: self.sectors], weights=self.volume[: self.sectors]))
 
-    def survival(self, times: np.ndarray) -> np.ndarray:
-        """(k,) probability of still being in the ball at rising `times` (k,) [s] after a start at the centre."""
-        inside, out, now = np.ones(len(self.volume)), [], 0.0
-        for time in times:
-            inside = advance(self.adjoint, inside, time - now)
-            now = time
-            out.append(float(np.average(inside[: self.sectors], weights=self.volume[: self.sectors])))
-        return np.array(out)
-
     def moments(self) -> tuple[float, float]:
         """⟨x² + y²⟩ and the variance of z [µm²]."""
         p, z = self.stationary, self.z

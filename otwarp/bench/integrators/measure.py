@@ -33,7 +33,8 @@ from otwarp.bench.integrators.result import WANTED, IntegratorsBench, Line, Poin
 from otwarp.bench.integrators.wells import DEEP, SHALLOW, SplinedForce, Well
 from otwarp.bench.machine import Machine
 from otwarp.bench.timed_rung import TimedRung
-from otwarp.bench.timing import Pairs, Quartiles, interleaved
+from otwarp.bench.timing import Note, Pairs, Quartiles, interleaved
+from otwarp.bench.typed import check_least
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle
@@ -58,8 +59,6 @@ TIMED = 20
 
 SECONDS, CALL = 60.0, 0.05
 """Budget of all errors together, and length of one timed call."""
-
-Note = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,7 +208,10 @@ def bench_integrators(
     Raises:
         InputError: An argument out of range, or a trap that does not suit.
     """
-    _check(worlds, seconds, rounds)
+    check_least("--worlds", worlds, 2)
+    check_least("--rounds", rounds, 1)
+    if not 0.0 < seconds < math.inf:
+        raise InputError(f"--seconds is {seconds:g}; allowed: above 0")
     cases = all_cases(axes, fast_math=fast_math)
     place = pick_device(device)
     machine = Machine.look(place)
@@ -230,14 +232,6 @@ def bench_integrators(
         references={m: {k: Mean(e.value, e.error) for k, e in of.items()} for m, of in study.references.items()},
         lines=tuple(_lines(study, cases, {c.name: study.ladder(c, steps) for c in cases}, costs)),
     )
-
-
-def _check(worlds: int | None, seconds: float, rounds: int) -> None:
-    for name, value, least in (("worlds", worlds, 2), ("rounds", rounds, 1)):
-        if value is not None and value < least:
-            raise InputError(f"--{name} is {value}; allowed: {least} or more")
-    if not 0.0 < seconds < math.inf:
-        raise InputError(f"--seconds is {seconds:g}; allowed: above 0")
 
 
 def references(deep: Well, shallow: Well, model: Model, *, exact: bool) -> dict[str, dict[str, Estimate]]:

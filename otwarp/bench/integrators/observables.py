@@ -45,9 +45,6 @@ SEEN = 2.0
 WINDOWS = 32
 """Calls of the simulation while escapes are awaited, so that an interrupt is heard."""
 
-Note = Callable[[str], None]
-"""Called with what is being done, often enough to stop there."""
-
 
 @dataclass(frozen=True)
 class Mean:

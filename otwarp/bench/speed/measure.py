@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from otwarp.bench.machine import Machine
 from otwarp.bench.speed.result import SpeedBench, SpeedRow
 from otwarp.bench.speed.workloads import BEAD_PEERS, CASES, PeerCode, Prepared, Setting, Workload, workloads
-from otwarp.bench.timing import Pairs, Quartiles, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Note, Pairs, Quartiles, calls_for, elapsed, interleaved
+from otwarp.bench.typed import check_least, check_names
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -18,9 +19,6 @@ SECONDS = 0.2
 
 LEAST_STEPS = 200
 """Steps before variances are looked at: e^{−2·0.05·200} is nothing."""
-
-Note = Callable[[str], None]
-"""Called with what is being done, often enough to stop there."""
 
 
 class TimedWorkload:
@@ -77,11 +75,8 @@ def bench_speed(
     Raises:
         InputError: An argument out of range.
     """
-    for name in cases:
-        if name not in CASES:
-            raise InputError(f"--case is {name!r}; allowed: {', '.join(CASES)}")
-    if rounds < 1:
-        raise InputError(f"--rounds is {rounds}; allowed: 1 or more")
+    check_names("--case", cases, CASES)
+    check_least("--rounds", rounds, 1)
     for name, value in (("seconds", seconds), ("scale", scale)):
         if not 0.0 < value < math.inf:
             raise InputError(f"--{name} is {value:g}; allowed: above 0, finite")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,8 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.stability.grids import GRIDS, StressGrid
 from otwarp.bench.stability.thermal import Effort
 from otwarp.bench.stability.verdict import Cell, CellVerdict, judge
+from otwarp.bench.timing import Note
+from otwarp.bench.typed import check_names
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
@@ -21,9 +23,6 @@ QUICK, FULL, LONG = (
     {"worlds": 16384, "random_scenes": 96, "steps": 100_000_000},
 )
 """Efforts of `--quick`, of neither option, and of `--long`."""
-
-Note = Callable[[str], None]
-"""Called with what is being done, often enough to stop there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +89,12 @@ class StabilityBench(Findings):
             "effort": {name: value for name, value in vars(self.effort).items() if name != "device"},
             "counts": {v.name.lower(): n for v, n in self.counts.items()},
             "grids": [
-                {"name": g.name, "title": g.title, "axes": list(g.axes), "cells": [c.json() for c in g.cells]}
+                {
+                    "name": g.grid.name,
+                    "title": g.grid.title,
+                    "axes": list(g.grid.axes),
+                    "cells": [c.json() for c in g.cells],
+                }
                 for g in self.grids
             ],
         }
@@ -102,10 +106,7 @@ def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[StressGrid, ...]
     Raises:
         InputError: A name that is not in `GRIDS`.
     """
-    known = [grid.name for grid in GRIDS]
-    for name in names:
-        if name not in known:
-            raise InputError(f"--grid is {name!r}; allowed: {', '.join(known)}")
+    check_names("--grid", names, [grid.name for grid in GRIDS])
     return tuple(g for g in GRIDS if g.name in names or (not names and not (quick and g.full_only)))
 
 

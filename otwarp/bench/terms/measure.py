@@ -20,8 +20,8 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.speed.peers import numpy_bead
 from otwarp.bench.terms.scenes import COMPARISONS, PLACE, RADIUS, SCENES, THERMAL, TOGETHER, Comparison, alone, trap
 from otwarp.bench.timing import Pairs, Quartiles, calls_for, elapsed, interleaved
+from otwarp.bench.typed import check_names
 from otwarp.device import pick_device
-from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Scene
 from otwarp.simulation.info import device_bytes
@@ -258,9 +258,7 @@ def bench_terms(
         InputError: A name that no comparison has.
     """
     known = {case.term: case for case in comparisons}
-    for name in names:
-        if name not in known:
-            raise InputError(f"--term is {name!r}; allowed: {', '.join(known)}")
+    check_names("--term", names, known)
     comparisons = [known[name] for name in names] or comparisons
     place = pick_device(device)
     machine = Machine.look(place)
