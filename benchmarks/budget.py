@@ -15,7 +15,7 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.scene import Scene
-from otwarp.teleop.budget.reduce import Budget, reduce_scene
+from otwarp.teleop.budget import Budget, reduce_scene
 from otwarp.teleop.budget.report import SECONDS, measure_scene
 
 CASES: tuple[tuple[str, tuple[Budget, ...]], ...] = (

@@ -206,7 +206,7 @@ class Session:
     def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
         """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
         o = self._options
-        from otwarp.teleop.budget.reduce import parse_budget, reduce_scene
+        from otwarp.teleop.budget import parse_budget, reduce_scene
         from otwarp.teleop.budget.report import measure_scene
 
         if parse_budget(o.budget) == "off":

@@ -13,8 +13,8 @@ from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Goal, Material, Obstacle, Rod, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
+from otwarp.teleop.budget import AUTO_SHARE, WORST_ERROR, parse_budget, reduce_scene, round_down
 from otwarp.teleop.budget.reach import PATH_STEP, Reach, flow_velocity, frozen_body, thin_out
-from otwarp.teleop.budget.reduce import AUTO_SHARE, WORST_ERROR, parse_budget, reduce_scene, round_down
 from otwarp.teleop.budget.report import BudgetReport, SceneCost, measure_scene
 
 SOFT = Material(youngs_modulus=1000.0, poisson_ratio=0.45)

@@ -8,7 +8,7 @@ import pytest
 
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.state import Control
-from otwarp.teleop.budget import reduce as budget
+from otwarp.teleop import budget
 from otwarp.teleop.budget.report import BATCHES, measure_scene
 from otwarp.teleop.session import Session, SessionOptions
 from otwarp.teleop.session.live import GLIDE
