@@ -6,7 +6,8 @@ import json
 import time
 
 from otwarp.haptics.core.types import SceneFrame, SphereFrame
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.link import HandSetup
+from otwarp.haptics.servo.process import ServoProcess
 from tests.haptics.spring import SpringChain
 
 

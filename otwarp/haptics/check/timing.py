@@ -30,7 +30,8 @@ from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_SAFETY, HandConfig
 from otwarp.haptics.core.realtime import Clock, Grant, RealClock, next_deadline, request_realtime
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, local_model
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.link import HandSetup
+from otwarp.haptics.servo.process import ServoProcess
 from otwarp.laws import TrapLaw
 
 LONGEST = 3600.0

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.chain.rendering import ChainLike
 from otwarp.haptics.core.config import Gains
 from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
-from otwarp.haptics.core.types import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core.types import STATES, DeviceInfo, SceneFrame, ServoFrame, SphereFrame, TrapFrame
+from otwarp.haptics.devices import DeviceSpec
 
 TEXT = 160
 """Bytes of a line about one device."""
@@ -359,3 +363,36 @@ def is_finite(scene: SceneFrame) -> bool:
         x, y, z = trap.position
         total += x + y + z + trap.power
     return math.isfinite(total)
+
+
+@dataclass(frozen=True, slots=True)
+class HandSetup:
+    """One side as its parent wants it.
+
+    Attributes:
+        device: Such as `virtual:circle`, see `otwarp.haptics.devices`.
+        chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
+            of one with plain arguments.
+        pointer: Name of the page's mailbox, for `mouse`.
+        name: `left` or `right`; a recording that is replayed holds devices by name.
+    """
+
+    device: str
+    chain: Callable[[DeviceInfo], ChainLike]
+    pointer: str | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ServoOrder:
+    """All that the process must know, see `process.ServoProcess`."""
+
+    specs: tuple[DeviceSpec, ...]
+    chains: tuple[Callable[[DeviceInfo], ChainLike], ...]
+    names: dict[str, Any]
+    spheres: int
+    traps: int
+    rate: float
+    spin: float
+    realtime: bool
+    cpu: int | None

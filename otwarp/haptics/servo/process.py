@@ -1,36 +1,50 @@
-"""The servo in a process of its own, as its parent holds it; `child` is what runs there."""
+"""The servo in a process of its own: `ServoProcess`, as its parent holds it, and `child`, what runs there.
+
+The child is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and
+whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order, by a
+signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well); in
+each case the chains let go, every device gets zero force, and only then it ends.
+"""
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import pickle
+import signal
+import struct
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 from otwarp.errors import InputError
-from otwarp.haptics.chain.rendering import ChainLike
 from otwarp.haptics.core.config import checked_gains
+from otwarp.haptics.core.realtime import RealClock, parent_is_gone, request_realtime
 from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
-from otwarp.haptics.core.types import CYCLE, DeviceInfo, SceneFrame, ServoFrame
+from otwarp.haptics.core.types import CYCLE, SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
-from otwarp.haptics.servo.child import LENGTH, ServoOrder
 from otwarp.haptics.servo.link import (
     Cycles,
     HandLayout,
+    HandSetup,
+    HandStatus,
     Orders,
     OrdersLayout,
     SceneLayout,
+    SceneReader,
+    ServoOrder,
     ServoStatus,
     Start,
     StartLayout,
     StatusLayout,
 )
+from otwarp.haptics.servo.servo import Hand, Servo
 
 RATES = (10.0, 5000.0)
 START_WITHIN = 60.0
@@ -40,24 +54,15 @@ STOP_WITHIN = 5.0
 POLL = 0.005
 KEPT = 16384
 """States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandSetup:
-    """One side as its parent wants it.
-
-    Attributes:
-        device: Such as `virtual:circle`, see `otwarp.haptics.devices`.
-        chain: Makes the chain for a device; pickled by reference, so a function of a module, or a `functools.partial`
-            of one with plain arguments.
-        pointer: Name of the page's mailbox, for `mouse`.
-        name: `left` or `right`; a recording that is replayed holds devices by name.
-    """
-
-    device: str
-    chain: Callable[[DeviceInfo], ChainLike]
-    pointer: str | None = None
-    name: str | None = None
+SWITCH = 2e-4
+"""Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
+ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+"""Signals that end a servo in order: a closed terminal and Ctrl-\\ reach the whole group of processes."""
+UNHEEDED = ("SIGINT", "SIGTSTP", "SIGTTIN", "SIGTTOU")
+"""Signals that a servo does not heed. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
+parent alone, for a servo that stood still would leave the last force on, with nobody there to take it back."""
+LENGTH = struct.Struct("!Q")
+"""Goes before the pickled order in the pipe."""
 
 
 class ServoProcess:
@@ -100,11 +105,10 @@ class ServoProcess:
         for spec in specs:
             create_device(spec)  # a bad argument is an error here, not in a process that ends
         n = len(specs)
-        layouts = SceneLayout(spheres, traps), HandLayout(traps), OrdersLayout(n), StatusLayout(n)
-        self._scenes = Mailbox.create(layouts[0])
-        self._boxes = [Mailbox.create(layouts[1]) for _ in specs]
-        self._orders_box = Mailbox.create(layouts[2])
-        self._status_box = Mailbox.create(layouts[3])
+        self._scenes = Mailbox.create(SceneLayout(spheres, traps))
+        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in specs]
+        self._orders_box = Mailbox.create(OrdersLayout(n))
+        self._status_box = Mailbox.create(StatusLayout(n))
         self._rings = [Ring.create(math.ceil(SECONDS * rate)) for _ in specs]
         self._start_boxes = [Mailbox.create(StartLayout(spheres, traps)) for _ in specs]
         self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
@@ -117,10 +121,11 @@ class ServoProcess:
         self._status: ServoStatus | None = None
         self._hands: list[ServoFrame | None] = [None] * n
         names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
-        names |= {"hands": [box.name for box in self._boxes], "rings": [ring.name for ring in self._rings]}
-        names |= {"starts": [box.name for box in self._start_boxes]}
-        chains = tuple(hand.chain for hand in hands)
-        self._order = ServoOrder(specs, chains, names, spheres, traps, rate, spin, realtime, cpu)
+        boxes = {"hands": self._boxes, "rings": self._rings, "starts": self._start_boxes}
+        names |= {kind: [box.name for box in each] for kind, each in boxes.items()}
+        self._order = ServoOrder(
+            specs, tuple(hand.chain for hand in hands), names, spheres, traps, rate, spin, realtime, cpu
+        )
         self._process: subprocess.Popen[bytes] | None = None
         self._over = False
 
@@ -149,7 +154,7 @@ class ServoProcess:
             raise InputError("servo: start may be called once, before stop")
         message = pickle.dumps(self._order)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        command = [sys.executable, "-c", "from otwarp.haptics.servo.child import child; child()"]
+        command = [sys.executable, "-c", "from otwarp.haptics.servo.process import child; child()"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         pipe = self._pipe()
         try:
@@ -293,8 +298,7 @@ class ServoProcess:
                 self.hand(i)
                 self._rest[i] = self.drain(i)
         self._over = True
-        boxes = (self._scenes, self._orders_box, self._status_box, *self._boxes, *self._rings, *self._start_boxes)
-        for box in boxes:
+        for box in (self._scenes, self._orders_box, self._status_box, *self._boxes, *self._rings, *self._start_boxes):
             box.close()
 
     def __enter__(self) -> ServoProcess:
@@ -323,3 +327,69 @@ class ServoProcess:
         if pipe is None:
             raise InputError("servo: not started")
         return pipe  # type: ignore[return-value]
+
+
+def child() -> None:
+    """What the child does: take its order from stdin, run the servo, end with its devices at zero force."""
+    pipe = sys.stdin.buffer
+    size = pipe.read(LENGTH.size)
+    if len(size) < LENGTH.size:
+        return  # the parent died before it had said anything
+    order: ServoOrder = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
+    ended = threading.Event()
+    threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
+    _heed_signals(ended)
+    # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
+    os._exit(_serve(order, ended.is_set))
+
+
+def _heed_signals(ended: threading.Event) -> None:
+    """No signal that a terminal sends ends this process, or stops it, with a force on; systems lack some of them."""
+    for name in ENDING:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    for name in UNHEEDED:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
+    """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
+    n, names = len(order.specs), order.names
+    status = Mailbox.attach(StatusLayout(n), names["status"])
+    try:
+        orders = Mailbox.attach(OrdersLayout(n), names["orders"])
+        scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
+        start = StartLayout(order.spheres, order.traps)
+        hands = [
+            Hand(
+                create_device(spec),
+                chain,
+                Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
+                beside=True,
+                ring=Ring.attach(names["rings"][i]),
+                starts=Mailbox.attach(start, names["starts"][i]),
+            )
+            for i, (spec, chain) in enumerate(zip(order.specs, order.chains, strict=True))
+        ]
+        gone = parent_is_gone()
+        grants = request_realtime(cpu=order.cpu) if order.realtime else ()
+        granted = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
+        # nothing in the loop makes cycles of references, and a collection would take milliseconds
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        sys.setswitchinterval(SWITCH)
+        clock, orphaned = RealClock(order.spin), lambda: ended() or gone()
+        servo = Servo(clock, hands, scenes, orders, status, rate=order.rate, orphaned=orphaned, grants=granted)
+    except InputError as error:
+        status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))
+        return 2
+    try:
+        servo.run()
+    except InputError:  # its last report says it
+        return 2
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0

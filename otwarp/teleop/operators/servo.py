@@ -21,6 +21,7 @@ from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.link import (
     HandLayout,
+    HandSetup,
     Orders,
     OrdersLayout,
     SceneLayout,
@@ -28,7 +29,7 @@ from otwarp.haptics.servo.link import (
     ServoStatus,
     StatusLayout,
 )
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.process import ServoProcess
 from otwarp.haptics.servo.servo import Hand, Servo
 from otwarp.teleop.core import HandFrame
 from otwarp.teleop.operators.hands import HandPlan, LocalScene

@@ -17,8 +17,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import CYCLE, ENDING, GAINS, ZERO, SceneFrame, SphereFrame, actions_of, cycles_of
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.haptics.servo.link import Cycles, HandLayout, StatusLayout
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.link import Cycles, HandLayout, HandSetup, StatusLayout
+from otwarp.haptics.servo.process import ServoProcess
 from tests.haptics.setups import chain_for, hand_config, scene_at
 from tests.haptics.spring import SpringChain, TellingChain
 

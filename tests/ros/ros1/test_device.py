@@ -14,7 +14,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.types import Device, DeviceLost
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, find_devices
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.link import HandSetup
+from otwarp.haptics.servo.process import ServoProcess
 from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.node import Ros1Node
 from tests.haptics.setups import chain_for, hand_config, scene_at

@@ -16,8 +16,8 @@ from otwarp.haptics.core.config import HandConfig, HapticsConfig
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import ForceGrid, TableLaw
-from otwarp.haptics.servo.link import Cycles
-from otwarp.haptics.servo.process import HandSetup, ServoProcess
+from otwarp.haptics.servo.link import Cycles, HandSetup
+from otwarp.haptics.servo.process import ServoProcess
 from otwarp.scene import Scene
 from otwarp.simulation.frame import SHAPES, Frame
 from otwarp.teleop.core import HandFrame, LiveFrame
