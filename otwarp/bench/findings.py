@@ -104,7 +104,7 @@ class BeadFindings(Findings):
             raise InputError(f"--with {file} is not what --json writes; allowed: a file of {cls.FORMAT}") from error
 
 
-def bead_fields(beam: Beam, sphere: Particle) -> dict[str, dict[str, Any]]:
+def bead_fields(beam: Beam, sphere: Particle) -> dict[str, Any]:
     """`beam` and `sphere` of `BeadFindings`; the sphere's index is real."""
     plain = {"radius": sphere.radius, "index": complex(sphere.index).real}
     return {"beam": dataclasses.asdict(beam), "sphere": plain}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -102,7 +102,7 @@ class ForcesRequest:
     device: str | None
     table: bool
     tolerance: float
-    interpolation: str
+    interpolation: Literal["bilinear", "bicubic"]
     curves: bool
     plot: Path | None
     map: Path | None

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 from click.core import ParameterSource
@@ -158,7 +158,9 @@ def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
             if not begins:
                 # a resumed run starts late: what came before took none of this wall time
                 begins.append(simulated)
-                bar.reset(task, completed=simulated, total=duration, speed="")
+                bar.reset(
+                    task, completed=cast("int", simulated), total=duration, speed=""
+                )  # rich counts floats as well
                 return
             bar.update(task, completed=simulated, speed=f"{(simulated - begins[0]) / max(wall, 1e-9):.1f}× real time")
 

@@ -159,7 +159,7 @@ def nearest_node(nodes: np.ndarray, samples: np.ndarray) -> np.ndarray:
         return np.argmax(samples @ nodes.T - 0.5 * np.einsum("ni,ni->n", nodes, nodes), axis=1)
     from scipy.spatial import KDTree
 
-    return KDTree(nodes).query(samples)[1]
+    return np.asarray(KDTree(nodes).query(samples)[1])
 
 
 def exposed(elements: Elements, k: int, points: np.ndarray) -> np.ndarray:

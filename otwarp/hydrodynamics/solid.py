@@ -109,11 +109,11 @@ def solid_of(mesh: ClosedMesh, cells: int) -> Solid:
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     point, normal, _ = sample_mesh(mesh.vertices, mesh.triangles, int(area / (cell / 3.0) ** 2))
     tree = KDTree(point)
-    deepest = float(tree.query(origin + cell * (np.argwhere(inside) + 0.5 - 0.5 * counts))[0].max())
+    deepest = float(np.max(tree.query(origin + cell * (np.argwhere(inside) + 0.5 - 0.5 * counts))[0]))
     rim = int(np.ceil(deepest / cell))
     inside, counts = np.pad(inside, rim), counts + 2 * rim
     place = origin + cell * (np.argwhere(np.ones(counts, dtype=bool)) + 0.5 - 0.5 * counts)
-    distance, nearest = tree.query(place, distance_upper_bound=deepest + cell)
+    distance, nearest = map(np.asarray, tree.query(place, distance_upper_bound=deepest + cell))
     near = np.isfinite(distance)
     place, distance, nearest, inside = place[near], distance[near], nearest[near], inside.ravel()[near]
     plane = np.abs(np.einsum("ki,ki->k", place - point[nearest], normal[nearest]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -80,14 +81,19 @@ class Look:
 class Uploaded:
     """Structs for the kernel, and the objects that must outlive them."""
 
-    world: World
-    studio: Studio
+    world: Annotated[Any, World]
+    studio: Annotated[Any, Studio]
     keep: list[object]
+
+
+def _rows(struct: Any, count: int) -> np.ndarray:
+    """`count` empty rows of a Warp struct, as NumPy has them."""
+    return np.zeros(count, dtype=struct.numpy_dtype())
 
 
 def _records(drawables: Drawables, chosen: np.ndarray, origin: np.ndarray, meshes: list[wp.Mesh]) -> np.ndarray:
     """Structured array of `Solid` for the shapes `chosen`, relative to `origin`."""
-    records = np.zeros(len(chosen), dtype=Solid.numpy_dtype())
+    records = _rows(Solid, len(chosen))
     if len(chosen) == 0:
         return records
     matrix = drawables.transform[chosen]
@@ -113,10 +119,12 @@ def _hierarchy(lower: np.ndarray, upper: np.ndarray, device: wp.Device) -> wp.Bv
     corners = [
         wp.array(values.astype(np.float32), dtype=wp.vec3, device=device) for values in (lower - margin, upper + margin)
     ]
-    return wp.Bvh(*corners)
+    return wp.Bvh(corners[0], corners[1])
 
 
-def upload_world(drawables: Drawables, origin: np.ndarray, device: wp.Device) -> tuple[World, list[object]]:
+def upload_world(
+    drawables: Drawables, origin: np.ndarray, device: wp.Device
+) -> tuple[Annotated[Any, World], list[object]]:
     """The shapes on the device, relative to `origin` (3,) µm, and the objects to keep alive."""
     meshes = [
         wp.Mesh(
@@ -186,7 +194,7 @@ def arrange(drawables: Drawables, look: Look, device: wp.Device) -> Uploaded:
     world, keep = upload_world(drawables, focus, device)
     given = drawables.lights
     lights = exposed(given if len(given.vector) or given.ambient.any() else default_lights(view, drawables.up))
-    records = np.zeros(len(lights.vector), dtype=Light.numpy_dtype())
+    records = _rows(Light, len(lights.vector))
     records["vector"] = np.where(lights.distant[:, None], lights.vector, lights.vector - focus)
     records["distant"], records["irradiance"] = lights.distant, lights.irradiance
     strength = lights.irradiance.max(axis=1, initial=0.0)

@@ -18,7 +18,7 @@ ROBOT_COLOURS = ("#2460a7", "#d9822b", "#3d8b6d", "#7a5195")
 CELL_COLOUR, OTHER_COLOUR, FORCE_COLOUR, WARNING_COLOUR = "#a8325e", "#8a8f98", "#c62828", "#c62828"
 OBSTACLE_FILL, OBSTACLE_EDGE, GOAL_COLOUR = "#dfe1e6", "#9aa0ab", "#2f7d46"
 
-STYLE = {
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"],
     "font.size": 8.5,

@@ -59,7 +59,8 @@ class Method:
         fields = dataclasses.fields(cls)
         if not all(field.name in attributes for field in fields):
             return None
-        return cls(**{f.name: (bool if f.type == "bool" else str)(attributes[f.name]) for f in fields})
+        values: dict[str, Any] = {f.name: (bool if f.type == "bool" else str)(attributes[f.name]) for f in fields}
+        return cls(**values)
 
     def attributes(self) -> dict[str, str | int]:
         """As attributes of a file: netCDF-3 knows no booleans, 0 and 1 stand for them."""

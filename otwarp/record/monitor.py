@@ -132,7 +132,7 @@ class Monitor:
             self._decide(off > goal.cell_lost_distance, CELL_LOST, frame.time, -1, off)
 
     def _decide(
-        self, now: np.ndarray, code: int, time: np.ndarray | float, who: np.ndarray | int, value: np.ndarray
+        self, now: np.ndarray | np.bool_, code: int, time: np.ndarray | float, who: np.ndarray | int, value: np.ndarray
     ) -> None:
         new = now & (self._code == UNDECIDED)
         self._code[new] = code

@@ -117,7 +117,7 @@ def _read(data: Any, world: int, pick: slice) -> Run:
         others=list(range(len(robots) + len(cells), len(followed))),
         names=[str(data["body"][body]).rsplit("/", 1)[-1] for body in followed],
         radius=radius[followed],
-        spheres=[_spheres(layout, body, radius[body]) for body in followed],
+        spheres=[_spheres(layout, body, float(radius[body])) for body in followed],
         position=series("position", 3),
         orientation=series("orientation", 4),
         force=series("contact_force", 3),

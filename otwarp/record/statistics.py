@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 
@@ -41,7 +43,7 @@ class RunningStatistics:
         self.maximum = np.where(valid, np.maximum(self.maximum, x), self.maximum)
         self.above += valid & (x > limit)
 
-    def pooled(self, select: object = ...) -> dict[str, float | int | None]:
+    def pooled(self, select: Any = ...) -> dict[str, float | int | None]:
         """Count, mean, population standard deviation, maximum and share above the limit of the chosen series.
 
         Args:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from otwarp.laws import TrapLaw
+from otwarp.laws.table import Interpolation
 from otwarp.scene.track import ByValue, Track
 
 Vec3 = tuple[float, float, float]
@@ -108,7 +109,7 @@ class Trap(ByValue):
     depth: float = 0.0
     glass_index: float | None = None
     tolerance: float = 1e-3
-    interpolation: str = "bilinear"
+    interpolation: Interpolation = "bilinear"
     reach: float = math.inf
     radial: TrapLaw | None = None
     axial: TrapLaw | None = None

@@ -60,7 +60,7 @@ def save(sim: Simulation, path: Path) -> Path:
         "crossings": sim.model.features.crossings,
         "precision": sim.model.features.precision,
     }
-    arrays = {k: v.numpy() for k, v in _arrays(sim).items()}
+    arrays: dict[str, Any] = {k: v.numpy() for k, v in _arrays(sim).items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
     temporary = path.with_name(path.name + ".tmp")
     try:

@@ -85,7 +85,7 @@ def closest_norms(scene: Scene, moves: list[BodyMobility], bodies: Sequence[int]
     closest = np.zeros((len(bodies), len(bodies)))
     for i, j in np.argwhere(~np.eye(len(bodies), dtype=bool)):
         apart = radius[i] + radius[j] if lone[i] and lone[j] else 0.0
-        nearest = pair_mobility(np.array([apart, 0.0, 0.0]), radius[i], radius[j])
+        nearest = pair_mobility(np.array([apart, 0.0, 0.0]), float(radius[i]), float(radius[j]))
         closest[i, j] = 6.0 * np.pi * np.sqrt(radius[i] * radius[j]) * np.linalg.norm(nearest, 2)
     return closest
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
 
+from otwarp.device import empty
 from otwarp.errors import InputError
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS
@@ -51,7 +53,7 @@ def choose_cells(extent: np.ndarray, edge: float, elements: int, worlds: int) ->
     return needed[0], needed[1], needed[2]
 
 
-def allocate_neighbours(model: Model, state: State) -> NeighbourData:
+def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourData]:
     """Cells and lists; of no length where nothing can touch anything."""
     f, w, device = model.features, model.worlds, model.device
     data = NeighbourData()
@@ -83,13 +85,13 @@ def allocate_neighbours(model: Model, state: State) -> NeighbourData:
         setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
     data.reference = wp.zeros(total, dtype=wp.vec3, device=device)
     # filled up to `count` alone: pages that no list reaches are never touched
-    data.neighbour = wp.empty(listed * NEIGHBOURS, dtype=wp.int32, device=device)
+    data.neighbour = empty(listed * NEIGHBOURS, wp.int32, device)
     # neighbouring threads of a GPU read neighbouring words; one thread of a CPU reads its own list through
     data.stride, data.pitch = (NEIGHBOURS, 1) if device.is_cpu else (1, listed)
     return data
 
 
-def allocate_grid(model: Model, state: State) -> GridData:
+def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     """Everything the kernels of the body driver keep between launches."""
     f, w, device = model.features, model.worlds, model.device
     b = f.bodies
@@ -106,11 +108,11 @@ def allocate_grid(model: Model, state: State) -> GridData:
     data.drift = wp.zeros((w, again), dtype=wp.vec3, device=device)
     data.turning = wp.zeros((w, again if f.rigid else 0), dtype=wp.vec3, device=device)
     touching = own if f.contacts else 0
-    data.contact = wp.empty((w * touching if whole_contacts(f) else 0, MAX_BODY_CONTACTS), dtype=Contact, device=device)
-    data.link = wp.empty((0 if whole_contacts(f) else w * touching, MAX_BODY_CONTACTS), dtype=Link, device=device)
+    data.contact = empty((w * touching if whole_contacts(f) else 0, MAX_BODY_CONTACTS), Contact, device)
+    data.link = empty((0 if whole_contacts(f) else w * touching, MAX_BODY_CONTACTS), Link, device)
     data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
     data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
-    data.ahead = wp.empty((w * touching, MAX_BODY_CONTACTS), dtype=wp.float32, device=device)
+    data.ahead = empty((w * touching, MAX_BODY_CONTACTS), wp.float32, device)
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
     data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
@@ -121,7 +123,7 @@ def allocate_grid(model: Model, state: State) -> GridData:
     return data
 
 
-def allocate_push(model: Model) -> PushData:
+def allocate_push(model: Model) -> Annotated[Any, PushData]:
     """What the contacts move in a step."""
     w, f, device = model.worlds, model.features, model.device
     touching = f.bodies if f.contacts and not f.soft_contacts else 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from otwarp.kernels.drivers.grid import start_clock, tick
@@ -45,11 +47,11 @@ class GridStepper:
         self.place()
         self.graph, self.layout = self._capture(), control.layout
 
-    def _launch(self, kernel: wp.Kernel | None, dim: int | tuple[int, ...], *inputs: object) -> None:
+    def _launch(self, kernel: Any, dim: int | tuple[int, ...], *inputs: object) -> None:
         assert kernel is not None
         wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device)
 
-    def _share(self, kernel: wp.Kernel | None, each: int, *inputs: object) -> None:
+    def _share(self, kernel: Any, each: int, *inputs: object) -> None:
         """Launch over all worlds and `each` items in them: one thread per item on a GPU, per world on a CPU."""
         size = each if self.model.device.is_cpu else 1
         self._launch(kernel, (self.model.worlds, each // size), *inputs, size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -69,7 +70,7 @@ class Model:
     steepest: TrapRelaxation
     optics: TrapOptics
     scales: TimeScales
-    data: ModelData
+    data: Annotated[Any, ModelData]
     meshes: list[wp.Mesh]
 
     @property
@@ -200,7 +201,7 @@ def _stepped_features(known: ResolvedScene, time_step: float) -> Features:
 
 def _pack(
     known: ResolvedScene, features: Features, time_step: float, seed: int, place: Place
-) -> tuple[ModelData, list[wp.Mesh]]:
+) -> tuple[Annotated[Any, ModelData], list[wp.Mesh]]:
     """The kernels' view, and the meshes it refers to."""
     scene, moves, values, optics = known.scene, known.moves, known.values, known.optics
     data = place.typed(ModelData)()

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -238,7 +238,7 @@ def trap_sides(scene: Scene) -> np.ndarray:
     return np.array(sides).reshape(-1, 3)
 
 
-def pack_tables(optics: TrapOptics, device: Place) -> tuple[ForceTableData, wp.array]:
+def pack_tables(optics: TrapOptics, device: Place) -> tuple[Annotated[Any, ForceTableData], wp.array]:
     """All tables one after another, in forces per mW; and the (T, K) finest level of each pair."""
     grid_level = device.typed(GridLevel)
     real = np.dtype(device.precision).type

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -110,7 +111,7 @@ def _spheres(body: Body, reference: np.ndarray, chosen: str) -> np.ndarray:
     return np.array(rows).reshape(-1, 4)
 
 
-def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, device: Place) -> BodyData:
+def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, device: Place) -> Annotated[Any, BodyData]:
     """Mobility, sphere tables and bounds of the bodies."""
     shapes: dict[int, int] = {}
     shape_of = [shapes.setdefault(id(m), len(shapes)) for m in moves]
@@ -144,7 +145,7 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, dev
     return data
 
 
-def _pack_flow_coupling(data: BodyData, scene: Scene, moves: list[BodyMobility], device: Place) -> None:
+def _pack_flow_coupling(data: Annotated[Any, BodyData], scene: Scene, moves: list[BodyMobility], device: Place) -> None:
     """How the spheres of rigid bodies couple to the flow; empty without a flow or without rigid bodies."""
     offsets, couplings = [], []
     for body, move in zip(scene.bodies, moves, strict=True):
@@ -169,7 +170,7 @@ def _colliding(body: Body, reference: np.ndarray) -> np.ndarray:
 
 def pack_contact(
     scene: Scene, moves: list[BodyMobility], wanted: bool, device: Place, *, rods: bool = False
-) -> ContactData:
+) -> Annotated[Any, ContactData]:
     """Colliding spheres, with `rods` the axes of rods, and surfaces; empty tables when nothing can touch anything."""
     bodies = list(zip(scene.bodies, moves, strict=True)) if wanted else []
     rows = [_colliding(b, m.reference) for b, m in bodies]
@@ -188,7 +189,7 @@ def pack_contact(
     return data
 
 
-def pack_obstacles(scene: Scene, wanted: bool, device: Place) -> tuple[ObstacleData, list[wp.Mesh]]:
+def pack_obstacles(scene: Scene, wanted: bool, device: Place) -> tuple[Annotated[Any, ObstacleData], list[wp.Mesh]]:
     """Obstacles and the meshes that must outlive the model; empty tables when nothing can hit them."""
     obstacles = scene.obstacles if wanted else ()
     meshes, ids, bounds = [], [], []

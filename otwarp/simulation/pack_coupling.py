@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
 import warp as wp
 
@@ -42,7 +44,7 @@ def coupling_radius(move: BodyMobility) -> float:
     return float(np.linalg.eigvalsh(move.resistance[:3, :3])[-1]) / (6.0 * np.pi)
 
 
-def pack_coupling(scene: Scene, moves: list[BodyMobility], wanted: bool, device: Place) -> CouplingData:
+def pack_coupling(scene: Scene, moves: list[BodyMobility], wanted: bool, device: Place) -> Annotated[Any, CouplingData]:
     """One row for each distinct mobility, in the order of `pack_bodies`; empty unless `wanted`."""
     distinct = list({id(m): m for m in moves}.values()) if wanted else []
     turning = distinct if any(is_rigid(b) for b in scene.bodies) else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -102,7 +103,7 @@ def pack_traps(
     held_range: np.ndarray,
     optics: TrapOptics,
     device: Place,
-) -> TrapData:
+) -> Annotated[Any, TrapData]:
     """Trap constants.
 
     Args:
@@ -151,7 +152,7 @@ def pack_traps(
     return data
 
 
-def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: Place) -> None:
+def _pack_keys(data: Annotated[Any, TrapData], traps: tuple[Trap, ...], device: Place) -> None:
     """Key frames of position and power on the union of their times, animated traps only."""
     start, times, keys = [0], [], []
     for trap in traps:
@@ -167,7 +168,7 @@ def _pack_keys(data: TrapData, traps: tuple[Trap, ...], device: Place) -> None:
     data.key_value = device_array(np.concatenate([np.zeros((0, 4)), *keys]), wp.vec4, device)
 
 
-def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -> MediumData:
+def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -> Annotated[Any, MediumData]:
     """Thermal energy and viscosity from (1|W,) arrays."""
     data = device.typed(MediumData)()
     data.thermal_energy = device_array(BOLTZMANN * temperature, wp.float32, device)
@@ -175,7 +176,7 @@ def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -
     return data
 
 
-def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: Place) -> FlowData:
+def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: Place) -> Annotated[Any, FlowData]:
     """Flow constants; arrays of length 0 without a flow."""
     data = device.typed(FlowData)()
     empty = np.zeros(0)

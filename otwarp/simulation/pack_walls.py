@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -116,7 +117,9 @@ def wall_time(scene: Scene, values: Mapping[str, np.ndarray]) -> float | None:
     return 1.0 / max(rates) if max(rates) > 0.0 else None
 
 
-def pack_walls(scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: Place) -> WallData:
+def pack_walls(
+    scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: Place
+) -> Annotated[Any, WallData]:
     """Planes, spheres and free resistances; all empty without hydrodynamic walls."""
     planes = [plane_of(wall) for wall in walls]
     bodies = list(zip(scene.bodies, moves, strict=True)) if walls else []

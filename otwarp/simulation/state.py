@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -73,7 +74,7 @@ class State(_Bound):
             trap_position=device_array(limited, wp.vec3, model.place, ndim=2),
         )
 
-    def data(self) -> StateData:
+    def data(self) -> Annotated[Any, StateData]:
         """The kernels' view."""
         data = typed(StateData, precision_of(self.position))()
         data.position, data.orientation, data.trap_position = self.position, self.orientation, self.trap_position
@@ -200,7 +201,7 @@ class Control(_Bound):
         animated = np.array([t.position.animated or t.power.animated for t in traps], dtype=bool)
         return np.where(animated, bits, 0).astype(np.int32)
 
-    def data(self) -> ControlData:
+    def data(self) -> Annotated[Any, ControlData]:
         """The kernels' view."""
         data = self.model.place.typed(ControlData)()
         data.trap_position, data.trap_power, data.follow = self.trap_position, self.trap_power, self.follow
@@ -263,14 +264,14 @@ class Readout(_Bound):
             fault_count=wp.zeros(1, dtype=wp.int32, device=d),
         )
 
-    def data(self) -> ReadoutData:
+    def data(self) -> Annotated[Any, ReadoutData]:
         """What the step writes."""
         data = typed(ReadoutData, precision_of(self.trap_force))()
         for name in ("contact_force", "contact_load", "escape_step", "fault", "fault_step", "fault_count"):
             setattr(data, name, getattr(self, name))
         return data
 
-    def trap_data(self) -> TrapReadoutData:
+    def trap_data(self) -> Annotated[Any, TrapReadoutData]:
         """What the trap readout writes."""
         data = typed(TrapReadoutData, precision_of(self.trap_force))()
         data.position, data.power, data.force = self.trap_position, self.trap_power, self.trap_force

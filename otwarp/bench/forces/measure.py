@@ -123,7 +123,7 @@ def bench_forces(
     beads = worlds or WORLDS[machine.kind]
     note("exact forces")
     judged = Probes.draw(bead, region=probes[0], thermal=probes[1])
-    how = {"worlds": beads, "time_step": step, "seconds": seconds, "fast_math": fast_math}
+    how: dict[str, Any] = {"worlds": beads, "time_step": step, "seconds": seconds, "fast_math": fast_math}
     runners, errors = _judged_runners(judged, bead, rungs, place, note, **how)
     return ForcesBench(
         **machine.about(fast_math=fast_math),

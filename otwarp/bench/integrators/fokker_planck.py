@@ -190,7 +190,7 @@ class Ball:
         rate = -self.diffusion / self.rho**2 + 1j * self.diffusion * around
         later = advance(csc_matrix(self.adjoint + diags(rate)), self.rho.astype(complex), lag)
         weight = self.stationary * self.rho
-        return float((weight @ later).real / (weight @ self.rho))
+        return float(np.real(weight @ later) / (weight @ self.rho))
 
     def correlation_z(self, lag: float) -> float:
         """⟨δz(0) δz(t)⟩/⟨δz²⟩."""

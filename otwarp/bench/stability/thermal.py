@@ -137,7 +137,7 @@ def bead_variance(
         start = 0.1
         sim.set_state(position=np.array(place) + np.array([[start, 0.0, 0.0]]))
         advance(sim, max(1, round(1.0 / (rate * sim.time_step))))
-        moved = float(sim.state.position.numpy()[0, 0, 0]) - np.float32(place[0])
+        moved = float(float(sim.state.position.numpy()[0, 0, 0]) - np.float32(place[0]))
         return Deviation(error=moved / start - math.exp(-rate * sim.time))
     x = snapshots(sim, rate)[:, :, 0] - np.array(place, dtype=np.float32).astype(float)
     energy = BOLTZMANN * temperature

@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,7 @@ def judge(row: str, column: str, measure: Callable[[], Deviation | None]) -> Cel
 
     A large error of which the run warned is a stated one.
     """
-    at = {"row": row, "column": column}
+    at: dict[str, Any] = {"row": row, "column": column}
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:

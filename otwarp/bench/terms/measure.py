@@ -172,7 +172,9 @@ def beside_numpy(device: wp.Device, *, beads: int, rounds: int, seconds: float) 
     Both report the variance of the position in units of k_B T/k, which the scheme makes 1/(1 − h/2).
     """
     scene = bead_scene()
-    unit = BOLTZMANN * scene.medium.temperature / scene.traps[0].radial.stiffness
+    law = scene.traps[0].radial
+    assert law is not None
+    unit = BOLTZMANN * scene.medium.temperature / law.stiffness
     ours = TimedScene.of(scene, device, bodies=beads, seconds=seconds)
     theirs = numpy_bead.Peer(beads, relaxation=RELAXATION, kick=math.sqrt(2.0 * unit * RELAXATION), seed=1)
     host = wp.get_device("cpu")

@@ -61,7 +61,7 @@ def read_drawables(
         InputError: The file is missing, not USD or not whole, `metersPerUnit` is not positive, the camera is
             unknown or has no field of view.
     """
-    stage = stage_or_path if isinstance(stage_or_path, Usd.Stage) else open_stage(Path(stage_or_path))
+    stage: Usd.Stage = open_stage(Path(stage_or_path)) if isinstance(stage_or_path, str | Path) else stage_or_path
     metres = UsdGeom.GetStageMetersPerUnit(stage)
     if not metres > 0.0:
         raise InputError(f"{stage.GetRootLayer().GetDisplayName()}: metersPerUnit = {metres:g}, allowed (0, inf)")

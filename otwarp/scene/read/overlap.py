@@ -39,7 +39,7 @@ def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstac
     excess = depth - OVERLAP_TOLERANCE * np.minimum(radii[a], radii[b])
     if len(excess) and excess.max() > 0.0:
         worst = int(excess.argmax())
-        first, second = bodies[owners[a[worst]]].name, bodies[owners[b[worst]]].name
+        first, second = (bodies[int(owners[pair[worst]])].name for pair in (a, b))
         limit = OVERLAP_TOLERANCE * min(radii[a[worst]], radii[b[worst]])
         raise bad(file, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
     for obstacle in obstacles:

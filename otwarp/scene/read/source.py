@@ -115,7 +115,7 @@ class Source:
             raise bad(self.file, "/", "metersPerUnit", metres, "in (0, inf); 1e-6 is native")
         return metres / 1e-6
 
-    def bad(self, prim: object, name: str, value: object, allowed: str) -> InputError:
+    def bad(self, prim: Any, name: str, value: object, allowed: str) -> InputError:
         """The one-line error about an attribute of this file."""
         return bad(self.file, prim.GetPath() if isinstance(prim, Usd.Prim) else prim, name, value, allowed)
 
