@@ -158,11 +158,13 @@ TIMES = {
 }
 
 
-def run_times(device: Any, *, worlds: int, rounds: int, seconds: float) -> dict[str, dict[str, Any]]:
-    """ns per body and step in both precisions, one thread, in turns."""
+def run_times(
+    timed: Sequence[str], device: Any, *, worlds: int, rounds: int, seconds: float
+) -> dict[str, dict[str, Any]]:
+    """ns per body and step of some of `TIMES` in both precisions, one thread, in turns."""
     benches = {}
-    for name, scene in TIMES.items():
-        twins = Twins.of(scene(), device, worlds, threads=1)
+    for name in timed:
+        twins = Twins.of(TIMES[name](), device, worlds, threads=1)
         samples = []
         for sim in twins.both:
             steps = calls_for(sim.step, sim.model.device, seconds)
@@ -191,8 +193,9 @@ def measure(
     places: Sequence[float] = PLACES,
     stiffnesses: Sequence[float] = STIFFNESSES,
     moduli: Sequence[float] = MODULI,
+    timed: Sequence[str] = tuple(TIMES),
 ) -> Section:
-    """All tables; `worlds` behind each average, `longest` run in steps, `seconds` per timed sample."""
+    """All tables; `worlds` behind each average, `longest` run in steps, `seconds` per sample of the scenes `timed`."""
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
@@ -201,7 +204,7 @@ def measure(
     stiff = [in_a_trap(x, k, place, many) for x in (10.0, 100.0) for k in stiffnesses]
     touching = [contact(e, place) for e in moduli]
     runs = long_runs(place, min(many, 16), longest)
-    times = run_times(place, worlds=min(many, TIMED[kind]), rounds=rounds, seconds=seconds)
+    times = run_times(timed, place, worlds=min(many, TIMED[kind]), rounds=rounds, seconds=seconds)
     tables = [_far_table(far), _stiff_table(stiff), _contact_table(touching), _long_table(runs), _time_table(times)]
     plain = {name: {key: vars(value) for key, value in row.items()} for name, row in times.items()}
     data = {"far": far, "stiff": stiff, "contact": touching, "long": runs, "times": plain}

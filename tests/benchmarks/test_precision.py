@@ -8,12 +8,17 @@ import pytest
 
 from benchmarks import precision
 from benchmarks.report import Section
+from otwarp.kernels.core.precision import PRECISIONS
+from otwarp.simulation.model import Model
 from tests.benchmarks.test_benchmarks import cells, strictly
+
+TIMED = ("bead, harmonic trap", "robot of 5 spheres, 3 traps")
+"""Whose kernels the other tables need as well."""
 
 
 @pytest.fixture(scope="module")
 def section() -> Section:
-    small = {"places": (0.0, 1e6), "stiffnesses": (20.0,), "moduli": (1e3,), "longest": 1000}
+    small = {"places": (0.0, 1e6), "stiffnesses": (20.0,), "moduli": (1e3,), "longest": 1000, "timed": TIMED}
     return precision.measure("cpu", rounds=2, seconds=1e-3, worlds=20, **small)
 
 
@@ -41,4 +46,10 @@ def test_contact_and_long_runs_part_by_rounding(section: Section, tmp_path: Path
 
 
 def test_tables_are_complete(section: Section):
-    assert [len(cells(table)) for table in section.tables] == [2, 2, 1, 1, len(precision.TIMES)]
+    assert [len(cells(table)) for table in section.tables] == [2, 2, 1, 1, len(TIMED)]
+
+
+@pytest.mark.parametrize("name", precision.TIMES)
+def test_what_is_timed_goes_in_both_precisions(name: str):
+    for wanted in PRECISIONS:
+        assert Model.build(precision.TIMES[name](), device="cpu", precision=wanted).features.precision == wanted

@@ -19,9 +19,9 @@ from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
+from tests.kernels.test_step import source
 from tests.reference import walls as reference
 from tests.simulation.setups import ENERGY, VISCOSITY, drag, harmonic, obstacle, robot, sphere_body
-from tests.simulation.test_skipping import source
 
 SIGMAS = 5.0
 FIT = 5e-3

@@ -1,4 +1,4 @@
-"""Thermal excursions of a gap: their draws, their distribution, the least load; relative curvature of obstacles."""
+"""Thermal excursions of a gap: their draws, their distribution, the least load."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.curvature import relative_radius_term
 from otwarp.kernels.contact.excursion import FARTHEST, LAYER, SOFT, excursion_term, least_load, obstacle_name
-from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import MediumData, ModelData, ObstacleData
+from otwarp.kernels.core.types import MediumData, ModelData
 from otwarp.simulation.arrays import device_array
 from tests.kernels.samples import evaluate, on_device
 from tests.reference.contact import overlap_alone
@@ -140,49 +138,3 @@ def test_what_cannot_touch_draws_nothing(device):
     assert not draws(device, (0.01, 0.0, soft, GIVE), names)[:, :3].any()
     assert not draws(device, (0.0, 0.0, HARD, GIVE), names, energy=0.0)[:, :3].any()
     assert not draws(device, (0.0, 0.0, HARD, GIVE), names, warm=False)[:, :3].any()
-
-
-_radius_of = relative_radius_term(tuple(SHAPES))
-_flat = relative_radius_term(("plane", "box", "mesh"))
-
-
-@wp.kernel(enable_backward=False)
-def probe_radius(
-    obstacles: ObstacleData, o: wp.array(dtype=int), point: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec2)
-):
-    i = wp.tid()
-    key = obstacles.shape[o[i]]
-    outward = wp.vec3(0.0, 0.0, 1.0)
-    if wp.abs(point[i][2]) <= obstacles.size[o[i]][1] and key != wp.static(SHAPES["plane"][0]):
-        outward = wp.vec3(1.0, 0.0, 0.0)
-    out[i] = wp.vec2(
-        _radius_of(obstacles, o[i], point[i], outward, 1.5), _flat(obstacles, o[i], point[i], outward, 1.5)
-    )
-
-
-def test_curvatures_add(device):
-    """A sphere of 1.5 µm on obstacles of 0.5 µm: R = 1/√(AB); flat ends and flat shapes leave it its own radius."""
-    obstacles = ObstacleData()
-    obstacles.shape = device_array([key for key, _ in SHAPES.values()], wp.int32, device)
-    sizes = {"sphere": (0.5, 0.0, 0.0), "cylinder": (0.5, 2.0, 0.0), "capsule": (0.5, 2.0, 0.0), "box": (1.0, 1.0, 1.0)}
-    obstacles.size = device_array([sizes.get(shape, (0.0, 0.0, 0.0)) for shape in SHAPES], wp.vec3, device)
-    order = list(SHAPES)
-    ball, side = 1.0 / (1 / 1.5 + 1 / 0.5), 1.0 / np.sqrt((1 / 1.5) * (1 / 1.5 + 1 / 0.5))
-    cases = [
-        ("sphere", (0.0, 1.2, 1.6), ball),
-        ("capsule", (2.0, 0.0, -1.9), side),
-        ("capsule", (0.5, 0.0, 2.1), ball),
-        ("cylinder", (2.0, 0.0, 1.9), side),
-        ("cylinder", (0.2, 0.0, 3.4), 1.5),
-        ("plane", (0.0, 0.0, 1.4), 1.5),
-        ("box", (0.0, 0.0, 2.4), 1.5),
-        ("mesh", (0.0, 0.0, 1.4), 1.5),
-    ]
-    given = on_device(
-        device,
-        ([order.index(c[0]) for c in cases], int),
-        ([c[1] for c in cases], wp.vec3),  # type: ignore[arg-type]
-    )
-    (got,) = evaluate(probe_radius, len(cases), [obstacles, *given], [wp.vec2], device)
-    np.testing.assert_allclose(got[:, 0], [c[2] for c in cases], rtol=ROUNDING)
-    np.testing.assert_array_equal(got[:, 1], np.float32(1.5))

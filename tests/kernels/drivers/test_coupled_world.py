@@ -17,7 +17,7 @@ from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from tests.reference import coupling as reference
 from tests.reference.rotations import matrix
-from tests.simulation.setups import STIFFNESS, VISCOSITY, bead_scene, harmonic, obstacle, sphere_body
+from tests.simulation.setups import COLD, STIFFNESS, VISCOSITY, bead_scene, harmonic, obstacle, sphere_body
 from tests.simulation.test_coupling import RATE, TURN, coupled, mixed, own_mobilities, trapped_pair
 
 WIDE = TrapLaw(stiffness=STIFFNESS)
@@ -30,8 +30,12 @@ def test_order_of_the_drift(integrator, order, device):
     ends = []
     for steps in (4, 8, 16, 256):
         time = 0.8 / RATE
-        scene = trapped_pair(2.3, time_step=time / steps, brownian=False, integrator=integrator)
-        scene = dataclasses.replace(scene, traps=tuple(dataclasses.replace(t, radial=WIDE) for t in scene.traps))
+        scene = trapped_pair(2.3, time_step=time / steps, integrator=integrator)
+        scene = dataclasses.replace(
+            scene,
+            medium=dataclasses.replace(scene.medium, temperature=COLD),
+            traps=tuple(dataclasses.replace(t, radial=WIDE) for t in scene.traps),
+        )
         sim = Simulation(scene, device=device)
         sim.set_state(position=[[0.2, 1.1, 0.1], [2.2, -0.8, 0.3]])
         sim.step(steps)

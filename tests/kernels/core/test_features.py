@@ -1,0 +1,55 @@
+"""What a feature set says of itself."""
+
+from dataclasses import replace
+
+import pytest
+
+from otwarp.kernels.core.features import Features
+
+BARE = Features(brownian=False, spheres=False)
+
+SWITCHED = {
+    "harmonic trap": {"trap_models": ("harmonic_split",)},
+    "piecewise trap": {"trap_models": ("piecewise_isotropic",)},
+    "tabulated trap": {"trap_models": ("table_bilinear_upright",)},
+    "exact optical force": {"trap_models": ("exact_32_512_bilinear_1",)},
+    "moving traps": {"moving_traps": True},
+    "trap speed limit": {"speed_limits": True},
+    "rotation, 6×6 mobility": {"rigid": True},
+    "lone-sphere mobility": {"spheres": True},
+    "Brownian noise": {"brownian": True},
+    "gravity": {"gravity": True},
+    "flow": {"flow": "shear"},
+    "hydrodynamic walls": {"walls": 1},
+    "hydrodynamic coupling": {"coupling": True},
+    "moving obstacles": {"moving_obstacles": True},
+    "rods in contact": {"rods": True},
+    "escape detection": {"escapes": True},
+}
+
+
+def compiled(features: Features) -> set[str]:
+    return {name for name, on, _ in features.terms() if on}
+
+
+def test_a_bare_scene_has_no_term():
+    assert compiled(BARE) == set()
+    assert all(why for _, _, why in BARE.terms())
+
+
+@pytest.mark.parametrize("term", SWITCHED)
+def test_each_term_is_switched_by_its_own_feature(term):
+    assert compiled(replace(BARE, **SWITCHED[term])) == {term}
+
+
+def test_contact_brings_implicit_forces_unless_it_is_soft():
+    touching = replace(BARE, obstacles=("plane",))
+    assert compiled(touching) == {"obstacle contact", "implicit contact forces"}
+    assert compiled(replace(touching, soft_contacts=True)) == {"obstacle contact"}
+    assert compiled(replace(BARE, pairs=True, driver="grid")) >= {"body–body contact", "neighbour lists"}
+    assert touching.contacts and not BARE.contacts
+
+
+def test_traps_are_still_unless_they_move_by_themselves():
+    assert BARE.still_traps
+    assert not replace(BARE, moving_traps=True).still_traps and not replace(BARE, speed_limits=True).still_traps

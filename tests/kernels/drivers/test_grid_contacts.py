@@ -1,0 +1,21 @@
+"""Sweeps over the contacts of many bodies: what they do not settle stops the run."""
+
+from __future__ import annotations
+
+import pytest
+
+from otwarp.errors import SimulationError
+from otwarp.simulation.simulation import Simulation
+from tests.simulation.setups import harmonic, line, neutral
+from tests.simulation.test_contact_chains import still
+
+
+def test_unfinished_sweeps_stop_the_run(monkeypatch, device):
+    """With two sweeps in place of 32 a row that a trap drives at 200 µm/s would be squeezed flat."""
+    monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
+    monkeypatch.setattr("otwarp.simulation.grid_scratch.RELAXATIONS", 2)
+    beads = tuple(neutral(f"B{i}", (-2.0 * i, 0, 50)) for i in range(8))
+    trap = harmonic("T", line((0.0, (-14.0, 0, 50)), (10.0, (1986.0, 0, 50))), cutoff=1.0)
+    sim = Simulation(still(beads, 1e-3, (trap,)), device=device)
+    with pytest.raises(SimulationError, match="the contact forces of one step were not found"):
+        sim.step(50)
