@@ -17,7 +17,8 @@ from otwarp.haptics.force.table import TableLaw
 from otwarp.laws import TrapLaw
 from otwarp.scene import description
 from otwarp.simulation.model import Model
-from tests.kernels.optics.test_traps import SCENE, TRAPS, displacements, probe_force
+from tests.kernels.optics.test_trap_laws import displacements, probe_force
+from tests.kernels.optics.test_traps import SCENE, TRAPS
 from tests.kernels.samples import evaluate, on_device
 from tests.reference.rotations import matrix
 from tests.reference.tables import BEAMS, made_up_table, probe_points
