@@ -107,6 +107,12 @@ def cube() -> str:
     return f"solid cube\n{''.join(faces)}endsolid cube\n"
 
 
+def arguments(name: str) -> list[str]:
+    """What is typed after `otwarp`; benchmarks write their numbers as well."""
+    words = name.split()
+    return [*words, *COMMANDS[name], *(["--json", f"{words[1]}.json"] if words[0] == "bench" else [])]
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
     """A wheel, built without a network from a copy: building writes beside the source."""
@@ -139,7 +145,7 @@ def elsewhere(tmp_path_factory) -> Path:
     shutil.copy(ROOT / "scenes" / "single_bead.usda", folder / "bead.usda")
     shutil.copy(ROOT / "scenes" / "teleop_small.usda", folder / "teleop.usda")
     (folder / "cube.stl").write_text(cube())
-    (folder / "commands.json").write_text(json.dumps([[*name.split(), *rest] for name, rest in COMMANDS.items()]))
+    (folder / "commands.json").write_text(json.dumps([arguments(name) for name in COMMANDS]))
     return folder
 
 
@@ -178,5 +184,7 @@ def test_every_command_helps(site, elsewhere):
 def test_every_command_runs(site, elsewhere):
     out = run(site, elsewhere, RUNS)
     assert "cell delivery, 1 world" in out and "NumPy" in out and "Cost of each term" in out
+    for name in ("forces", "integrators", "speed", "stability", "terms"):
+        assert json.loads((elsewhere / f"{name}.json").read_text()), name
     for file in ("out/run.usda", "frame.png", "cube.usda", "take.mcap"):
         assert (elsewhere / file).exists(), file

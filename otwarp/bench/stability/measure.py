@@ -89,12 +89,7 @@ class StabilityBench(Findings):
             "effort": {name: value for name, value in vars(self.effort).items() if name != "device"},
             "counts": {v.name.lower(): n for v, n in self.counts.items()},
             "grids": [
-                {
-                    "name": g.grid.name,
-                    "title": g.grid.title,
-                    "axes": list(g.grid.axes),
-                    "cells": [c.json() for c in g.cells],
-                }
+                {"name": g.name, "title": g.title, "axes": list(g.axes), "cells": [c.json() for c in g.cells]}
                 for g in self.grids
             ],
         }
