@@ -32,7 +32,7 @@ from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
 from otwarp.scene.write.looks import Color, Looks, author_extent, draw_beam
 from otwarp.scene.write.obstacles import define_obstacle
-from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks
+from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks, rounded
 
 register()
 
@@ -44,11 +44,6 @@ _COLORS: dict[type, tuple[Color, float]] = {
     Goal: ((0.20, 0.70, 0.30), 0.25),
 }
 _LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
-
-
-def _rounded(values: np.ndarray) -> np.ndarray:
-    """To `DIGITS` decimals, without negative zeros."""
-    return np.round(values, DIGITS) + 0.0
 
 
 class SceneBuilder:
@@ -180,7 +175,7 @@ class SceneBuilder:
         rod.CreateAxisAttr(UsdGeom.Tokens.z)
         rod.CreateHeightAttr(round(length, DIGITS))
         rod.CreateRadiusAttr(float(radius))
-        author_pose(rod.GetPrim(), _rounded((a + b) / 2), _rounded(align_z((b - a) / length)))
+        author_pose(rod.GetPrim(), rounded((a + b) / 2), rounded(align_z((b - a) / length)))
         self._look(rod.GetPrim(), color, opacity)
         return rod.GetPrim()
 
@@ -215,7 +210,7 @@ class SceneBuilder:
             light.CreateAngleAttr(1.0)
             back = -np.asarray(direction, float)
             turn = look_at(back, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-            author_pose(light.GetPrim(), np.zeros(3), _rounded(turn))
+            author_pose(light.GetPrim(), np.zeros(3), rounded(turn))
         return light.GetPrim()
 
     def add_view(
@@ -258,7 +253,7 @@ class SceneBuilder:
         camera.CreateVerticalApertureAttr(float(width / aspect))
         camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 20.0 * distance))
         camera.CreateFocusDistanceAttr(distance)
-        author_pose(camera.GetPrim(), a, _rounded(look_at(a, b, np.asarray(up, float))))
+        author_pose(camera.GetPrim(), a, rounded(look_at(a, b, np.asarray(up, float))))
         return camera.GetPrim()
 
     def scene(self) -> Scene:

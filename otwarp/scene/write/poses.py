@@ -17,6 +17,11 @@ anything they mean, and coarse enough that every processor writes the same text.
 _DOUBLE = UsdGeom.XformOp.PrecisionDouble
 
 
+def rounded(values: np.ndarray) -> np.ndarray:
+    """To `DIGITS` decimals, without negative zeros."""
+    return np.round(values, DIGITS) + 0.0
+
+
 def _quat(q: Any) -> Gf.Quatd:
     return Gf.Quatd(float(q[3]), float(q[0]), float(q[1]), float(q[2]))
 
