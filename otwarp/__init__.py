@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from otwarp.errors import InputError, SimulationError
+    from otwarp.kernels.core.types import ForceInput, Wrench
     from otwarp.scene import Scene
+    from otwarp.simulation.forces import force
     from otwarp.simulation.simulation import Simulation
 
 __version__ = "0.1.0"
@@ -26,9 +28,21 @@ _HOMES = {
     "SimulationError": "otwarp.errors",
     "Scene": "otwarp.scene",
     "Simulation": "otwarp.simulation.simulation",
+    "ForceInput": "otwarp.kernels.core.types",
+    "Wrench": "otwarp.kernels.core.types",
+    "force": "otwarp.simulation.forces",
 }
 
-__all__ = ["InputError", "Scene", "Simulation", "SimulationError", "__version__"]
+__all__ = [
+    "ForceInput",
+    "InputError",
+    "Scene",
+    "Simulation",
+    "SimulationError",
+    "Wrench",
+    "__version__",
+    "force",
+]
 
 
 def __getattr__(name: str) -> Any:

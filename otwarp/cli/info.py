@@ -11,13 +11,9 @@ import click
 
 from otwarp.cli.options import (
     device_option,
-    fast_math_option,
-    integrator_option,
     json_option,
-    noise_option,
-    precision_option,
     scene_argument,
-    time_step_option,
+    step_options,
     worlds_option,
 )
 
@@ -28,21 +24,13 @@ if TYPE_CHECKING:
 @click.command()
 @scene_argument
 @worlds_option
-@time_step_option
-@integrator_option
-@noise_option
-@precision_option
-@fast_math_option
+@step_options
 @device_option
 @json_option
 def info(
     scene: Path,
     worlds: int,
-    time_step: float | None,
-    integrator: str | None,
-    noise: str | None,
-    precision: str,
-    fast_math: bool,
+    options: dict[str, Any],
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -50,11 +38,12 @@ def info(
     from otwarp.record.capacity import check_worlds
     from otwarp.scene import Scene
     from otwarp.simulation.info import describe
+    from otwarp.simulation.options import StepOptions
 
     loaded = Scene.load(scene)
-    check_worlds(loaded, worlds, device, precision)
-    how = {"worlds": worlds, "time_step": time_step, "integrator": integrator, "noise": noise, "device": device}
-    about = describe(loaded, precision=precision, fast_math=fast_math, **how)
+    chosen = StepOptions(**options)
+    check_worlds(loaded, worlds, device, chosen.precision)
+    about = describe(loaded, worlds=worlds, device=device, options=chosen)
     if as_json:
         click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -137,6 +126,29 @@ def _traps_table(rows: list[dict[str, Any]], root: str) -> Table:
     return traps
 
 
+def _forces_table(rows: list[dict[str, Any]], root: str) -> Table:
+    from rich.table import Table
+
+    table = Table("force", "acts on", "bodies", "parameters", "bounds", title="Forces with parameters")
+    for row in rows:
+        names = [name.removeprefix(root) for name in row["bodies"]]
+        table.add_row(
+            row["name"],
+            row["acts_on"],
+            names[0] if len(names) == 1 else f"{len(names)} bodies",
+            ", ".join(f"{name} {_span(p)}" for name, p in row["parameters"].items()),
+            row["bounds"],
+        )
+    return table
+
+
+def _span(parameter: dict[str, Any]) -> str:
+    """A parameter's value, or its least and greatest, and its unit."""
+    low, high = parameter["low"], parameter["high"]
+    text = f"{low}" if low == high else f"{low} … {high}"
+    return text if parameter["unit"] == "1" else f"{text} {parameter['unit']}"
+
+
 def _scales_table(about: dict[str, Any]) -> Table:
     from rich.table import Table
 
@@ -185,6 +197,8 @@ def _print(about: dict[str, Any]) -> None:
         console.print(_traps_table(about["traps"], root))
     if about["optics"]:
         console.print(_optics_table(about["optics"], root))
+    if about["forces"]:
+        console.print(_forces_table(about["forces"], root))
     console.print(_scales_table(about))
     console.print(_terms_table(about))
     console.print(f"Memory for {about['worlds']} world(s) on {about['device']}: {about['memory'] / 1024:,.1f} KiB")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,20 +22,20 @@ worlds_option = click.option(
     "--worlds", type=int, default=1, show_default=True, help="Independent copies of the scene, each with its own noise."
 )
 
-time_step_option = click.option(
+_time_step = click.option(
     "--time-step",
     type=float,
     metavar="SECONDS",
     help="Time step; default: the scene's, or chosen from its wanted accuracy.",
 )
 
-integrator_option = click.option(
+_integrator = click.option(
     "--integrator", metavar="NAME", help="eulerMaruyama, leimkuhlerMatthews, heun or exponential; default: the scene's."
 )
 
-noise_option = click.option("--noise", metavar="NAME", help="gaussian, threePoint or uniform; default: the scene's.")
+_noise = click.option("--noise", metavar="NAME", help="gaussian, threePoint or uniform; default: the scene's.")
 
-precision_option = click.option(
+_precision = click.option(
     "--precision",
     type=click.Choice(["float32", "float64"]),
     default="float32",
@@ -42,9 +43,26 @@ precision_option = click.option(
     help="Of all numbers but the noise; float64 is slower, and for scenes of a few bodies without meshes.",
 )
 
-fast_math_option = click.option(
+_fast_math = click.option(
     "--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6."
 )
+
+STEP_OPTIONS = ("time_step", "integrator", "noise", "precision", "fast_math")
+"""What `step_options` asks for: fields of `otwarp.simulation.options.StepOptions`."""
+
+
+def step_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command all that can be chosen about the step, as one mapping `options` for `StepOptions`."""
+
+    @functools.wraps(command)
+    def gathered(*arguments: Any, **given: Any) -> Any:
+        chosen = {name: given.pop(name) for name in STEP_OPTIONS}
+        return command(*arguments, options=chosen, **given)
+
+    for option in (_noise, _integrator, _time_step, _fast_math, _precision):
+        gathered = option(gathered)
+    return gathered
+
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")
 

@@ -15,15 +15,12 @@ from click.core import ParameterSource
 
 from otwarp.cli import stop
 from otwarp.cli.options import (
+    STEP_OPTIONS,
     device_option,
-    fast_math_option,
-    integrator_option,
     json_option,
-    noise_option,
-    precision_option,
     scene_argument,
     seed_option,
-    time_step_option,
+    step_options,
     worlds_option,
 )
 from otwarp.errors import InputError
@@ -48,11 +45,7 @@ if TYPE_CHECKING:
 @click.option("--record-worlds", type=int, metavar="N", help="Worlds kept in run.nc; default: all.")
 @click.option("--checkpoint", type=click.Path(path_type=Path), metavar="FILE", help="Save the end of the run here.")
 @click.option("--resume", type=click.Path(path_type=Path), metavar="FILE", help="Continue from a checkpoint.")
-@precision_option
-@fast_math_option
-@time_step_option
-@integrator_option
-@noise_option
+@step_options
 @device_option
 @json_option
 @click.pass_context
@@ -69,11 +62,7 @@ def run(
     record_worlds: int | None,
     checkpoint: Path | None,
     resume: Path | None,
-    precision: str,
-    fast_math: bool,
-    time_step: float | None,
-    integrator: str | None,
-    noise: str | None,
+    options: dict[str, Any],
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -83,6 +72,7 @@ def run(
     summary.json and figure.png.
     """
     from otwarp.record import record_run
+    from otwarp.simulation.options import StepOptions
 
     if not (math.isfinite(trap_speed) and trap_speed > 0.0):
         raise InputError(f"--trap-speed is {trap_speed:g}; allowed: above 0 and finite")
@@ -97,16 +87,12 @@ def run(
             worlds=worlds,
             seed=seed,
             device=device,
-            time_step=time_step,
             frames_per_second=fps,
             recorded_worlds=record_worlds,
-            forces=forces,
+            force_arrows=forces,
             checkpoint=checkpoint,
             resume=resume,
-            precision=precision,
-            fast_math=fast_math,
-            integrator=integrator,
-            noise=noise,
+            options=StepOptions(**options),
             progress=progress,
         )
     if as_json:
@@ -126,7 +112,7 @@ def _load(file: Path, duration: float | None, trap_speed: float) -> Scene:
 
 def _refuse_with_resume(context: click.Context) -> None:
     """A checkpoint brings its own worlds, seed and time step: other ones would be ignored without a word."""
-    for option in ("worlds", "seed", "time_step", "fast_math", "integrator", "noise", "precision"):
+    for option in ("worlds", "seed", *STEP_OPTIONS):
         if context.get_parameter_source(option) == ParameterSource.COMMANDLINE:
             name, value = f"--{option.replace('_', '-')}", context.params[option]
             raise InputError(f"{name} is {value}; allowed with --resume: that of the checkpoint, so leave it out")

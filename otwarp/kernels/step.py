@@ -13,6 +13,7 @@ from otwarp.kernels.drivers.grid import GridKernels, make_grid_step
 from otwarp.kernels.drivers.lanes import make_lanes_step
 from otwarp.kernels.drivers.solo import make_solo_step
 from otwarp.kernels.drivers.world import make_world_step
+from otwarp.kernels.forces.readout import make_force_readout
 from otwarp.kernels.optics.readout import make_trap_readout
 
 
@@ -25,30 +26,35 @@ class Step:
         fused: The world drivers' single kernel, or None.
         grid: The body driver's kernels, or None.
         readout: Trap readout kernels (per trap, per sphere, per hand), empty without traps.
+        forces: Readout of the forces with parameters, or None without such.
     """
 
     features: Features
     fused: wp.Kernel | None = None
     grid: GridKernels | None = None
     readout: tuple[wp.Kernel, ...] = ()
+    forces: wp.Kernel | None = None
 
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All kernels, in launch order."""
         fused = [self.fused] if self.fused is not None else []
-        return [*fused, *(self.grid.all if self.grid is not None else ()), *self.readout]
+        forces = [self.forces] if self.forces is not None else []
+        return [*fused, *(self.grid.all if self.grid is not None else ()), *self.readout, *forces]
 
 
 @functools.lru_cache(maxsize=64)
 def make_step(features: Features) -> Step:
     """Compose the step of a scene. Equal feature sets share their kernels."""
     readout = make_trap_readout(features) if features.trap_models else ()
+    forces = make_force_readout(features) if features.forces else None
+    measured = {"readout": readout, "forces": forces}
     # these have no float64 instance, and Warp would let them read its structs as their own
     assert features.precision == "float32" or not (features.lanes or features.driver == "grid")
     if features.driver == "solo":
         fused = make_lanes_step(features) if features.lanes else make_solo_step(features)
-        return Step(features=features, fused=fused, readout=readout)
+        return Step(features=features, fused=fused, **measured)
     if features.driver == "world":
         make = make_coupled_step if features.coupling else make_world_step
-        return Step(features=features, fused=make(features), readout=readout)
-    return Step(features=features, grid=make_grid_step(features), readout=readout)
+        return Step(features=features, fused=make(features), **measured)
+    return Step(features=features, grid=make_grid_step(features), **measured)

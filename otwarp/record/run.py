@@ -19,6 +19,7 @@ from otwarp.record.recorder import FILES, Recorder
 from otwarp.scene import Scene
 from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 
 MOST_STEPS = 1e12
@@ -32,33 +33,28 @@ def record_run(
     worlds: int = 1,
     seed: int = 0,
     device: str | None = None,
-    time_step: float | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
     threads: int | None = None,
     frames_per_second: float | None = None,
     recorded_worlds: int | None = None,
-    forces: bool = False,
-    precision: str = "float32",
+    force_arrows: bool = False,
     checkpoint: str | Path | None = None,
     resume: str | Path | None = None,
-    fast_math: bool = False,
-    integrator: str | None = None,
-    noise: str | None = None,
+    options: StepOptions | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict:
     """Simulate `scene` for its duration and record every frame in `folder`, and the end if it falls between frames.
 
     Args:
         folder: Gets `run.usda` and its trajectory, `run.nc`, `summary.json` and `figure.png`.
-        worlds, seed, device, time_step, parameters, threads: As for `Simulation`.
+        worlds, seed, device, parameters, threads: As for `Simulation`.
         frames_per_second: Recorded frames per simulated second; None takes the scene's.
         recorded_worlds: Worlds kept in `run.nc`; None keeps all. USD and figure show world 0.
-        forces: Write force arrows into the USD recording.
-        precision: `float32` or `float64`; as for `Simulation`, and with `resume` that of the checkpoint. `run.nc` is in
-            it, and `run.usda` in float64 but for point instances.
+        force_arrows: Write force arrows into the USD recording.
         checkpoint: File to which the end of the run is saved.
         resume: Checkpoint from which to start; all that says how to step is then its own.
-        fast_math, integrator, noise: As for `Simulation`.
+        options: What is chosen about the step; with `resume` of these only the forces' functions count. `run.nc` is in
+            their precision, and `run.usda` in float64 but for point instances.
         progress: Called with simulated time and wall time [s] after every frame, the first one included.
 
     Returns:
@@ -73,11 +69,10 @@ def record_run(
     _check_rate(rate)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
-    about: dict = {"worlds": worlds, "seed": seed, "time_step": time_step, "parameters": parameters}
-    about |= {"fast_math": fast_math, "integrator": integrator, "noise": noise, "precision": precision}
-    sim = _started(scene, resume, device, threads, about)
+    about: dict = {"worlds": worlds, "seed": seed, "parameters": parameters}
+    sim = _started(scene, resume, device, threads, about, options or StepOptions())
     _check_step(sim, rate)
-    how: dict = {"frames_per_second": rate, "worlds": recorded_worlds, "forces": forces, "seed": sim.model.seed}
+    how: dict = {"frames_per_second": rate, "worlds": recorded_worlds, "forces": force_arrows, "seed": sim.model.seed}
     how |= {"time_step": sim.time_step, "held": sim.model.held, "method": Method.of(sim.model)}
     with Recorder(sim.scene, Path(folder), **how) as recorder:
         _frames(sim, recorder, rate, progress)
@@ -87,13 +82,18 @@ def record_run(
 
 
 def _started(
-    scene: Scene, resume: str | Path | None, device: str | None, threads: int | None, about: dict
+    scene: Scene,
+    resume: str | Path | None,
+    device: str | None,
+    threads: int | None,
+    about: dict,
+    options: StepOptions,
 ) -> Simulation:
-    """The simulation at its start, made with the settings `about`, or as a checkpoint holds it."""
+    """The simulation at its start, made with `about` and `options`, or as a checkpoint holds it."""
     if resume is not None:
-        return Simulation.restore(resume, scene, device=device, threads=threads)
-    check_worlds(scene, about["worlds"], device, about["precision"])
-    return Simulation(scene, device=device, threads=threads, **about)
+        return Simulation.restore(resume, scene, device=device, threads=threads, forces=options.forces)
+    check_worlds(scene, about["worlds"], device, options.precision)
+    return Simulation(scene, device=device, threads=threads, **about, **vars(options))
 
 
 def _check_step(sim: Simulation, rate: float) -> None:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -15,7 +16,10 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
+from otwarp.kernels.body_forces.body_force import BodyForce
+from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
+from otwarp.simulation.forces import Force
 
 if TYPE_CHECKING:
     from otwarp.simulation.simulation import Simulation
@@ -59,6 +63,10 @@ def save(sim: Simulation, path: Path) -> Path:
         "noise": sim.scene.settings.noise,
         "crossings": sim.model.features.crossings,
         "precision": sim.model.features.precision,
+        "forces": [
+            {"name": law.name, "digest": law.digest, "bodies": np.flatnonzero(acts).tolist()}
+            for law, acts in _user_forces(sim)
+        ],
     }
     arrays: dict[str, Any] = {k: v.numpy() for k, v in _arrays(sim).items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
@@ -73,6 +81,36 @@ def save(sim: Simulation, path: Path) -> Path:
         temporary.unlink(missing_ok=True)
         raise InputError(f"checkpoint {path} cannot be written: {error.strerror}") from error
     return path
+
+
+def _user_forces(sim: Simulation) -> list[tuple[BodyForce, np.ndarray]]:
+    """Forces that the user added, and (B,) the bodies that each acts on."""
+    own = [row.parametric for row in FORCES.values()]
+    pairs = zip(sim.model.forces.laws, sim.model.forces.acts, strict=True)
+    return [(law, acts) for law, acts in pairs if law not in own]
+
+
+def _same_forces(path: Path, scene: Scene, stored: list[dict[str, Any]], given: Sequence[Force]) -> tuple[Force, ...]:
+    """The forces of a checkpoint, with the functions that are given.
+
+    Raises:
+        InputError: One is missing, too many, or another function than the checkpoint's.
+    """
+    functions = {force.law.name: force for force in given}
+    wanted = [entry["name"] for entry in stored]
+    if sorted(functions) != sorted(wanted):
+        made, now = (", ".join(names) or "none" for names in (wanted, functions))
+        raise InputError(f"checkpoint {path} was made with forces: {made}; given: {now}")
+    for entry in stored:
+        if functions[entry["name"]].law.digest != entry["digest"]:
+            raise InputError(
+                f"checkpoint {path}: force {entry['name']} is another function than the one it was made with "
+                f"(SHA-256 {entry['digest'][:12]}…); allowed: the same source and constants"
+            )
+    return tuple(
+        Force(functions[e["name"]].law, functions[e["name"]].values, tuple(scene.bodies[b].name for b in e["bodies"]))
+        for e in stored
+    )
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -96,7 +134,12 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def restore(
-    path: Path, scene: Scene | None = None, *, device: str | None = None, threads: int | None = None
+    path: Path,
+    scene: Scene | None = None,
+    *,
+    device: str | None = None,
+    threads: int | None = None,
+    forces: Sequence[Force] = (),
 ) -> Simulation:
     """Make the simulation that `save` wrote.
 
@@ -104,9 +147,10 @@ def restore(
         path: The checkpoint.
         scene: The scene it continues, where only the duration may differ; None loads it from its file.
         device, threads: As for `Simulation`.
+        forces: The functions of the forces that the user had added, in any order; parameters are the checkpoint's.
 
     Raises:
-        InputError: Not a checkpoint, of another format, or its scene has changed.
+        InputError: Not a checkpoint, of another format, or its scene or its forces have changed.
     """
     from otwarp.simulation.simulation import Simulation
 
@@ -129,6 +173,7 @@ def restore(
         noise=about.get("noise", "gaussian"),
         crossings=bool(about.get("crossings", True)),
         precision=about.get("precision", "float32"),
+        forces=_same_forces(path, scene, about.get("forces", []), forces),
     )
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back

@@ -9,14 +9,17 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
+from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.core.noise import NOISES
 from otwarp.kernels.core.precision import PRECISIONS
+from otwarp.kernels.forces.table import needs_place
 from otwarp.kernels.hydrodynamics.coupling import COUPLED
 from otwarp.kernels.hydrodynamics.walls import NEAR_WALLS
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Body, Scene
 from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.pack_bodies import is_rigid
 from otwarp.simulation.pack_coupling import takes_coupling
 from otwarp.simulation.pack_traps import trap_reach
@@ -28,27 +31,30 @@ def compose(
     values: Mapping[str, np.ndarray],
     optics: TrapOptics,
     device: wp.Device,
-    *,
-    fast_math: bool,
-    crossings: bool,
-    precision: str = "float32",
+    forces: tuple[BodyForce, ...],
+    options: StepOptions,
 ) -> Features:
     """The features of a scene on a device.
 
     Args:
         values: Parameters in force, as `Model.values`.
-        fast_math, crossings, precision: As `Simulation`.
+        forces: Forces with parameters per body.
+        options: What the user chose about the step.
 
     Raises:
         InputError: Rods that collide in a crowd; coupling of too many bodies, or beside hydrodynamic walls; an unknown
             precision, or one that the scene does not go with.
     """
-    f = _terms(scene, values, optics)
-    _check_precision(scene, f, precision, fast_math=fast_math)
+    f = dataclasses.replace(_terms(scene, values, optics), forces=forces)
+    _check_precision(scene, f, options.precision, fast_math=options.fast_math)
     f = dataclasses.replace(
-        f, integrator=serving_integrator(f), fast_math=fast_math, crossings=crossings, precision=precision
+        f,
+        integrator=serving_integrator(f),
+        fast_math=options.fast_math,
+        crossings=options.crossings,
+        precision=options.precision,
     )
-    return dataclasses.replace(f, lanes=device.is_cpu and precision == "float32" and _takes_lanes(f))
+    return dataclasses.replace(f, lanes=device.is_cpu and f.precision == "float32" and _takes_lanes(f))
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
@@ -108,8 +114,8 @@ def serving_integrator(f: Features) -> str:
         return f.integrator if f.integrator in NEAR_WALLS else NEAR_WALLS[0]
     if f.coupling:
         return f.integrator if f.integrator in COUPLED else COUPLED[0]
-    turned = f.rigid and (f.gravity or f.flow is not None)
-    if not f.trap_models and f.flow in (None, "uniform") and not turned:
+    local = needs_place(f) or (f.rigid and f.flow is not None)
+    if not local and f.flow in (None, "uniform"):
         return "eulerMaruyama"
     return f.integrator
 

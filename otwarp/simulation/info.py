@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.kernels.terms import terms
 from otwarp.scene import Scene
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.pack_traps import axial_or_radial, law, trap_reach
 from otwarp.simulation.state import Control, Readout, State
@@ -30,6 +32,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
         data.flow,
         data.walls,
         data.coupling,
+        data.forces,
     ):
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
     arrays.append(data.traps.tables.node)
@@ -130,6 +133,42 @@ def _optics(model: Model) -> list[dict[str, Any]]:
     return rows
 
 
+def _forces(model: Model) -> list[dict[str, Any]]:
+    """One row per force with parameters: these, where it acts, and what it does at most to a body at rest."""
+    active, rows = model.forces, []
+    for index, force in enumerate(active.laws):
+        acting = np.flatnonzero(active.acts[index])
+        values = active.of_law(index)
+        rows.append(
+            {
+                "name": force.name,
+                "acts_on": force.acts_on,
+                "bodies": [model.scene.bodies[b].name for b in acting],
+                "parameters": {
+                    p.name: {
+                        "unit": p.unit,
+                        "low": values[p.name][:, acting].min(axis=(0, 1)).tolist(),
+                        "high": values[p.name][:, acting].max(axis=(0, 1)).tolist(),
+                    }
+                    for p in force.parameters
+                },
+                "digest": force.digest,
+                "bounds": "measured" if force.load is None or force.slope is None else "stated",
+            }
+        )
+    return rows
+
+
+def _loads(model: Model) -> dict[str, float]:
+    """The most that forces other than traps do to any body: force [pN], torque [pN·µm], relaxation rate [1/s]."""
+    viscosity = float(model.values["medium_viscosity"].min())
+    return {
+        "force": max(load.force for load in model.loads),
+        "torque": max(load.torque for load in model.loads),
+        "rate": max(load.rate for load in model.loads) / viscosity,
+    }
+
+
 def _integrator_reason(model: Model) -> str:
     """Why the integrator is not the one that the scene asks for; empty if it is."""
     if model.features.integrator == model.scene.settings.integrator:
@@ -145,19 +184,15 @@ def describe(
     scene: Scene,
     *,
     worlds: int = 1,
-    time_step: float | None = None,
-    integrator: str | None = None,
-    noise: str | None = None,
     device: str | None = None,
-    precision: str = "float32",
-    fast_math: bool = False,
+    options: StepOptions | None = None,
 ) -> dict[str, Any]:
     """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON; nothing is compiled.
 
-    Arguments as for `Simulation`. Units are the internal ones (µm, s, pN, mW); None stands for infinite or absent.
+    Arguments as for `Model.build`; a force that states no bounds is measured, and compiled for that. Units are the
+    internal ones (µm, s, pN, mW); None stands for infinite or absent.
     """
-    chosen = {"time_step": time_step, "integrator": integrator, "noise": noise}
-    model = Model.build(scene, worlds=worlds, device=device, precision=precision, fast_math=fast_math, **chosen)
+    model = Model.build(scene, worlds=worlds, device=device, options=options)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
     scales = {k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()}
     return {
@@ -175,12 +210,14 @@ def describe(
         "bodies": _bodies(scene),
         "traps": _traps(model),
         "optics": _optics(model),
+        "forces": _forces(model),
         "obstacles": [
             {"name": o.prim, "shape": o.shape, "moves": o.position.animated or o.orientation.animated}
             for o in scene.obstacles
         ],
+        "steady_loads": _loads(model),
         "time_scales": scales,
         "integrator_reason": _integrator_reason(model),
-        "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in model.features.terms()],
+        "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in terms(model.features)],
         "memory": device_bytes(model, *groups),
     }

@@ -16,10 +16,13 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData
+from otwarp.kernels.forces.force import Load
 from otwarp.scene import Scene
 from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings
+from otwarp.simulation.forces import ActiveForces, pack_forces
 from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.pack_bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.pack_coupling import pack_coupling
 from otwarp.simulation.pack_traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
@@ -50,6 +53,8 @@ class Model:
         relaxation: Relaxation rates near the equilibria of the traps, by power; accuracy follows from them.
         steepest: Rates where the forces are steepest; stability follows from them.
         optics: Force tables of the beams and spheres.
+        forces: Forces with parameters per body.
+        loads: Per body, how strong all forces but traps are.
         scales: Time scales and the time step.
         data: The kernels' view.
         meshes: Obstacle meshes, kept alive for the kernels.
@@ -69,6 +74,8 @@ class Model:
     relaxation: TrapRelaxation
     steepest: TrapRelaxation
     optics: TrapOptics
+    forces: ActiveForces
+    loads: list[Load]
     scales: TimeScales
     data: Annotated[Any, ModelData]
     meshes: list[wp.Mesh]
@@ -86,13 +93,8 @@ class Model:
         worlds: int = 1,
         seed: int = 0,
         device: str | wp.Device | None = None,
-        time_step: float | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
-        fast_math: bool = False,
-        integrator: str | None = None,
-        noise: str | None = None,
-        crossings: bool = True,
-        precision: str = "float32",
+        options: StepOptions | None = None,
     ) -> Model:
         """Pack a scene for a device.
 
@@ -100,24 +102,20 @@ class Model:
             worlds: Independent copies of the scene, at least 1.
             seed: 0 … 2³² − 1.
             device: `"cpu"`, `"cuda:0"` or None for the best available.
-            time_step: Explicit step [s] instead of the scene's or the chosen one.
             parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
-            fast_math: Approximate instructions on CUDA; see `Simulation`.
-            integrator, noise: Names as in the scene, or None for the scene's; see `Simulation`.
-            crossings: Whether escapes between steps count; see `Simulation`.
-            precision: `float32` or `float64`; see `Simulation`.
+            options: What is chosen about the step; None: as the scene says.
 
         Raises:
             InputError: Anything out of range.
         """
-        asked = _with_settings(scene, time_step=time_step, integrator=integrator, noise=noise)
+        options = options or StepOptions()
+        asked = options.of(scene)
         _check(asked, worlds, seed)
         place = pick_device(device)
-        how = {"fast_math": fast_math, "crossings": crossings, "precision": precision}
-        known = ResolvedScene.of(asked, parameters or {}, place, worlds=worlds, **how)
-        scales = _time_scales(known, from_scene=time_step is None and scene.file is not None)
+        known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
+        scales = _time_scales(known, from_scene=options.time_step is None and scene.file is not None)
         features = _stepped_features(known, scales.time_step)
-        data, meshes = _pack(known, features, scales.time_step, seed, Place(place, precision))
+        data, meshes = _pack(known, features, scales.time_step, seed, Place(place, options.precision))
         return cls(
             scene=known.scene,
             authored=scene,
@@ -133,6 +131,8 @@ class Model:
             relaxation=known.relaxation,
             steepest=known.steepest,
             optics=known.optics,
+            forces=known.forces,
+            loads=known.loads,
             scales=scales,
             data=data,
             meshes=meshes,
@@ -157,12 +157,6 @@ class Model:
         return position - rotate(orientation, self.reference)
 
 
-def _with_settings(scene: Scene, **settings: float | str | None) -> Scene:
-    """The same scene with those of the settings that are given."""
-    kept = {name: value for name, value in settings.items() if value is not None}
-    return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **kept))
-
-
 def _check(scene: Scene, worlds: int, seed: int) -> None:
     """Refuse what no model can be built from."""
     check_settings(scene)
@@ -183,6 +177,7 @@ def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:
         known.values,
         known.relaxation,
         known.steepest,
+        known.loads,
         integrator=known.features.integrator,
         contacts=known.features.contacts,
         wanted=known.scene.settings.time_step,
@@ -195,7 +190,7 @@ def _stepped_features(known: ResolvedScene, time_step: float) -> Features:
     scene, moves, values, features = known.scene, known.moves, known.values, known.features
     soft = soft_contacts(scene, moves, values, features, time_step)
     how = {"brownian": features.brownian, "precision": features.precision}
-    warn_of_lost_motion(scene, moves, values, time_step, **how)
+    warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
     return dataclasses.replace(features, soft_contacts=soft)
 
 
@@ -213,6 +208,7 @@ def _pack(
     data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], place)
     data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), place)
     data.coupling = pack_coupling(scene, moves, features.coupling, place)
+    data.forces = pack_forces(scene, moves, known.forces, place)
     held = _held_spheres(scene, known.held, moves)
     data.traps = pack_traps(scene, values, held, known.held_range, optics, place)
     data.time_step = wp.float64(time_step)

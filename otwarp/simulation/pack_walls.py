@@ -12,9 +12,10 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.covering import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData, mat66
+from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Obstacle, Scene
 from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.pack_bodies import drag_spheres, is_rigid, weight
+from otwarp.simulation.pack_bodies import drag_spheres, is_rigid
 from otwarp.simulation.pack_traps import rotate
 from otwarp.units import BOLTZMANN
 
@@ -99,21 +100,20 @@ def walled_spheres(body: Body) -> tuple[np.ndarray, np.ndarray]:
     return table[kept, :4], table[kept, 4] != 0.0
 
 
-def wall_time(scene: Scene, values: Mapping[str, np.ndarray]) -> float | None:
+def wall_time(scene: Scene, values: Mapping[str, np.ndarray], loads: list[Load]) -> float | None:
     """Shortest time in which a sphere away from walls diffuses, or falls, by its own radius [s].
 
-    6πηa³/k_B T and 6πηa²/|W|: over that distance, and that time, mobilities near a wall change. None without walls, and
-    where nothing moves.
+    6πηa³/k_B T and 6πηa²/|F|, F the weight and other steady forces: over that distance, and that time, mobilities near
+    a wall change. None without walls, and where nothing moves.
     """
     if not hydrodynamic_walls(scene):
         return None
     hot = float(values["medium_temperature"].max()) if scene.settings.brownian else 0.0
     viscosity = float(values["medium_viscosity"].min())
     rates = []
-    for body in scene.bodies:
+    for body, load in zip(scene.bodies, loads, strict=True):
         radius = float(walled_spheres(body)[0][:, 3].min())
-        load = abs(weight(scene, body)) if scene.settings.gravity else 0.0
-        rates.append(max(BOLTZMANN * hot / radius, load) / (6.0 * np.pi * viscosity * radius**2))
+        rates.append(max(BOLTZMANN * hot / radius, load.force) / (6.0 * np.pi * viscosity * radius**2))
     return 1.0 / max(rates) if max(rates) > 0.0 else None
 
 

@@ -73,7 +73,9 @@ PARAMETERS: dict[str, Parameter] = {
 """Everything that `Simulation(..., parameters={name: values})` accepts: what the scene vocabulary says is per world."""
 
 
-def expand(name: str, values: ArrayLike, *, worlds: int, traps: int, bodies: int = 0) -> np.ndarray:
+def expand(
+    name: str, values: ArrayLike, *, worlds: int, traps: int, bodies: int = 0, spec: Parameter | None = None
+) -> np.ndarray:
     """Return `values` as a float64 array of shape (1|W,), (1|W, n) or (1|W, n, 3), n traps or bodies.
 
     A scalar serves all worlds and traps (or bodies); (n,) serves all worlds; (W, 1) or (W,) (medium and flow) all n.
@@ -81,9 +83,9 @@ def expand(name: str, values: ArrayLike, *, worlds: int, traps: int, bodies: int
     Raises:
         InputError: Unknown name, wrong shape, a value that is not finite or out of range.
     """
-    if name not in PARAMETERS:
+    if spec is None and name not in PARAMETERS:
         raise InputError(f"parameter {name!r} is unknown; allowed: {', '.join(PARAMETERS)}")
-    spec = PARAMETERS[name]
+    spec = spec or PARAMETERS[name]
     array = np.asarray(values, dtype=float)
     tail = (3,) if spec.width == 3 else ()
     lead = array.shape[: array.ndim - len(tail)]
@@ -117,10 +119,20 @@ def _check_range(name: str, spec: Parameter, array: np.ndarray) -> None:
 
 
 def expand_all(
-    parameters: Mapping[str, ArrayLike], *, worlds: int, traps: int, bodies: int = 0
+    parameters: Mapping[str, ArrayLike],
+    *,
+    worlds: int,
+    traps: int,
+    bodies: int = 0,
+    more: Mapping[str, Parameter] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Every user parameter as a `(1|W, …)` array; see `expand`."""
-    return {n: expand(n, values, worlds=worlds, traps=traps, bodies=bodies) for n, values in parameters.items()}
+    """Every user parameter as a `(1|W, …)` array; see `expand`. `more` are those of the user's forces."""
+    known = PARAMETERS | dict(more or {})
+    for name in parameters:
+        if name not in known:
+            raise InputError(f"parameter {name!r} is unknown; allowed: {', '.join(known)}")
+    size = {"worlds": worlds, "traps": traps, "bodies": bodies}
+    return {n: expand(n, values, spec=known[n], **size) for n, values in parameters.items()}
 
 
 def scene_values(scene: Scene) -> dict[str, np.ndarray]:

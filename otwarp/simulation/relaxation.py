@@ -9,6 +9,7 @@ import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
+from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Scene
 from otwarp.simulation.coupled_rates import CoupledRates
 from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
@@ -125,6 +126,8 @@ class TrapRelaxation:
         wandering: (T,) traps that hold nothing.
         modes: One entry per body that a trap acts on, and one per kind of the others.
         coupled: How much faster the bodies that traps act on, or may come to, relax together, or None without coupling.
+        others: Fastest relaxation by all forces but traps, times viscosity [Pa]; on top of any trap's, to be safe.
+        other_body: Name of the body it belongs to.
     """
 
     names: tuple[str, ...]
@@ -134,6 +137,8 @@ class TrapRelaxation:
     wandering: np.ndarray
     modes: tuple[_BodyModes, ...]
     coupled: CoupledRates | None = None
+    others: float = 0.0
+    other_body: str | None = None
 
     @classmethod
     def of(
@@ -143,6 +148,7 @@ class TrapRelaxation:
         values: Mapping[str, np.ndarray],
         near: Neighbours,
         held: tuple[tuple[int, int], ...],
+        loads: list[Load] | None = None,
     ) -> TrapRelaxation:
         """Prepare the rates of a scene with the parameters `values`."""
         curves = np.array([values["trap_stiffness"].max(axis=0), axial_or_radial(scene, values, "stiffness").max(0)])
@@ -161,6 +167,8 @@ class TrapRelaxation:
             modes.append(_body_modes(scene, b, move, by_body.get(b, {}), curves))
         acting = [m.body for m in modes if len(m.acting)]
         wandering = np.array([b < 0 for b, _ in held], dtype=bool)
+        rates = [load.rate for load in loads or ()]
+        worst = int(np.argmax(rates)) if any(rates) else None
         reachable = sorted({int(b) for b, _ in near.sphere}) if wandering.any() else acting
         return cls(
             names=tuple(b.name for b in scene.bodies),
@@ -170,6 +178,8 @@ class TrapRelaxation:
             wandering=wandering,
             modes=tuple(modes),
             coupled=CoupledRates.of(scene, moves, acting, reachable),
+            others=rates[worst] if worst is not None else 0.0,
+            other_body=scene.bodies[worst].name if worst is not None else None,
         )
 
     def fastest(self, powers: np.ndarray, *, anywhere: bool = False) -> tuple[float, str | None]:
@@ -182,7 +192,8 @@ class TrapRelaxation:
             rate = self._rate(mode, powers) / self.viscosity
             if rate > best:
                 best, name = rate, self.names[mode.body]
-        return best * self._gain(powers, anywhere), name
+        best += self.others / self.viscosity
+        return best * self._gain(powers, anywhere), name or self.other_body
 
     def _gain(self, powers: np.ndarray, anywhere: bool) -> float:
         """How much faster coupled bodies relax together than the fastest of them alone."""

@@ -12,15 +12,19 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.forces.force import Load
 from otwarp.laws.trap_law import FIELDS
 from otwarp.scene import Scene
 from otwarp.simulation.composition import compose
+from otwarp.simulation.forces import ActiveForces, user_parameters
 from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.pack_traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.pack_walls import check_flow
 from otwarp.simulation.parameters import expand_all, scene_values
 from otwarp.simulation.relaxation import Neighbours, TrapRelaxation
+from otwarp.simulation.steady_loads import steady_loads
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,6 +34,8 @@ class ResolvedScene:
     Attributes:
         moves: Mobility of each body.
         features: Terms of the step but for `soft_contacts`, which the time step decides.
+        forces: Forces with parameters per body.
+        loads: Per body, how strong all forces but traps are.
         scene, values, overrides, held, held_range, relaxation, steepest, optics: As in `Model`.
     """
 
@@ -38,6 +44,8 @@ class ResolvedScene:
     values: dict[str, np.ndarray]
     overrides: dict[str, np.ndarray]
     features: Features
+    forces: ActiveForces
+    loads: list[Load]
     held: tuple[tuple[int, int], ...]
     held_range: np.ndarray
     relaxation: TrapRelaxation
@@ -50,37 +58,40 @@ class ResolvedScene:
         scene: Scene,
         parameters: Mapping[str, ArrayLike],
         device: wp.Device,
+        options: StepOptions,
         *,
         worlds: int,
-        fast_math: bool,
-        crossings: bool,
-        precision: str,
     ) -> ResolvedScene:
-        """Resolve a scene; `parameters`, `fast_math`, `crossings` and `precision` as for `Model.build`.
+        """Resolve a scene, whose settings are those of the options already; arguments as for `Model.build`.
 
         Raises:
             InputError: A parameter that does not apply or is out of range, or features that do not go together.
         """
         moves = mobilities(scene)
-        overrides = expand_all(parameters, worlds=worlds, traps=len(scene.traps), bodies=len(scene.bodies))
+        size = {"worlds": worlds, "traps": len(scene.traps), "bodies": len(scene.bodies)}
+        overrides = expand_all(parameters, **size, more=user_parameters(options.forces))
+        forces = ActiveForces.of(scene, options.forces, overrides, worlds)
         _check_laws(scene, overrides)
         optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], device)
         scene = optics.resolve(scene)
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(scene, values, optics, device, fast_math=fast_math, crossings=crossings, precision=precision)
+        features = compose(scene, values, optics, device, forces.laws, options)
         check_flow(scene, values)
+        loads = steady_loads(scene, moves, values, forces)
         return cls(
             scene=scene,
             moves=moves,
             values=values,
-            overrides=overrides,
+            overrides=overrides | forces.overrides,
             features=features,
+            forces=forces,
+            loads=loads,
             held=held,
             held_range=np.minimum(_held_range(scene, values, held), optics.escape_distance()),
-            relaxation=TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held),
-            steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held),
+            relaxation=TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held, loads),
+            steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held, loads),
             optics=optics,
         )
 

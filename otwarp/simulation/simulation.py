@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,11 @@ from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.arrays import host_type
+from otwarp.simulation.forces import Force
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
 
@@ -40,7 +42,10 @@ class Simulation:
         noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
         crossings: Whether escapes between the ends of two steps count; off only to measure what that is worth.
         precision: `float32`, or `float64` for all real numbers but the noise, whose deviates are the same in both: for
-            scenes far from the origin, and to see what rounding does. Not for crowds and meshes, nor with `fast_math`.
+            scenes far from the origin, and to see what rounding does. Not for many-body scenes and meshes, nor with
+            `fast_math`.
+        forces: Forces beside those of the scene, made by `otwarp.force`; summed in every stage of the step, and counted
+            for its length. Their parameters are parameters, too: `<force>_<parameter>`.
 
     Raises:
         InputError: An argument out of range.
@@ -69,20 +74,18 @@ class Simulation:
         noise: str | None = None,
         crossings: bool = True,
         precision: str = "float32",
+        forces: Sequence[Force] = (),
     ):
-        self.model = Model.build(
-            scene,
-            worlds=worlds,
-            seed=seed,
-            device=device,
+        options = StepOptions(
             time_step=time_step,
-            parameters=parameters,
-            fast_math=fast_math,
             integrator=integrator,
             noise=noise,
+            fast_math=fast_math,
             crossings=crossings,
             precision=precision,
+            forces=tuple(forces),
         )
+        self.model = Model.build(scene, worlds=worlds, seed=seed, device=device, parameters=parameters, options=options)
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}; allowed: 1 or more")
         self.state = State.start(self.model)
@@ -197,6 +200,11 @@ class Simulation:
             wp.launch(per_trap, dim=(worlds, f.traps), inputs=views, device=model.device)
             wp.launch(per_sphere, dim=(worlds, f.bodies), inputs=views, device=model.device)
             wp.launch(per_hand, dim=(worlds, 2), inputs=[model.data, out], device=model.device)
+        if self._step.forces is not None:
+            out = [self._readout.body_force, self._readout.body_torque]
+            views = [self.model.data, self.state.data(), wp.float64(self.time)]
+            dim = (self.model.worlds, self.model.features.bodies)
+            wp.launch(self._step.forces, dim=dim, inputs=views, outputs=out, device=self.model.device)
         self._measured_at = (self.state.step, self.control.writes)
         return self._readout
 
@@ -227,11 +235,12 @@ class Simulation:
         *,
         device: str | None = None,
         threads: int | None = None,
+        forces: Sequence[Force] = (),
     ) -> Simulation:
         """Continue from a checkpoint; see `checkpoint.restore`."""
         from otwarp.simulation.checkpoint import restore
 
-        return restore(Path(path), scene, device=device, threads=threads)
+        return restore(Path(path), scene, device=device, threads=threads, forces=forces)
 
     def _check(self) -> None:
         """Raise for the earliest fault on the device."""

@@ -8,8 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from otwarp.hydrodynamics.mobility import BodyMobility
+from otwarp.kernels.forces.force import Load
 from otwarp.scene import Obstacle, Scene, Sphere
-from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound, union_volume, weight
+from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound
 from otwarp.simulation.pack_traps import rotate
 from otwarp.simulation.relaxation import point_mobility
 
@@ -80,12 +81,12 @@ def prescribed_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
     return max(flow_speed(scene, values), trap_speed(scene, values), *moving, 0.0)
 
 
-def settling_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) -> float:
-    """Fastest sinking or rising under weight [µm/s], |W|·μ."""
-    if not scene.settings.gravity:
+def settling_speed(moves: list[BodyMobility], loads: list[Load], viscosity: float) -> float:
+    """Fastest drift under weight and other steady forces [µm/s], |F|·μ."""
+    if not any(load.force for load in loads):
         return 0.0
-    pairs = zip(scene.bodies, moves, strict=True)
-    return max(abs(weight(scene, b)) * float(np.linalg.eigvalsh(m.mobility[:3, :3])[-1]) for b, m in pairs) / viscosity
+    pairs = zip(loads, moves, strict=True)
+    return max(load.force * float(np.linalg.eigvalsh(m.mobility[:3, :3])[-1]) for load, m in pairs) / viscosity
 
 
 def adhesion_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) -> float:
@@ -106,12 +107,14 @@ def adhesion_speed(scene: Scene, moves: list[BodyMobility], viscosity: float) ->
     return 2.0 * math.pi * work * max(pulls) / viscosity
 
 
-def turning_rate(scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], viscosity: float) -> float:
-    """Fastest turning of a rigid body in the flow and under the torque of its weight [rad/s].
+def turning_rate(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], loads: list[Load], viscosity: float
+) -> float:
+    """Fastest turning of a rigid body in the flow and under the torque of its weight and other forces [rad/s].
 
-    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel), and |W|·arm·μ_r.
+    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel), and |T|·μ_r.
     """
-    rigid = [(b, m) for b, m in zip(scene.bodies, moves, strict=True) if is_rigid(b)]
+    rigid = [(t, m) for b, t, m in zip(scene.bodies, loads, moves, strict=True) if is_rigid(b)]
     if not rigid:
         return 0.0
     flow, gradient, hanging = scene.flow, 0.0, 0.0
@@ -119,9 +122,8 @@ def turning_rate(scene: Scene, moves: list[BodyMobility], values: Mapping[str, n
         gradient = float(np.abs(values["flow_shear_rate"]).max())
     elif flow is not None and flow.kind == "poiseuille":
         gradient = 2.0 * float(np.abs(values["flow_speed"]).max()) / flow.half_height
-    if scene.settings.gravity:
-        for body, move in rigid:
-            arm = float(np.linalg.norm(union_volume(body)[1] - move.reference))
+    for load, move in rigid:
+        if load.torque:
             turn = float(np.linalg.eigvalsh(move.mobility[3:, 3:])[-1])
-            hanging = max(hanging, abs(weight(scene, body)) * arm * turn / viscosity)
+            hanging = max(hanging, load.torque * turn / viscosity)
     return gradient + hanging

@@ -221,6 +221,8 @@ class Readout(_Bound):
         hand_force: (W, 2) vec3, sum over the traps of the left and the right hand [pN].
         contact_force: (W, B) vec3, net contact force, mean over the last step [pN]; (W, 0) without contact.
         contact_load: (W, B) sum of the normal forces [pN].
+        body_force: (W, F, B) vec3, of each force with parameters on each body, as in `model.forces.laws` [pN].
+        body_torque: (W, F, B) vec3, the torques of these forces about the centres of diffusion [pN·µm].
         escape_step: (W, T) arrival of the first step in which the held sphere was out of the trap's reach, -1 if never;
             it was lost half a step earlier on average.
         fault: (W, B) code of `otwarp.kernels.core.faults.Fault`.
@@ -236,6 +238,8 @@ class Readout(_Bound):
     hand_force: wp.array
     contact_force: wp.array
     contact_load: wp.array
+    body_force: wp.array
+    body_torque: wp.array
     escape_step: wp.array
     fault: wp.array
     fault_step: wp.array
@@ -257,6 +261,8 @@ class Readout(_Bound):
             sphere_force=wp.zeros((w, spheres), dtype=vec3, device=d),
             hand_force=wp.zeros((w, 2 if f.traps else 0), dtype=vec3, device=d),
             contact_force=wp.zeros((w, touching), dtype=vec3, device=d),
+            body_force=wp.zeros((w, len(f.forces), bodies if f.forces else 0), dtype=vec3, device=d),
+            body_torque=wp.zeros((w, len(f.forces), bodies if f.forces else 0), dtype=vec3, device=d),
             contact_load=wp.zeros((w, touching), dtype=real, device=d),
             escape_step=filled((w, f.traps if f.escapes else 0), -1, wp.int64, d),
             fault=wp.zeros((w, bodies), dtype=wp.int32, device=d),

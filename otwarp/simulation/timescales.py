@@ -12,6 +12,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
+from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.pack_walls import wall_time
@@ -98,11 +99,11 @@ def _within(distance: float, speed: float) -> float | None:
 
 
 def _motions(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], contacts: bool
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], loads: list[Load], contacts: bool
 ) -> dict[str, float | None]:
     """Times to be moved `TRAVEL_FRACTION` of the smallest colliding radius, and to turn by `TURN` [s]."""
     viscosity = float(values["medium_viscosity"].min())
-    turning = _within(TURN, turning_rate(scene, moves, values, viscosity))
+    turning = _within(TURN, turning_rate(scene, moves, values, loads, viscosity))
     if not contacts:
         return dict.fromkeys(("diffusion", "travel", "settling", "adhesion")) | {"turning": turning}
     small = TRAVEL_FRACTION * min(element.radius for b in scene.bodies for element in b.colliding)
@@ -111,7 +112,7 @@ def _motions(
     return {
         "diffusion": float(small**2 / (2.0 * spread)) if spread > 0.0 else None,
         "travel": _within(small, prescribed_speed(scene, values)),
-        "settling": _within(small, settling_speed(scene, moves, viscosity)),
+        "settling": _within(small, settling_speed(moves, loads, viscosity)),
         "adhesion": _within(small, adhesion_speed(scene, moves, viscosity)),
         "turning": turning,
     }
@@ -180,6 +181,7 @@ def time_scales(
     values: Mapping[str, np.ndarray],
     relaxation: TrapRelaxation,
     steepest: TrapRelaxation,
+    loads: list[Load],
     *,
     integrator: str,
     contacts: bool,
@@ -196,6 +198,7 @@ def time_scales(
         relaxation: Rates in the traps near their equilibria.
         steepest: Rates where the forces are steepest: a table's slope at the rim of a sphere can be several times that
             at its equilibrium. They limit stability.
+        loads: Per body, how strong all forces but traps are.
         contacts: Whether anything can touch anything.
         wanted: Explicit time step [s], or None.
         from_scene: Whether that is the scene's own.
@@ -207,8 +210,8 @@ def time_scales(
     rate, stiffest = relaxation.fastest(powers)
     scheme = INTEGRATORS[integrator]
     stability = Stability.of(scheme, steepest, powers)
-    motions = _motions(scene, moves, values, contacts)
-    wall = wall_time(scene, values)
+    motions = _motions(scene, moves, values, loads, contacts)
+    wall = wall_time(scene, values, loads)
     limits = _step_limits(scene, scheme, rate, stability, motions, wall)
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
@@ -302,6 +305,7 @@ def warn_of_lost_motion(
     scene: Scene,
     moves: list[BodyMobility],
     values: Mapping[str, np.ndarray],
+    loads: list[Load],
     time_step: float,
     *,
     brownian: bool,
@@ -315,7 +319,7 @@ def warn_of_lost_motion(
     """
     viscosity = float(values["medium_viscosity"].min())
     limits = values["trap_speed_limit"]
-    steady = 0.0 if brownian else max(flow_speed(scene, values), settling_speed(scene, moves, viscosity))
+    steady = 0.0 if brownian else max(flow_speed(scene, values), settling_speed(moves, loads, viscosity))
     slowest = float(limits[np.isfinite(limits)].min(initial=np.inf))
     extent = float(np.abs(places(scene, values)).max())
     spacing = float(np.spacing(np.dtype(precision).type(extent)))

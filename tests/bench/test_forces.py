@@ -22,6 +22,7 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle, build_table, force
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 
 BEAM = Beam(numerical_aperture=1.2, power=20.0)
 SPHERE = Particle(radius=0.5, index=1.59)
@@ -134,7 +135,7 @@ def test_probes_lie_where_they_should(bead):
     "rung", [r for r in LADDER if r.tolerance is None and r.family != "exact"], ids=lambda r: r.name
 )
 def test_scenes_differ_in_the_force_model_alone(rung, bead):
-    model = Model.build(bead.scene(rung), device="cpu", time_step=bead.time_step)
+    model = Model.build(bead.scene(rung), device="cpu", options=StepOptions(time_step=bead.time_step))
     features = model.features
     assert features.driver == "solo" and features.brownian and features.bodies == 1
     terms = {

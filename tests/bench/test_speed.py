@@ -39,6 +39,7 @@ from otwarp.cli.main import main
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 
 BEADS = 512
 CHANCE = 5.0 * math.sqrt(2.0 / (3 * BEADS))
@@ -188,7 +189,7 @@ def test_polynomials_are_as_good_as_float32():
 
 def test_case_a_relaxes_as_the_peers_do(device):
     scene, step = case_a()
-    model = Model.build(scene, device=device, time_step=step, integrator="eulerMaruyama")
+    model = Model.build(scene, device=device, options=StepOptions(time_step=step, integrator="eulerMaruyama"))
     assert step / model.scales.trap_relaxation == pytest.approx(RELAXATION, rel=1e-4)
     assert model.features.driver == "solo" and not model.features.escapes
 

@@ -21,6 +21,7 @@ from otwarp.bench.terms.scenes import COMPARISONS, SCENES, TOGETHER, Comparison
 from otwarp.bench.timing import Quartiles, interleaved
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 
 
 def strictly(section: Section, tmp_path: Path) -> dict:
@@ -148,7 +149,8 @@ FEATURE_OF = {
 @pytest.mark.parametrize("case", COMPARISONS, ids=lambda c: c.term)
 def test_a_pair_of_scenes_differs_by_its_term(case: Comparison):
     without, with_ = (
-        Model.build(SCENES[name](), device="cpu", time_step=TIME_STEP) for name in (case.without, case.with_)
+        Model.build(SCENES[name](), device="cpu", options=StepOptions(time_step=TIME_STEP))
+        for name in (case.without, case.with_)
     )
     a, b = vars(without.features), vars(with_.features)
     changed = {key for key in a if a[key] != b[key]}

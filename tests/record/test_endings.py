@@ -18,6 +18,7 @@ from otwarp.record.recorder import Recorder
 from otwarp.record.run import record_run
 from otwarp.scene import Scene
 from otwarp.scene.recording.usd import UsdRecording
+from otwarp.simulation.options import StepOptions
 from tests.record.small_run import HELD, RATE, frame
 
 ROOT = Path(__file__).parents[2]
@@ -117,7 +118,13 @@ def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(
 
 def test_a_run_is_resumed_from_its_own_folder_and_not_beyond_its_end(device: str, tmp_path: Path) -> None:
     end, seen = tmp_path / "run" / "end.npz", []
-    record_run(Scene.load(BEAD, duration=0.05), tmp_path / "run", device=device, time_step=1e-3, checkpoint=end)
+    record_run(
+        Scene.load(BEAD, duration=0.05),
+        tmp_path / "run",
+        device=device,
+        checkpoint=end,
+        options=StepOptions(time_step=0.001),
+    )
     with pytest.raises(InputError, match=r"complete: it stands at 0\.05 s and the duration is 0\.05 s"):
         record_run(Scene.load(BEAD, duration=0.05), tmp_path / "more", device=device, resume=end)
     assert not (tmp_path / "more").exists()
@@ -141,8 +148,16 @@ def test_a_run_is_resumed_from_its_own_folder_and_not_beyond_its_end(device: str
             {"frames_per_second": 0.1},
             "duration is 1 s; allowed: at least one frame, 10 s at 0.1 frames per second",
         ),
-        (1e300, {"time_step": 1e-3}, "1e+300 s at a time step of 0.001 s, 1e+303 steps; allowed: up to 1e+12 steps"),
-        (1e300, {"time_step": 1e-30}, "time step of 1e-30 s, inf steps; allowed: up to 1e+12 steps"),
+        (
+            1e300,
+            {"options": StepOptions(time_step=1e-3)},
+            "1e+300 s at a time step of 0.001 s, 1e+303 steps; allowed: up to 1e+12 steps",
+        ),
+        (
+            1e300,
+            {"options": StepOptions(time_step=1e-30)},
+            "time step of 1e-30 s, inf steps; allowed: up to 1e+12 steps",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*falsified by the rounding")

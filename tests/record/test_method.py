@@ -19,6 +19,7 @@ from otwarp.record.recorder import Recorder
 from otwarp.record.run import record_run
 from otwarp.scene import Scene
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from tests.record.small_run import HELD, RATE, frame
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -44,8 +45,8 @@ def far_bead() -> Scene:
 @pytest.mark.filterwarnings("ignore:.*falsified by the rounding of float32")
 def test_files_keep_the_digits_of_the_run(precision: str, kind: str, device: str, tmp_path: Path) -> None:
     end = tmp_path / "end.npz"
-    options = {"device": device, "time_step": 1e-4, "precision": precision, "checkpoint": end}
-    record_run(far_bead(), tmp_path / "run", **options)
+    options = StepOptions(time_step=1e-4, precision=precision)
+    record_run(far_bead(), tmp_path / "run", device=device, checkpoint=end, options=options)
     state = np.load(end)["state.position"]
     assert state.dtype == np.dtype(kind)
     # digits that float32 cannot hold are what this is about
@@ -120,7 +121,7 @@ def test_what_a_file_says_is_read_back(scene: Scene, tmp_path: Path) -> None:
 def test_a_run_says_how_it_was_made(options: dict, expected: dict, device: str, tmp_path: Path) -> None:
     """In the summary, in run.nc and, read back, in the same words."""
     scene = Scene.load(SCENES / "single_bead.usda", duration=0.02)
-    summary = record_run(scene, tmp_path / "run", device=device, time_step=1e-3, **options)
+    summary = record_run(scene, tmp_path / "run", device=device, options=StepOptions(time_step=0.001, **options))
     said = summary["method"]
     assert {k: said[k] for k in expected} == expected
     assert (said["driver"], said["coupling"], said["crossings"], said["device"]) == ("solo", False, True, device)

@@ -11,6 +11,7 @@ from otwarp.errors import InputError
 from otwarp.record.read import read_run
 from otwarp.record.run import frame_steps, record_run
 from otwarp.scene import Scene
+from otwarp.simulation.options import StepOptions
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -35,7 +36,7 @@ def test_a_run_goes_on_where_it_stopped(rate: float, time_step: float) -> None:
 
 def test_a_run_lasts_as_long_as_it_was_asked_to(device: str, tmp_path: Path) -> None:
     scene = Scene.load(SCENES / "single_bead.usda", duration=0.03)
-    summary = record_run(scene, tmp_path / "run", device=device, time_step=1e-3)
+    summary = record_run(scene, tmp_path / "run", device=device, options=StepOptions(time_step=0.001))
     assert (summary["steps"], summary["frames"], summary["status"]) == (30, 3, "finished")
     assert summary["duration_s"] == pytest.approx(0.03)
     assert read_run(tmp_path / "run" / "run.nc").time == pytest.approx([0.0, 0.017, 0.03])
@@ -44,7 +45,7 @@ def test_a_run_lasts_as_long_as_it_was_asked_to(device: str, tmp_path: Path) -> 
 def test_a_run_shorter_than_a_step_is_refused(device: str, tmp_path: Path) -> None:
     scene = Scene.load(SCENES / "single_bead.usda", duration=4e-4)
     with pytest.raises(InputError, match=r"duration is 0\.0004 s; allowed: at least one time step, 0\.001 s"):
-        record_run(scene, tmp_path / "run", device=device, time_step=1e-3)
+        record_run(scene, tmp_path / "run", device=device, options=StepOptions(time_step=0.001))
     assert not (tmp_path / "run").exists()
 
 
@@ -53,8 +54,8 @@ def test_the_reach_that_was_given_decides_what_an_escape_is(device: str, tmp_pat
     reach = np.array([[10.0], [1e-4], [1e-4]])
     dark = np.array([[1.0], [1.0], [0.0]])  # mW; a dark trap holds nothing that could escape
     values = {"trap_cutoff": reach, "trap_axial_cutoff": reach, "trap_power": dark}
-    options = {"device": device, "worlds": 3, "time_step": 1e-3, "parameters": values}
-    summary = record_run(scene, tmp_path / "run", **options)
+    options = StepOptions(time_step=1e-3)
+    summary = record_run(scene, tmp_path / "run", device=device, worlds=3, parameters=values, options=options)
     assert summary["escapes"] == 1
     assert summary["first_escape"]["world"] == 1
     # the bead is out of so short a reach after its first step or two, long before the first frame

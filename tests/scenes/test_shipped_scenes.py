@@ -73,7 +73,7 @@ def test_every_vocabulary_value_is_authored(name: str):
             if base not in schemas:
                 continue
             for attribute in schemas[base].attributes:
-                if attribute.usd_type == "rel":
+                if attribute.usd_type == "rel" or attribute.optional:
                     continue
                 authored = prim.GetAttribute(attribute.name.replace("__INSTANCE_NAME__", instance))
                 assert authored.HasAuthoredValue(), f"{prim.GetPath()}: {authored.GetName()}"

@@ -15,6 +15,7 @@ from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.optics import beam_of
+from otwarp.simulation.options import StepOptions
 from otwarp.units import BOLTZMANN
 
 
@@ -117,8 +118,8 @@ def test_the_steepest_place_limits_the_step(device):
     assert model.time_step == pytest.approx(INTEGRATORS["heun"].rim / 2.0 * stable, rel=1e-6)
     assert model.scales.chosen_by == "steepest slope of a trap's force"
     with pytest.raises(InputError, match="unstable"):
-        Model.build(scene, device=device, time_step=1.1 * stable)
-    fine = Model.build(scene, device=device, integrator="eulerMaruyama")
+        Model.build(scene, device=device, options=StepOptions(time_step=1.1 * stable))
+    fine = Model.build(scene, device=device, options=StepOptions(integrator="eulerMaruyama"))
     assert fine.time_step < 0.3 * model.time_step
 
 

@@ -7,9 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from otwarp.kernels.terms import terms
 from otwarp.scene import Flow, Material, Medium, Obstacle, Scene, Settings, Track
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import (
@@ -153,17 +155,17 @@ def test_motion_lost_in_rounding_is_announced(device):
         sim = Simulation(scene, device=device, time_step=1e-5)
     sim.step(1000)
     assert float(sim.state.position.numpy()[0, 0, 0]) == 100.0
-    Model.build(scene, device=device, time_step=1e-4)  # warnings are errors here
+    Model.build(scene, device=device, options=StepOptions(time_step=0.0001))  # warnings are errors here
     noisy = dataclasses.replace(scene, settings=Settings())
-    Model.build(noisy, device=device, time_step=1e-5)
+    Model.build(noisy, device=device, options=StepOptions(time_step=1e-05))
     slow = dataclasses.replace(noisy, traps=(harmonic("T", (100.0, 0, 0), speed_limit=0.3),))
     with pytest.warns(UserWarning, match="the speed limit of a trap, of 0.3 µm/s"):
-        Model.build(slow, device=device, time_step=1e-5)
+        Model.build(slow, device=device, options=StepOptions(time_step=1e-05))
 
 
 def test_the_neighbour_grid_is_not_announced_without_neighbours(device):
     """Thirty beads that cannot touch, with a speed limit."""
     beads = tuple(sphere_body(f"B{i}", (3.0 * i, 0, 0)) for i in range(30))
     scene = Scene(bodies=beads, traps=(harmonic("T", speed_limit=5.0),))
-    terms = {term: on for term, on, _ in Model.build(scene, device=device).features.terms()}
-    assert not terms["neighbour lists"]
+    found = {term: on for term, on, _ in terms(Model.build(scene, device=device).features)}
+    assert not found["neighbour lists"]

@@ -39,6 +39,7 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.stepping import usable_cores
 
@@ -107,7 +108,8 @@ class Study:
         deep, shallow = Well.of_depth(beam, sphere, DEEP), Well.of_depth(beam, sphere, SHALLOW)
         default = next(c for c in cases if c.name == DEFAULT)
         near, far = (
-            Model.build(w.bead.scene(default.rung), device=device, integrator=DEFAULT) for w in (deep, shallow)
+            Model.build(w.bead.scene(default.rung), device=device, options=StepOptions(integrator=DEFAULT))
+            for w in (deep, shallow)
         )
         note("Fokker–Planck equation")
         return cls(

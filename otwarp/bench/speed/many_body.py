@@ -19,6 +19,7 @@ from otwarp.kernels.step import make_step
 from otwarp.scene import Body, Material, Medium, Scene, Settings, Sphere
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
 
@@ -114,7 +115,7 @@ def many_body_model(count: int, device: wp.Device, fast_math: bool) -> Model:
         for i in range(SEEDED)
     )
     scene = Scene(bodies=bodies, settings=Settings(time_step=time_step()))
-    model = Model.build(scene, device=device, fast_math=fast_math)
+    model = Model.build(scene, device=device, options=StepOptions(fast_math=fast_math))
     data = model.data._cls()
     for name in data._cls.vars:
         setattr(data, name, getattr(model.data, name))

@@ -26,6 +26,7 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Scene
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
@@ -72,7 +73,7 @@ def world_bytes(scene: Scene, device: wp.Device) -> int:
     """Device memory that one more world takes [B]."""
     sizes = []
     for worlds in (1, 2):
-        model = Model.build(scene, worlds=worlds, device=device, time_step=TIME_STEP)
+        model = Model.build(scene, worlds=worlds, device=device, options=StepOptions(time_step=TIME_STEP))
         sizes.append(device_bytes(model, State.start(model), Control.start(model), Readout.empty(model)))
     return sizes[1] - sizes[0]
 

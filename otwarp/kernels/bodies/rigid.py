@@ -12,7 +12,8 @@ from otwarp.kernels.core.noise import six_deviates_term
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6, world_row
 from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kept_noise
-from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term, wrench_stiffness_term, wrench_term
+from otwarp.kernels.forces.total import body_stiffness_total, body_total
+from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
 
 
 @wp.func
@@ -164,8 +165,8 @@ def rigid_noise_term(f: Features) -> wp.Function:
 
 
 def rigid_stiffness_term(f: Features) -> wp.Function:
-    """`(model, control, state, body, world, b, pose, time) -> (6, 6)` of the traps."""
-    wrench_stiffness = wrench_stiffness_term(f) if f.trap_models else None
+    """`(model, control, state, body, world, b, pose, time) -> (6, 6)` [pN/µm, pN, pN·µm], in world axes."""
+    of_forces = body_stiffness_total(f)
 
     @wp.func
     def stiffness(
@@ -178,18 +179,15 @@ def rigid_stiffness_term(f: Features) -> wp.Function:
         pose: Pose,
         time: wp.float64,
     ) -> mat66:
-        """That of the traps."""
-        k = mat66(0.0)
-        if wp.static(bool(f.trap_models)):
-            k = wrench_stiffness(model, control, state, world, b, pose, time)
-        return k
+        """That of the forces, which need no constants of the body."""
+        return of_forces(model, control, state, world, b, pose, time)
 
     return stiffness
 
 
 def rigid_dynamics(f: Features) -> Dynamics:
     """Drift M (F, T) dt + flow and noise of a rigid body."""
-    wrench = wrench_term(f)
+    wrench = body_total(f)
     flow_velocity = flow_velocity_term(f) if f.flow else None
     mobility = mobility_term(f)
 
@@ -204,7 +202,7 @@ def rigid_dynamics(f: Features) -> Dynamics:
         pose: Pose,
         time: wp.float64,
     ) -> vec6:
-        """Traps, weight and flow."""
+        """All forces of `FORCES`, and the flow [µm, rad]."""
         load = wrench(model, control, state, body, world, b, pose, time)
         move = mobility(body, pose, twist(load.force, load.torque))
         if wp.static(f.flow is not None):

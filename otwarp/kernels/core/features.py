@@ -37,6 +37,7 @@ class Features:
         spheres, rigid: There are lone spheres; there are bodies with rotation.
         brownian, gravity: Whether the terms act.
         flow: Profile of the background flow, or None.
+        forces: Forces with parameters per body, `kernels.forces.body_force.BodyForce` each: the scene's and the user's.
         obstacles: Shapes of obstacles that something can hit.
         moving_obstacles: Some of them move.
         pairs: Bodies can touch each other.
@@ -68,6 +69,7 @@ class Features:
     brownian: bool = True
     gravity: bool = False
     flow: str | None = None
+    forces: tuple[Any, ...] = ()
     obstacles: tuple[str, ...] = ()
     moving_obstacles: bool = False
     pairs: bool = False
@@ -98,59 +100,3 @@ class Features:
     def contacts(self) -> bool:
         """Whether anything can touch anything."""
         return self.pairs or bool(self.obstacles)
-
-    def terms(self) -> list[tuple[str, bool, str]]:
-        """(term, compiled in, why) for every optional term, in the order in which the step applies them."""
-        yes_no = (
-            ("harmonic trap", any("harmonic" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
-            ("piecewise trap", any("piecewise" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
-            ("tabulated trap", any("table" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
-            ("exact optical force", any("exact" in m for m in self.trap_models), "a trap uses it", "no trap uses it"),
-            ("moving traps", self.moving_traps, "traps have time samples", "no trap has time samples"),
-            ("trap speed limit", self.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
-            ("rotation, 6×6 mobility", self.rigid, "a body has several spheres", "all bodies are lone spheres"),
-            ("lone-sphere mobility", self.spheres, "a body is a lone sphere", "no body is a lone sphere"),
-            ("Brownian noise", self.brownian, "ot:scene:brownian and temperature > 0", "switched off or 0 K"),
-            ("gravity", self.gravity, "ot:scene:gravity", "ot:scene:gravity is false"),
-            ("flow", self.flow is not None, f"{self.flow} flow", "no OtFlowAPI, or its flow is zero"),
-            (
-                "obstacle contact",
-                bool(self.obstacles),
-                "shapes: " + ", ".join(self.obstacles),
-                "no obstacle, or nothing that collides",
-            ),
-            (
-                "hydrodynamic walls",
-                self.walls > 0,
-                "planes with ot:obstacle:hydrodynamic",
-                "no plane with ot:obstacle:hydrodynamic",
-            ),
-            (
-                "hydrodynamic coupling",
-                self.coupling,
-                "ot:scene:hydrodynamicCoupling, and two or more bodies",
-                "ot:scene:hydrodynamicCoupling is false, or there is one body",
-            ),
-            ("moving obstacles", self.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
-            ("body–body contact", self.pairs, "two or more bodies collide", "fewer than two bodies collide"),
-            ("rods in contact", self.rods, "a rod collides", "no rod that anything can touch"),
-            (
-                "neighbour lists",
-                self.driver == "grid" and self.pairs,
-                f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
-                "bodies do not touch" if not self.pairs else "few bodies",
-            ),
-            (
-                "implicit contact forces",
-                self.contacts and not self.soft_contacts,
-                "contacts may be stiff against the time step",
-                "contacts are soft against the time step" if self.contacts else "nothing touches",
-            ),
-            (
-                "escape detection",
-                self.escapes,
-                "traps have a finite reach",
-                "no trap with a finite reach holds a sphere",
-            ),
-        )
-        return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

@@ -31,17 +31,19 @@ HERE = Path(__file__).parent.parent
 SINGLE = "otwarp.kernels"
 DOUBLE = "otwarp.kernels.float64"
 
+SHARED_ROOMS = ("body_forces", "cpu")
+"""Inner rooms that have no second instance: functions that are doubled one by one, and code native to float32."""
+
 SHARED = {
     # no real numbers in it, or in float64 as it is
     "core.exact_data",
     "core.features",
     "core.precision",
+    "core.functions",
+    "forces.force",
     "optics.exact",
     "optics.exact_waves",
-    # what float64 does without: vector blocks of a CPU, and the body driver
-    "cpu.noise_block",
-    "cpu.rigid_block",
-    "cpu.table_block",
+    # what float64 does without: lanes of a CPU, and the body driver
     "drivers.grid",
     "drivers.grid_contacts",
     "drivers.grid_data",
@@ -68,10 +70,20 @@ def in_double(value: Any) -> Any:
     return wp.float64(value) if isinstance(value, float) else value
 
 
+def is_shared(name: str) -> bool:
+    """Whether a module of this package serves both precisions as it is."""
+    return name in SHARED or name.partition(".")[0] in SHARED_ROOMS
+
+
 def kernel_module(name: str, precision: str) -> ModuleType:
     """The module of this package called `name` (`core.types`, `step`, …), in a precision of `PRECISIONS`."""
-    double = precision == "float64" and name not in SHARED
+    double = precision == "float64" and not is_shared(name)
     return importlib.import_module(f"{DOUBLE if double else SINGLE}.{name}")
+
+
+def types_module() -> ModuleType:
+    """The module of the float32 structs, imported late because they import nothing of precision."""
+    return importlib.import_module(f"{SINGLE}.core.types")
 
 
 @functools.cache
@@ -79,7 +91,7 @@ def typed(kind: Any, precision: str) -> Any:
     """A Warp type or struct of float32 as it is in `precision`; what holds no real numbers stays as it is."""
     if precision == "float32":
         return kind
-    types = importlib.import_module(f"{SINGLE}.core.types")
+    types = types_module()
     if isinstance(kind, type(types.ModelData)):
         return getattr(kernel_module(kind.cls.__module__.removeprefix(f"{SINGLE}."), precision), kind.cls.__name__)
     for name in ("vec6", "mat66"):
@@ -96,7 +108,7 @@ def precision_of(array: wp.array) -> str:
     return "float64" if getattr(array.dtype, "_wp_scalar_type_", array.dtype) is wp.float64 else "float32"
 
 
-def _wp_name(node: ast.expr) -> str:
+def wp_name(node: ast.expr) -> str:
     """`name` of `wp.name` or of a call of it, else nothing."""
     if isinstance(node, ast.Call):
         node = node.func
@@ -104,13 +116,13 @@ def _wp_name(node: ast.expr) -> str:
     return node.attr if named else ""
 
 
-def _wp(name: str, *arguments: ast.expr) -> ast.expr:
+def in_warp(name: str, *arguments: ast.expr) -> ast.expr:
     """`wp.name`, or the call of it."""
     attribute = ast.Attribute(ast.Name("wp", ast.Load()), name, ast.Load())
     return ast.Call(attribute, list(arguments), []) if arguments else attribute
 
 
-class _Doubler(ast.NodeTransformer):
+class Doubler(ast.NodeTransformer):
     """Rewrites a module of float32 kernels; `single` is that module, which knows the values of its constants."""
 
     def __init__(self, single: ModuleType):
@@ -130,14 +142,14 @@ class _Doubler(ast.NodeTransformer):
         """From the second instance, where there is one."""
         inside = (node.module or "").startswith(f"{SINGLE}.")
         name = (node.module or "").removeprefix(f"{SINGLE}.")
-        if inside and name not in SHARED:
+        if inside and not is_shared(name):
             node.module = f"{DOUBLE}.{name}"
         return node
 
     def _definition(self, node: Any) -> Any:
         decorators, node.decorator_list = node.decorator_list, []
         before = self.on_device
-        self.on_device = before or any(_wp_name(d) in _DEVICE_CODE for d in decorators)
+        self.on_device = before or any(wp_name(d) in _DEVICE_CODE for d in decorators)
         self.generic_visit(node)
         self.on_device, node.decorator_list = before, decorators
         return node
@@ -146,27 +158,27 @@ class _Doubler(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         """Static expressions are evaluated by Python: their value is cast, they stay as they are."""
-        name = _wp_name(node)
+        name = wp_name(node)
         if self.on_device and name == "static":
             node.args = [ast.Call(ast.Name("in_double", ast.Load()), node.args, [])]
             return node
         self.generic_visit(node)
-        if _wp_name(node.func) == "float64" and _wp_name(node.args[0]) == "float64":
+        if wp_name(node.func) == "float64" and wp_name(node.args[0]) == "float64":
             return node.args[0]  # of a literal, which was cast already
-        if _wp_name(node.func) == "float64" and _wp_name(node.args[0]) == "static":
+        if wp_name(node.func) == "float64" and wp_name(node.args[0]) == "static":
             # a variable that starts at a constant: the cast alone would give the constant itself, for Warp to change
-            return ast.BinOp(_wp("float64", ast.Constant(1.0)), ast.Mult(), node.args[0])
+            return ast.BinOp(in_warp("float64", ast.Constant(1.0)), ast.Mult(), node.args[0])
         if self.on_device and name == "quat_identity":
-            node.keywords = [ast.keyword("dtype", _wp("float64"))]
+            node.keywords = [ast.keyword("dtype", in_warp("float64"))]
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
         """Types, and the constants `wp.inf` and `wp.nan`."""
-        name = _wp_name(node)
+        name = wp_name(node)
         if name in _TYPES:
             node.attr = _TYPES[name]
         elif self.on_device and name and isinstance(getattr(wp, name, None), float):
-            return _wp("float64", node)
+            return in_warp("float64", node)
         else:
             self.generic_visit(node)
         return node
@@ -175,14 +187,14 @@ class _Doubler(ast.NodeTransformer):
         """`float`, and constants of the module."""
         if self.on_device and isinstance(node.ctx, ast.Load):
             if node.id == "float":
-                return _wp("float64")
+                return in_warp("float64")
             if isinstance(getattr(self.single, node.id, None), float):
-                return _wp("static", ast.Call(ast.Name("in_double", ast.Load()), [node], []))
+                return in_warp("static", ast.Call(ast.Name("in_double", ast.Load()), [node], []))
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.expr:
         """Literals."""
-        return _wp("float64", node) if self.on_device and isinstance(node.value, float) else node
+        return in_warp("float64", node) if self.on_device and isinstance(node.value, float) else node
 
 
 @functools.cache
@@ -191,7 +203,7 @@ def double_source(name: str) -> str:
     single = importlib.import_module(f"{SINGLE}.{name}")
     assert single.__file__ is not None
     tree = ast.parse(Path(single.__file__).read_text(encoding="utf-8"))
-    return ast.unparse(ast.fix_missing_locations(_Doubler(single).visit(tree)))
+    return ast.unparse(ast.fix_missing_locations(Doubler(single).visit(tree)))
 
 
 class DoubleModules(importlib.abc.MetaPathFinder, importlib.abc.ExecutionLoader):
@@ -205,7 +217,7 @@ class DoubleModules(importlib.abc.MetaPathFinder, importlib.abc.ExecutionLoader)
     ) -> importlib.machinery.ModuleSpec | None:
         """Asked only for what is not found as a file."""
         name = fullname.removeprefix(f"{DOUBLE}.")
-        if name == fullname or name in SHARED:
+        if name == fullname or is_shared(name):
             return None
         if importlib.util.find_spec(f"{SINGLE}.{name}") is None:
             return None

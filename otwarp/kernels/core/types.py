@@ -221,6 +221,31 @@ class CouplingData:
 
 
 @wp.struct
+class ForceData:
+    """Parameters of the forces in `Features.forces`, and the spheres that some of them act on; P parameters in all."""
+
+    value: wp.array(dtype=wp.float32)  # one parameter after the other, each (1|W, B, components)
+    layout: wp.array(dtype=wp.int32)  # (2 P) first number and rows of each parameter, then per force and body: it acts
+    sphere_start: wp.array(dtype=wp.int32)  # (B + 1), filled where a force acts on the spheres of rigid bodies
+    sphere: wp.array(dtype=wp.vec4)  # offset from the reference point and radius [µm]
+
+
+@wp.struct
+class ForceInput:
+    """What a force may depend on: a body, or one sphere of it, at one moment."""
+
+    position: wp.vec3  # the body's centre of diffusion, or the sphere's centre [µm]
+    rotation: wp.quat  # from the body's frame to the world's
+    radius: wp.float32  # of the sphere, or of the ball about the centre of diffusion that holds the body [µm]
+    time: wp.float32  # [s]
+    exact_time: wp.float64  # the same, for runs so long that float32 seconds are too coarse [s]
+    thermal_energy: wp.float32  # k_B·T [pN·µm]
+    viscosity: wp.float32  # [pN·s/µm²]
+    world: wp.int32  # index of the world
+    body: wp.int32  # index of the body in the scene
+
+
+@wp.struct
 class ModelData:
     """All that never changes during a run."""
 
@@ -235,6 +260,7 @@ class ModelData:
     flow: FlowData
     walls: WallData
     coupling: CouplingData
+    forces: ForceData
 
 
 @wp.struct

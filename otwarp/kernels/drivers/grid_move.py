@@ -134,7 +134,7 @@ def make_correct(f: Features) -> wp.Kernel:
     assert scheme.correct is not None
     correction = scheme.correct(dynamics)
     body_pose = body_pose_term(f)
-    everywhere = f.flow not in (None, "uniform") or f.walls > 0
+    everywhere = f.flow not in (None, "uniform") or f.walls > 0 or bool(f.forces)
 
     @wp.func
     def may_differ(model: ModelData, b: int) -> bool:

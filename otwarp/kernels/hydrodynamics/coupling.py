@@ -49,7 +49,7 @@ from otwarp.kernels.bodies.rigid import (
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, vec6, world_row
-from otwarp.kernels.optics.trap_wrench import wrench_term
+from otwarp.kernels.forces.total import body_total
 
 COUPLED = ("heun", "eulerMaruyama")
 """Integrators that serve coupled bodies: the others need a constant matrix of noise or of relaxation."""
@@ -280,14 +280,14 @@ def own_drift_term(f: Features) -> wp.Function:
     still = bead_dynamics(dataclasses.replace(quiet, flow=None)).drift
     flow_at = FLOW_TERMS[f.flow] if f.flow else None
     rigid_constants = rigid_constants_term(quiet) if f.rigid else None
-    wrench = wrench_term(f) if f.rigid else None
+    wrench = body_total(f) if f.rigid else None
     flow_velocity = flow_velocity_term(f) if f.rigid and f.flow else None
 
     @wp.func
     def own_drift(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ):
-        """Traps, weight and flow."""
+        """All forces of `FORCES`, and the flow [µm, rad]."""
         force = wp.vec3(0.0)
         move = vec6()
         if wp.static(f.rigid):

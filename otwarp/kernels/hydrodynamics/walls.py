@@ -258,7 +258,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         position: wp.vec3,
         time: wp.float64,
     ) -> wp.vec3:
-        """Traps and weight against the hindered mobility, and the flow."""
+        """All forces of `FORCES` against the hindered mobility, and the flow [µm]."""
         radius = model.walls.sphere[model.walls.start[b]][3]
         mobility = mobility_of(model.walls, position, radius)
         move = mobility * still(model, control, state, bead, world, b, position, time)

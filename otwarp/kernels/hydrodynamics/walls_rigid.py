@@ -38,8 +38,8 @@ from otwarp.kernels.core.types import (
     vec6,
     world_row,
 )
+from otwarp.kernels.forces.total import body_total
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess
-from otwarp.kernels.optics.trap_wrench import wrench_term
 from otwarp.laws.wall_fits import COUPLING, PARALLEL, ROLL, SHEAR_FORCE, SHEAR_TORQUE, SPIN
 
 _PI = wp.constant(3.141592653589793)
@@ -274,7 +274,7 @@ def body_flow_term(f: Features) -> wp.Function:
 def walled_rigid_dynamics(f: Features) -> Dynamics:
     """Drift M(x) (F, T) dt + flow and noise with its thermal drift of a rigid body near walls."""
     free = rigid_dynamics(dataclasses.replace(f, walls=0, flow=None))
-    wrench = wrench_term(f)
+    wrench = body_total(f)
     root_of = body_root_term(f)
     noise_of = body_noise_term(f)
     flow_velocity = body_flow_term(f) if f.flow else None
@@ -297,7 +297,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
         pose: Pose,
         time: wp.float64,
     ) -> vec6:
-        """Traps, weight and flow."""
+        """All forces of `FORCES`, and the flow [µm, rad]."""
         root = root_of(model.walls, model.body.shape[b], b, pose)
         load = wrench(model, control, state, body, world, b, pose, time)
         force = wp.quat_rotate_inv(pose.rotation, load.force)

@@ -280,34 +280,6 @@ def trap_wrench_term(f: Features) -> wp.Function:
     return trap_wrench
 
 
-def wrench_term(f: Features) -> wp.Function:
-    """`(model, control, state, body, world, b, pose, time) -> Wrench`: all forces on a body that are not contact."""
-    trap_wrench = trap_wrench_term(f) if f.trap_models else None
-
-    @wp.func
-    def wrench(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
-        time: wp.float64,
-    ) -> Wrench:
-        """Traps, then weight, which acts at the centroid."""
-        total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
-        if wp.static(bool(f.trap_models)):
-            total = trap_wrench(model, control, state, body, world, b, pose, time)
-        if wp.static(f.gravity):
-            load = wp.vec3(0.0, 0.0, -model.body.weight[b])
-            total.force += load
-            total.torque += wp.cross(wp.quat_rotate(pose.rotation, model.body.weight_arm[b]), load)
-        return total
-
-    return wrench
-
-
 @wp.func
 def cross_matrix(a: wp.vec3) -> wp.mat33:
     """[a]×, with [a]× v = a × v."""

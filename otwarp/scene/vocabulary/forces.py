@@ -6,7 +6,18 @@ from dataclasses import replace
 
 from otwarp.scene.vocabulary.attribute import Attribute
 
-FORCES: tuple[Attribute, ...] = ()
+FORCES: tuple[Attribute, ...] = (
+    Attribute(
+        "ot:body:externalForce",
+        (0.0, 0.0, 0.0),
+        "force",
+        "[0, 1e-06]",
+        optional=True,
+        field="forces.external_force",
+        per_world=("external_force",),
+        doc="Constant force at the centre of diffusion, in world coordinates.",
+    ),
+)
 """Rows named `ot:body:…`, optional, with a field `forces.…`; see `otwarp.scene.vocabulary`."""
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
 from otwarp.scene.transforms import rotate
-from otwarp.simulation.pack_bodies import weight
+from otwarp.simulation.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
 
 SWEEP = 40.0
@@ -80,7 +80,9 @@ class Reach:
         place = np.array([b.position for b in scene.bodies], dtype=float).reshape(-1, 3)
         bound = np.array([body_bound(b) for b in scene.bodies])
         drift = horizon * flow_velocity(scene, place)
-        roam = np.array([_roam(scene, b, horizon) for b in scene.bodies])
+        roam = np.array(
+            [_roam(scene, b, load.force, horizon) for b, load in zip(scene.bodies, resting_loads(scene), strict=True)]
+        )
         carried = max((_carried(b) for b in scene.bodies), default=0.0) if scene.traps else 0.0
         sweeps = [min(sweep, trap.speed_limit * horizon) if horizon > 0.0 else 0.0 for trap in scene.traps]
         anchor, points, extra = _anchors(scene, place, [s + carried for s in sweeps])
@@ -134,17 +136,12 @@ def flow_velocity(scene: Scene, place: np.ndarray) -> np.ndarray:
     return speed[:, None] * rotate(turn, np.array([1.0, 0.0, 0.0]))
 
 
-def _steady_load(scene: Scene, body: Body) -> float:
-    """Magnitude of the force that acts on a body wherever it is [pN]: its weight in the medium."""
-    return abs(weight(scene, body)) if scene.settings.gravity else 0.0
-
-
-def _roam(scene: Scene, body: Body, horizon: float) -> float:
-    """How far diffusion and steady load take a body in the session [µm], by the Stokes drag of its largest sphere."""
+def _roam(scene: Scene, body: Body, load: float, horizon: float) -> float:
+    """How far noise, weight and other steady forces take a body [µm], by the Stokes drag of its largest sphere."""
     mobility = 1.0 / (6.0 * math.pi * scene.medium.viscosity * max(s.radius for s in body.spheres))
     hot = scene.medium.temperature if scene.settings.brownian else 0.0
     thermal = DEVIATIONS * math.sqrt(2.0 * BOLTZMANN * hot * mobility * horizon)
-    return thermal + _steady_load(scene, body) * mobility * horizon
+    return thermal + load * mobility * horizon
 
 
 def _path(trap: Trap) -> np.ndarray:

@@ -12,6 +12,7 @@ from otwarp.kernels.integrate.body import free_move_term
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.pack_bodies import mobilities
 from otwarp.simulation.state import Control, State
 from otwarp.units import BOLTZMANN, STANDARD_GRAVITY
@@ -49,7 +50,7 @@ SCENE = Scene(
 
 @pytest.fixture(scope="module")
 def model(device) -> Model:
-    return Model.build(SCENE, worlds=3, seed=SEED, device=device, integrator="eulerMaruyama")
+    return Model.build(SCENE, worlds=3, seed=SEED, device=device, options=StepOptions(integrator="eulerMaruyama"))
 
 
 def make_probe(model: Model) -> wp.Kernel:

@@ -1,0 +1,55 @@
+"""What forces with parameters do to the bodies at the present state, measured on demand."""
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ModelData, Pose, StateData, Wrench
+from otwarp.kernels.forces.parametric import parametric_wrench_term
+
+
+def make_force_readout(f: Features) -> wp.Kernel:
+    """Kernel over (world, body): force [pN] and torque about the centre of diffusion [pN·µm] of each of `f.forces`."""
+    first = parametric_wrench_term(f, 0)
+    terms = [parametric_wrench_term(f, index) for index in range(1, len(f.forces))]
+
+    def nth(index: int, before: wp.Function, term: wp.Function) -> wp.Function:
+        @wp.func
+        def chosen(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64, force: int) -> Wrench:
+            """The force of this index, or one of those before."""
+            value = Wrench(wp.vec3(0.0), wp.vec3(0.0))
+            if force == wp.static(index):
+                value = term(model, world, b, pose, time)
+            else:
+                value = before(model, world, b, pose, time, force)
+            return value
+
+        return chosen
+
+    @wp.func
+    def only(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64, force: int) -> Wrench:
+        """The first force."""
+        return first(model, world, b, pose, time)
+
+    wrench = only
+    for index, term in enumerate(terms, start=1):
+        wrench = nth(index, wrench, term)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def per_body(
+        model: ModelData,
+        state: StateData,
+        time: wp.float64,
+        force: wp.array3d(dtype=wp.vec3),
+        torque: wp.array3d(dtype=wp.vec3),
+    ):
+        """Write (W, F, B) forces and torques."""
+        world, b = wp.tid()
+        pose = Pose(state.position[world, b], wp.quat_identity())
+        if wp.static(f.rigid):
+            pose.rotation = state.orientation[world, b]
+        for index in range(wp.static(len(f.forces))):
+            value = wrench(model, world, b, pose, time, index)
+            force[world, index, b] = value.force
+            torque[world, index, b] = value.torque
+
+    return per_body

@@ -1,0 +1,99 @@
+"""All forces on a body that are not contact: the sum of the active rows of `FORCES`."""
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import (
+    BeadConstants,
+    ControlData,
+    ModelData,
+    Pose,
+    RigidConstants,
+    StateData,
+    Wrench,
+    mat66,
+)
+from otwarp.kernels.forces.table import active_forces
+from otwarp.kernels.forces.zeros import ZEROS, no_body_stiffness, no_wrench
+
+
+def sphere_total(f: Features, what: str) -> wp.Function:
+    """`(model, control, state, bead, world, b, position, time)` → total `force` [pN] or `stiffness` [pN/µm]."""
+    rows = active_forces(f)
+    made = [make for row in rows if (make := row.on_sphere if what == "force" else row.sphere_stiffness)]
+    kind, nothing = ZEROS[what]
+
+    @wp.func
+    def zero(
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
+        """Without any force."""
+        return nothing()
+
+    def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        @wp.func
+        def total(
+            model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+            position: wp.vec3, time: wp.float64,
+        ) -> kind:  # fmt: skip
+            """What comes before in the table, and the next."""
+            value = one(model, control, state, bead, world, b, position, time)
+            value += other(model, control, state, bead, world, b, position, time)
+            return value
+
+        return total
+
+    terms = [make(f) for make in made]
+    result = terms[0] if terms else zero
+    for term in terms[1:]:
+        result = both(result, term)
+    return result
+
+
+def body_total(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> Wrench`: total force and torque on a rigid body."""
+
+    @wp.func
+    def zero(
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
+        time: wp.float64,
+    ) -> Wrench:  # fmt: skip
+        """Without any force."""
+        return no_wrench()
+
+    def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        @wp.func
+        def total(
+            model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int,
+            pose: Pose, time: wp.float64,
+        ) -> Wrench:  # fmt: skip
+            """What comes before in the table, and the next."""
+            value = one(model, control, state, body, world, b, pose, time)
+            more = other(model, control, state, body, world, b, pose, time)
+            value.force += more.force
+            value.torque += more.torque
+            return value
+
+        return total
+
+    terms = [row.on_body(f) for row in active_forces(f) if row.on_body]
+    result = terms[0] if terms else zero
+    for term in terms[1:]:
+        result = both(result, term)
+    return result
+
+
+def body_stiffness_total(f: Features) -> wp.Function:
+    """`(model, control, state, world, b, pose, time) -> (6, 6)` symmetric part of −∂(F, T)/∂(x, θ) on a rigid body."""
+    terms = [row.body_stiffness(f) for row in active_forces(f) if row.body_stiffness]
+    assert len(terms) <= 1, "only traps have one"
+
+    @wp.func
+    def zero(
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
+    ) -> mat66:
+        """Without any force that the exponential integrator treats as linear."""
+        return no_body_stiffness()
+
+    return terms[0] if terms else zero

@@ -1,0 +1,83 @@
+"""The optical force of all traps on a lone sphere; that on a rigid body is `optics.trap_wrench`."""
+
+import warp as wp
+
+from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
+from otwarp.kernels.forces.zeros import ZEROS
+from otwarp.kernels.optics.trap_wrench import anchor_of, reach_term, trap_command_term
+from otwarp.kernels.optics.traps import trap_force_term
+
+
+def sum_over_traps_term(f: Features, what: str) -> wp.Function:
+    """`(model, control, state, bead, world, b, position, time)` → sum over the traps of their `force` or `stiffness`.
+
+    Args:
+        what: Name of the function of `TrapTerm`, [pN] or [pN/µm] once the power is in.
+    """
+    term = trap_force_term(f.trap_models)
+    prepare, value_at = term.prepare, getattr(term, what)
+    kind, nothing = ZEROS[what]
+    trap_command = trap_command_term(f)
+    reach_of = reach_term(f)
+
+    @wp.func
+    def one_of_few(model: ModelData, law: TrapConstants, command: wp.vec4, position: wp.vec3) -> kind:
+        """Of a prepared trap."""
+        anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
+        return command[3] * value_at(model.traps, law, position - anchor)
+
+    @wp.func
+    def of_few(
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
+        """Traps whose constants the sphere carries along."""
+        command = bead.first_command
+        if wp.static(not f.still_traps):
+            command = trap_command(model, control, state, world, 0, time)
+        total = one_of_few(model, bead.first, command, position)
+        if wp.static(f.traps == FEW_TRAPS):
+            other = bead.second_command
+            if wp.static(not f.still_traps):
+                other = trap_command(model, control, state, world, 1, time)
+            total += one_of_few(model, bead.second, other, position)
+        return total
+
+    @wp.func
+    def of_many(
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
+        """A loop over those within reach."""
+        total = nothing()
+        traps = int(wp.static(f.traps))
+        for trap in range(traps):
+            now = trap_command(model, control, state, world, trap, time)
+            away = position - anchor_of(model, trap, now)
+            reach = reach_of(model, world, trap, bead.radius)
+            if wp.length_sq(away) < reach * reach:
+                law = prepare(model.traps, world, trap, bead.radius, bead.kind)
+                total += now[3] * value_at(model.traps, law, away)
+        return total
+
+    return of_few if f.traps <= FEW_TRAPS else of_many
+
+
+def traps_on_sphere(f: Features, what: str) -> wp.Function:
+    """`(model, control, state, bead, world, b, position, time)` → their `force` or `stiffness`, as `sum_over_traps`."""
+    total = sum_over_traps_term(f, what)
+    kind, nothing = ZEROS[what]
+
+    @wp.func
+    def of_traps(
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> kind:  # fmt: skip
+        """Nothing on a sphere that traps do not act on."""
+        value = nothing()
+        if bead.trapped != 0:
+            value = total(model, control, state, bead, world, b, position, time)
+        return value
+
+    return of_traps

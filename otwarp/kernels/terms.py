@@ -1,0 +1,65 @@
+"""Which terms a step has, and why: what `otwarp info` prints."""
+
+from __future__ import annotations
+
+from otwarp.kernels.core.features import MAX_WORLD_BODIES, Features
+from otwarp.kernels.forces.table import FORCES, active_forces
+
+
+def terms(f: Features) -> list[tuple[str, bool, str]]:
+    """(term, compiled in, why) for every optional term; of traps one per kind of model."""
+    rows = [*FORCES.values(), *(row for row in active_forces(f) if row not in FORCES.values())]
+    forces = [(r.name, r.active(f), r.why(f), r.why_not) for r in rows if r.name != "traps"]
+    yes_no = (
+        ("harmonic trap", any("harmonic" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
+        ("piecewise trap", any("piecewise" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
+        ("tabulated trap", any("table" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
+        ("exact optical force", any("exact" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
+        ("moving traps", f.moving_traps, "traps have time samples", "no trap has time samples"),
+        ("trap speed limit", f.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
+        ("rotation, 6×6 mobility", f.rigid, "a body has several spheres", "all bodies are lone spheres"),
+        ("lone-sphere mobility", f.spheres, "a body is a lone sphere", "no body is a lone sphere"),
+        ("Brownian noise", f.brownian, "ot:scene:brownian and temperature > 0", "switched off or 0 K"),
+        *forces,
+        ("flow", f.flow is not None, f"{f.flow} flow", "no OtFlowAPI, or its flow is zero"),
+        (
+            "obstacle contact",
+            bool(f.obstacles),
+            "shapes: " + ", ".join(f.obstacles),
+            "no obstacle, or nothing that collides",
+        ),
+        (
+            "hydrodynamic walls",
+            f.walls > 0,
+            "planes with ot:obstacle:hydrodynamic",
+            "no plane with ot:obstacle:hydrodynamic",
+        ),
+        (
+            "hydrodynamic coupling",
+            f.coupling,
+            "ot:scene:hydrodynamicCoupling, and two or more bodies",
+            "ot:scene:hydrodynamicCoupling is false, or there is one body",
+        ),
+        ("moving obstacles", f.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
+        ("body–body contact", f.pairs, "two or more bodies collide", "fewer than two bodies collide"),
+        ("rods in contact", f.rods, "a rod collides", "no rod that anything can touch"),
+        (
+            "neighbour lists",
+            f.driver == "grid" and f.pairs,
+            f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
+            "bodies do not touch" if not f.pairs else "few bodies",
+        ),
+        (
+            "implicit contact forces",
+            f.contacts and not f.soft_contacts,
+            "contacts may be stiff against the time step",
+            "contacts are soft against the time step" if f.contacts else "nothing touches",
+        ),
+        (
+            "escape detection",
+            f.escapes,
+            "traps have a finite reach",
+            "no trap with a finite reach holds a sphere",
+        ),
+    )
+    return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

@@ -1,0 +1,40 @@
+"""How a scene is stepped: one object, passed whole from the user to the kernels."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from otwarp.scene import Scene
+    from otwarp.simulation.forces import Force
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepOptions:
+    """What a user may choose about the step, beyond the scene and its parameters.
+
+    Attributes:
+        time_step: Explicit step [s]; None lets the scene and its accuracy decide.
+        integrator: `eulerMaruyama`, `leimkuhlerMatthews`, `heun`, `exponential`, or None for the scene's.
+        noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
+        fast_math: On CUDA, approximate instructions for logarithm, sine, cosine, roots and divisions.
+        crossings: Whether escapes between the ends of two steps count.
+        precision: `float32`, or `float64` for all real numbers but the noise.
+        forces: Forces that the user adds; see `otwarp.force`.
+    """
+
+    time_step: float | None = None
+    integrator: str | None = None
+    noise: str | None = None
+    fast_math: bool = False
+    crossings: bool = True
+    precision: str = "float32"
+    forces: tuple[Force, ...] = ()
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene with those of its own settings replaced that are chosen here."""
+        chosen = {"time_step": self.time_step, "integrator": self.integrator, "noise": self.noise}
+        given = {name: value for name, value in chosen.items() if value is not None}
+        return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **given))
