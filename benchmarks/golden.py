@@ -4,10 +4,10 @@
     python -m benchmarks.golden compare golden.json [--scenes DIR] [--only PART]...
 
 `record` steps every case of `CASES` on the CPU and writes the digests of positions, orientations, foci and every array
-of the readout, beside the time step; `compare` does so again and lists what differs. A case is a shipped scene, or one
-with a few attributes edited so that together they reach every driver and term. Digests depend on the processor, and
-so on machine and compiler: they compare two states of the code on one machine. `--recording FILE.mcap` also replays
-haptic recordings, whose forces must be equal bit for bit.
+of the readout, beside the time step; `compare` does so again and lists what differs; arrays that the record does not
+know are new, and pass. A case is a shipped scene, or one with a few attributes edited so that together they reach every
+driver and term. Digests depend on the processor, and so on machine and compiler: they compare two states of the code on
+one machine. `--recording FILE.mcap` also replays haptic recordings, whose forces must be equal bit for bit.
 """
 
 from __future__ import annotations
@@ -329,7 +329,7 @@ def main() -> None:
     known, bad = json.loads(asked.file.read_text()), []
     for name, found in measure(asked.scenes, asked.only):
         kept = known.get(name, {})
-        bad += [f"{name}: {key}" for key in sorted(kept | found) if kept.get(key) != found.get(key)]
+        bad += [f"{name}: {key}" for key in sorted(kept) if kept.get(key) != found.get(key)]
     for file in asked.recording:
         bad += replay(file)
     print("\n".join(["differs:", *bad]) if bad else "all equal")

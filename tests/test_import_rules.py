@@ -39,7 +39,24 @@ ALLOWED: dict[str, set[str]] = {
 }
 """Room → rooms it may import (the design's table); `cli` may import everything, inside functions."""
 
+KERNELS = (
+    "core",
+    "cpu",
+    "optics",
+    "body_forces",
+    "forces",
+    "bodies",
+    "hydrodynamics",
+    "contact",
+    "integrate",
+    "drivers",
+)
+"""Inner rooms of `kernels`, each of which imports only those before it."""
+
 INNER: dict[str, set[str]] = {
+    "kernels": {f"kernels.{room}" for room in KERNELS},
+    "kernels.float64": {"kernels.core"},
+    **{f"kernels.{room}": {f"kernels.{above}" for above in KERNELS[:n]} for n, room in enumerate(KERNELS)},
     "scene": {"scene.read", "scene.schema"},
     "scene.vocabulary": set(),
     "scene.schema": {"scene.vocabulary"},
