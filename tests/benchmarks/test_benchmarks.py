@@ -50,7 +50,7 @@ def term_section() -> Section:
 
 
 def test_the_scene_of_everything_has_every_kind_of_term():
-    features = Model.build(SCENES["everything"](), device="cpu", time_step=TIME_STEP).features
+    features = Model.build(SCENES["everything"](), device="cpu", options=StepOptions(time_step=TIME_STEP)).features
     has = (
         "moving_traps",
         "speed_limits",

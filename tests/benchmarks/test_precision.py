@@ -10,6 +10,7 @@ from benchmarks import precision
 from benchmarks.report import Section
 from otwarp.kernels.core.precision import PRECISIONS
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from tests.benchmarks.test_benchmarks import cells, strictly
 
 TIMED = ("bead, harmonic trap", "robot of 5 spheres, 3 traps")
@@ -52,4 +53,7 @@ def test_tables_are_complete(section: Section):
 @pytest.mark.parametrize("name", precision.TIMES)
 def test_what_is_timed_goes_in_both_precisions(name: str):
     for wanted in PRECISIONS:
-        assert Model.build(precision.TIMES[name](), device="cpu", precision=wanted).features.precision == wanted
+        assert (
+            Model.build(precision.TIMES[name](), device="cpu", options=StepOptions(precision=wanted)).features.precision
+            == wanted
+        )

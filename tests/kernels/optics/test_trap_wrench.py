@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.kernels.bodies.rigid import rigid_constants_term
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData
-from otwarp.kernels.optics.trap_wrench import wrench_term
+from otwarp.kernels.forces.total import body_total
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, State
 from tests.kernels.optics.test_traps import MODELS, ROUNDING, SCENE, SPHERES, TRAPS
@@ -27,7 +27,7 @@ def test_wrench_is_the_sum_over_spheres_and_traps(model, device):
     f = model.features
     assert f.trap_models == tuple(sorted(MODELS))
     assert f.rigid
-    term, constants_of = wrench_term(f), rigid_constants_term(f)
+    term, constants_of = body_total(f), rigid_constants_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe_wrench(
