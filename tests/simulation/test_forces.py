@@ -73,7 +73,7 @@ DRIVERS = {
     "world": quiet(*colliding(2)),
     "coupled": dataclasses.replace(
         quiet(sphere_body("B0"), sphere_body("B1", (4000.0, 0.0, 0.0))),
-        settings=Settings(brownian=False, time_step=1e-4, hydrodynamic_coupling=True),
+        settings=Settings(brownian=False, time_step=1e-4, coupling=True),
     ),
     "grid": quiet(*colliding(30)),
     "rigid": quiet(robot("B0")),
