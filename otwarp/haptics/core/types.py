@@ -231,7 +231,8 @@ def cycles_of(records: bytes) -> list[Cycle]:
         raise InputError(f"cycles: {len(records)} bytes; must be a multiple of {CYCLE.size}")
     out = []
     for v in CYCLE.iter_unpack(records):
-        out.append(Cycle(*v[:3], v[3:6], *v[6:14], v[14:17], v[17:20], v[20], v[21], v[22:25]))
+        fields: tuple[Any, ...] = (*v[:3], v[3:6], *v[6:14], v[14:17], v[17:20], v[20], v[21], v[22:25])
+        out.append(Cycle(*fields))
     return out
 
 

@@ -293,7 +293,7 @@ class HandLayout:
     kind = b"hand"
 
     def __init__(self, traps: int):
-        self.capacities = (0, _capacity("traps", traps))
+        self.capacities: tuple[int, int] = (0, _capacity("traps", traps))
         self._head = struct.Struct("Q8d3Q")
         self.size = self._head.size + 32 * traps
         self._trap = struct.Struct("q3d")

@@ -389,7 +389,7 @@ def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
         servo.run()
     except InputError:  # its last report says it
         return 2
-    except Exception:
-        sys.excepthook(*sys.exc_info())
+    except Exception as error:
+        sys.excepthook(type(error), error, error.__traceback__)
         return 1
     return 0

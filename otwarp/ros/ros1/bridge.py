@@ -71,8 +71,8 @@ class Ros1Bridge:
         self.config = config or ContractConfig()
         self._axes, self._stamp, self._types = Axes(self.config), stamp, types()
         self._clock = clock
-        self._out = {topic: node.publisher(topic, TRANSFORM) for topic in SIMULATOR_TOPICS}
-        self._sequence = dict.fromkeys(SIMULATOR_TOPICS, 0)
+        self._out: dict[str, Any] = {topic: node.publisher(topic, TRANSFORM) for topic in SIMULATOR_TOPICS}
+        self._sequence: dict[str, int] = dict.fromkeys(SIMULATOR_TOPICS, 0)
         self._next = -math.inf
         self.skipped = 0
         self.hands: tuple[HandTopics, HandTopics] = self.config.hands()
@@ -143,7 +143,7 @@ class Ros1Bridge:
             (a, b, c), (x, y, z) = places
             self._send(PAIR_TOPIC, stamp, (0.5 * (a + x), 0.5 * (b + y), 0.5 * (c + z)), UPRIGHT)
         for topic, obstacle in zip(OBSTACLE_TOPICS, obstacles, strict=False):
-            placed = obstacle if len(obstacle) == 2 else (obstacle, None)
+            placed: Any = obstacle if len(obstacle) == 2 else (obstacle, None)
             turned = UPRIGHT if placed[1] is None else self._axes.orientation(placed[1])
             self._send(topic, stamp, self._axes.point(placed[0]), turned)
         return True

@@ -6,7 +6,7 @@ import contextlib
 import http.client
 import time
 import xmlrpc.client
-from typing import Any
+from typing import Any, cast
 from xml.parsers import expat
 
 from otwarp.ros.ros1.names import address
@@ -51,7 +51,7 @@ def parse(body: bytes) -> tuple[list[Any], str | None]:
     parser.StartDoctypeDeclHandler = _refuse
     parser.StartElementHandler, parser.EndElementHandler = target.start, target.end
     parser.CharacterDataHandler = target.data
-    target.xml(None, None)  # expat has decoded already
+    target.xml(cast("str", None), None)  # expat has decoded already
     try:
         parser.Parse(body, True)
         return list(target.close()), target.getmethodname()

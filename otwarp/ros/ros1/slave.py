@@ -9,7 +9,7 @@ import threading
 import xmlrpc.client
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler
-from typing import Any
+from typing import Any, cast
 
 from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.rpc import MOST_BODY, parse
@@ -135,7 +135,10 @@ class SlaveServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
     def close(self) -> None:
         """Stop listening."""
         self._closed = True
-        with contextlib.suppress(OSError), socket.create_connection(self.server_address, PATIENCE):
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection(cast("tuple[str, int]", self.server_address), PATIENCE),
+        ):
             pass  # wakes the thread, on every system
         self._thread.join(PATIENCE)
         self.server_close()

@@ -199,7 +199,8 @@ class Ros2Bridge:
             return False
         stamp = self._stamp(now if state.time is None else state.time)
         # all are made before any is sent: a bad number anywhere sends nothing
-        for topic, message in [(topic, self._message(stamp, topic, *rest)) for topic, *rest in self._transforms(state)]:
+        made = [(topic, self._message(stamp, topic, p, q, unit)) for topic, p, q, unit in self._transforms(state)]
+        for topic, message in made:
             self._out[topic].publish(message)
         # on the grid of the rate; after a pause, or a clock that went back, a new grid and no burst
         self._due = self._due + period if 0.0 <= now - self._due < period else now + period

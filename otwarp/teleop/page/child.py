@@ -54,6 +54,8 @@ TICK = 0.05
 """Seconds after which the loop looks around though nothing came: pointers must be written."""
 TRAP_HANDLE, HAND_HANDLE = 0.045, 0.075
 """Size of handles over the distance of the camera."""
+WIDE = (-1e6, 1e6)
+"""Limits of a handle along an axis [µm]: none that matters."""
 NOTICE = 8.0
 """Seconds for which a notification stays."""
 RATE_OVER = 2.0
@@ -232,7 +234,7 @@ class Page:
             depth_test=False,
             opacity=0.95 if whole else 0.8,
             position=position,
-            translation_limits=((-1e6, 1e6),) * 3,
+            translation_limits=(WIDE, WIDE, WIDE),
         )
 
         async def dragged(event: Any) -> None:

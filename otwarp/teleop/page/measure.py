@@ -101,8 +101,7 @@ def _window(program: str, url: str, profile: str) -> subprocess.Popen[bytes]:
     options = ["--headless=new", f"--user-data-dir={profile}", "--no-first-run", "--enable-unsafe-swiftshader"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         options.append("--no-sandbox")  # Chromium refuses to run as root with it; the page is our own
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([program, *options, url], **quiet)
+    return subprocess.Popen([program, *options, url], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def _end(window: subprocess.Popen[bytes]) -> None:

@@ -5,7 +5,7 @@ A trap's arrow stands on the sphere it holds, a contact's on the part of the bod
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -174,7 +174,7 @@ class SceneView:
             points = make(self._drawing, frame, self.arrow_scale, self._head) if wanted else np.zeros((0, 2, 3))
             handle.visible = len(points) > 0
             if len(points):
-                handle.points = points
+                handle.points = cast("Any", points)  # it takes any floats, and keeps float32
 
     def _studio(self) -> None:
         """Up, camera, light, background."""

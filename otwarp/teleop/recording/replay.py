@@ -278,8 +278,13 @@ class _Hand:
 
     def _device(self, cycle: Cycle) -> DeviceInfo:
         """The device as far as a chain knows it."""
-        limits = {"force": cycle.limit, "continuous_force": cycle.continuous}
-        return DeviceInfo(name=self._name, kind="replay", absolute=bool(cycle.flags & ABSOLUTE), **limits)
+        return DeviceInfo(
+            name=self._name,
+            kind="replay",
+            absolute=bool(cycle.flags & ABSOLUTE),
+            force=cycle.limit,
+            continuous_force=cycle.continuous,
+        )
 
     def _state(self, beat: int) -> SceneFrame | None:
         """The state of a beat; consecutive cycles share one."""
