@@ -104,8 +104,8 @@ def test_a_constant_force_moves_a_body_by_its_mobility(driver: str, precision: s
         centres, radii = np.array([o for o, _ in FIVE]), np.array([r for _, r in FIVE])
         mobility = body_mobility(centres, radii, accuracy=Body.mobility_accuracy).mobility[:3, :3] / VISCOSITY
     expected = 50 * 1e-4 * np.array([1.0, 2.0])[:, None] * (mobility @ force)
-    # coupled beads 4 mm apart carry each other along by a 1.5·radius/distance
-    far = 1e-3 if driver == "coupled" else 30 * ROUNDING[precision]
+    # coupled beads 4 mm apart carry each other along by 1.5·radius/distance; a robot that is pushed turns a little, too
+    far = 1e-3 if driver in ("coupled", "rigid") else 30 * ROUNDING[precision]
     # float32 positions up to 200 µm from the origin
     spacing = 50 * np.spacing(np.float32(4000.0 if driver == "coupled" else 200.0)) if precision == "float32" else 0.0
     np.testing.assert_allclose(moved[:, 0], expected, rtol=far, atol=0.0 if driver in ("solo", "rigid") else spacing)
