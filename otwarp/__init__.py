@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from otwarp.errors import InputError, SimulationError
     from otwarp.kernels.core.types import ForceInput, Wrench
     from otwarp.scene import Scene
-    from otwarp.simulation.forces import force
+    from otwarp.simulation.packing.forces import force
     from otwarp.simulation.simulation import Simulation
 
 __version__ = "0.1.0"
@@ -30,7 +30,7 @@ _HOMES = {
     "Simulation": "otwarp.simulation.simulation",
     "ForceInput": "otwarp.kernels.core.types",
     "Wrench": "otwarp.kernels.core.types",
-    "force": "otwarp.simulation.forces",
+    "force": "otwarp.simulation.packing.forces",
 }
 
 __all__ = [

@@ -57,6 +57,9 @@ INNER: dict[str, set[str]] = {
     "kernels": {f"kernels.{room}" for room in KERNELS},
     "kernels.float64": {"kernels.core"},
     **{f"kernels.{room}": {f"kernels.{above}" for above in KERNELS[:n]} for n, room in enumerate(KERNELS)},
+    "simulation": {"simulation.packing", "simulation.time_step"},
+    "simulation.packing": set(),
+    "simulation.time_step": {"simulation.packing"},
     "scene": {"scene.read", "scene.schema"},
     "scene.vocabulary": set(),
     "scene.schema": {"scene.vocabulary"},
@@ -102,9 +105,7 @@ ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}
 """Files that are made of a package, and that others import by name when it is wanted."""
 
 
-KNOWN_CIRCLES = [
-    "otwarp/simulation: 2 files",
-]
+KNOWN_CIRCLES: list[str] = []
 """Files that import each other in a ring, by the folder they share; to be emptied as rooms are put in order."""
 
 

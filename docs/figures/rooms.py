@@ -21,12 +21,12 @@ PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "bench": (6.5, 6.32, 4.25, 0.98, "violet", "what accuracy costs on this machine"),
     "record": (3.35, 5.31, 2.9, 0.66, "violet", "a run on disk"),
     "preview": (3.35, 3.97, 1.1, 0.98, "violet", "pictures"),
-    "simulation": (4.75, 4.29, 6, 0.66, "red", "Model, State, Control, Readout: the object that steps"),
-    "optics": (8.2, 3.26, 2.55, 0.66, "blue", "exact forces, tables, fits"),
+    "simulation": (4.75, 4.13, 6, 0.98, "red", "Model, State, Control, Readout: the object that steps"),
+    "optics": (7.8, 3.26, 2.95, 0.66, "blue", "exact forces, tables, fits"),
     "haptics": (0.25, 0.92, 2.75, 2, "green", "devices, signal chain, servo"),
-    "scene": (3.35, 0.92, 2.6, 2, "blue", "what a USD stage says"),
-    "hydrodynamics": (6.2, 0.92, 1.75, 2, "blue", "mobilities of bodies,\nblobs, walls"),
-    "kernels": (8.2, 0.92, 2.55, 2, "blue", "the step, in Warp"),
+    "scene": (3.35, 0.92, 2.25, 2, "blue", "what a USD stage says"),
+    "hydrodynamics": (5.8, 0.92, 1.8, 2, "blue", "mobilities of bodies,\nblobs, walls"),
+    "kernels": (7.8, 0.92, 2.95, 2, "blue", "the step, in Warp"),
 }
 """Room → x, y, width, height [in], colour, what it is. A new room must be placed."""
 

@@ -11,8 +11,8 @@ import warp as wp
 from otwarp.bench.rungs import Rung, TrappedBead
 from otwarp.bench.timing import calls_for, elapsed
 from otwarp.optics.table_cache import cache_folder, load
-from otwarp.simulation.arrays import device_array
-from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.packing.arrays import device_array
+from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.simulation import Simulation
 
 SEED = 20240607

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> None:
     """Print diffusion along principal axes, centre of diffusion and error of each distinct body of SCENE."""
     from otwarp.scene import Scene
-    from otwarp.simulation.pack_bodies import mobilities
+    from otwarp.simulation.packing.bodies import mobilities
 
     loaded = Scene.load(scene)
     if accuracy is not None:

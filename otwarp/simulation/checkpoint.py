@@ -19,7 +19,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
-from otwarp.simulation.forces import Force
+from otwarp.simulation.packing.forces import Force
 
 if TYPE_CHECKING:
     from otwarp.simulation.simulation import Simulation
@@ -134,6 +134,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def restore(
+    make: type[Simulation],
     path: Path,
     scene: Scene | None = None,
     *,
@@ -144,6 +145,7 @@ def restore(
     """Make the simulation that `save` wrote.
 
     Args:
+        make: `Simulation`.
         path: The checkpoint.
         scene: The scene it continues, where only the duration may differ; None loads it from its file.
         device, threads: As for `Simulation`.
@@ -152,15 +154,13 @@ def restore(
     Raises:
         InputError: Not a checkpoint, of another format, or its scene or its forces have changed.
     """
-    from otwarp.simulation.simulation import Simulation
-
     about, stored = _read(path)
     if scene is None:
         scene = Scene.load(about["scene"], duration=about["duration"])
     if scene_digest(scene) != about["digest"]:
         raise InputError(f"checkpoint {path} continues {about['scene']} as it was then; scene {scene.file} differs")
     parameters = {k.removeprefix("parameter."): v for k, v in stored.items() if k.startswith("parameter.")}
-    sim = Simulation(
+    sim = make(
         scene,
         worlds=about["worlds"],
         seed=about["seed"],

@@ -18,12 +18,12 @@ from otwarp.kernels.hydrodynamics.coupling import COUPLED
 from otwarp.kernels.hydrodynamics.walls import NEAR_WALLS
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Body, Scene
-from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.options import StepOptions
-from otwarp.simulation.pack_bodies import is_rigid
-from otwarp.simulation.pack_coupling import takes_coupling
-from otwarp.simulation.pack_traps import trap_reach
-from otwarp.simulation.pack_walls import hydrodynamic_walls
+from otwarp.simulation.packing.bodies import is_rigid
+from otwarp.simulation.packing.coupling import takes_coupling
+from otwarp.simulation.packing.optics import TrapOptics
+from otwarp.simulation.packing.traps import trap_reach
+from otwarp.simulation.packing.walls import hydrodynamic_walls
 
 
 def compose(

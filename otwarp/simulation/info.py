@@ -13,8 +13,8 @@ from otwarp.kernels.terms import terms
 from otwarp.scene import Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
-from otwarp.simulation.pack_bodies import mobilities
-from otwarp.simulation.pack_traps import axial_or_radial, law, trap_reach
+from otwarp.simulation.packing.bodies import mobilities
+from otwarp.simulation.packing.traps import axial_or_radial, law, trap_reach
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
 

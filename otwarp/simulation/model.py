@@ -18,19 +18,19 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Scene
-from otwarp.simulation.arrays import Place
 from otwarp.simulation.composition import check_settings
-from otwarp.simulation.forces import ActiveForces, pack_forces
-from otwarp.simulation.optics import TrapOptics
 from otwarp.simulation.options import StepOptions
-from otwarp.simulation.pack_bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
-from otwarp.simulation.pack_coupling import pack_coupling
-from otwarp.simulation.pack_traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
-from otwarp.simulation.pack_walls import hydrodynamic_walls, pack_walls
-from otwarp.simulation.relaxation import TrapRelaxation, mean_point_mobility
+from otwarp.simulation.packing.arrays import Place
+from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.packing.coupling import pack_coupling
+from otwarp.simulation.packing.forces import ActiveForces, pack_forces
+from otwarp.simulation.packing.optics import TrapOptics
+from otwarp.simulation.packing.traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
+from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
 from otwarp.simulation.resolved import ResolvedScene
-from otwarp.simulation.softness import soft_contacts
-from otwarp.simulation.timescales import TimeScales, time_scales, warn_of_lost_motion
+from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
+from otwarp.simulation.time_step.softness import soft_contacts
+from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

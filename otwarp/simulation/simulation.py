@@ -13,12 +13,12 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
-from otwarp.simulation.arrays import host_type
-from otwarp.simulation.forces import Force
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.arrays import host_type
+from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
 
@@ -33,7 +33,7 @@ class Simulation:
         device: `"cpu"`, `"cuda:0"`, … or None for the best available.
         time_step: Explicit step [s]; None lets the scene and its accuracy decide.
         parameters: Values that replace the scene's, for all worlds or per world; see
-            `otwarp.simulation.parameters.PARAMETERS`. A sweep costs the memory of what is swept.
+            `otwarp.simulation.packing.parameters.PARAMETERS`. A sweep costs the memory of what is swept.
         threads: Worker threads on the CPU; None uses all cores. Results do not depend on it.
         fast_math: On CUDA, use approximate instructions for logarithm, sine, cosine, roots and divisions: up to twice
             as fast for a lone bead. Deviates of the noise change by about 1e-6, far below the error of any time step;
@@ -240,7 +240,7 @@ class Simulation:
         """Continue from a checkpoint; see `checkpoint.restore`."""
         from otwarp.simulation.checkpoint import restore
 
-        return restore(Path(path), scene, device=device, threads=threads, forces=forces)
+        return restore(cls, Path(path), scene, device=device, threads=threads, forces=forces)
 
     def _check(self) -> None:
         """Raise for the earliest fault on the device."""

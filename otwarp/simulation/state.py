@@ -19,10 +19,10 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.precision import precision_of, typed
 from otwarp.kernels.core.types import ControlData, ReadoutData, StateData
 from otwarp.kernels.optics.readout import TrapReadoutData
-from otwarp.simulation.arrays import device_array, filled, host_type
 from otwarp.simulation.model import Model
-from otwarp.simulation.parameters import expand
-from otwarp.simulation.timescales import check_powers
+from otwarp.simulation.packing.arrays import device_array, filled, host_type
+from otwarp.simulation.packing.parameters import expand
+from otwarp.simulation.time_step.timescales import check_powers
 
 
 class _Bound:

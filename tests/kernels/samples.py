@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 
 
 def quaternions(rng: np.random.Generator, n: int) -> np.ndarray:

@@ -17,8 +17,8 @@ from otwarp.kernels.cpu.table_block import table_wrench_term
 from otwarp.laws.table import BLEND, STENCILS
 from otwarp.optics import ForceTable
 from otwarp.optics.table import major_axis
-from otwarp.simulation.arrays import Place
-from otwarp.simulation.optics import TrapOptics, pack_tables
+from otwarp.simulation.packing.arrays import Place
+from otwarp.simulation.packing.optics import TrapOptics, pack_tables
 from tests.reference.tables import BEAMS, made_up_table, probe_points
 
 LAYERS = (1, 2, 3)

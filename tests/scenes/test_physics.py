@@ -10,7 +10,7 @@ import pytest
 from otwarp.record.monitor import Monitor
 from otwarp.scene import Scene
 from otwarp.simulation.frame import capture_frame
-from otwarp.simulation.pack_traps import rotate
+from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.simulation import Simulation
 from scenes.author import strategy_a
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from otwarp.scene import Body, Material, Medium, Rod, Scene, Settings, Sphere
-from otwarp.simulation.pack_bodies import weight
+from otwarp.simulation.packing.bodies import weight
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 from tests.reference.contact import sphere_obstacle, sphere_pair

@@ -13,7 +13,7 @@ from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Material, Medium, Obstacle, Rod, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.timescales import TRAVEL_FRACTION
+from otwarp.simulation.time_step.timescales import TRAVEL_FRACTION
 from tests.reference.rotations import matrix
 from tests.reference.segments import segment_segment
 from tests.simulation.setups import POWER, STIFFNESS, VISCOSITY, drag, neutral

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from otwarp.scene import Flow, Medium, Scene
-from otwarp.simulation.pack_bodies import union_volume, weight
+from otwarp.simulation.packing.bodies import union_volume, weight
 from otwarp.simulation.simulation import Simulation
 from tests.reference import coupling as reference
 from tests.reference.rotations import exponential, matrix, multiply

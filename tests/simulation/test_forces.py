@@ -12,8 +12,8 @@ import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobility
 from otwarp.scene import Body, Medium, Scene, SceneBuilder, Settings
-from otwarp.simulation.forces import Force
 from otwarp.simulation.info import describe
+from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 from tests.simulation.setups import FIVE, VISCOSITY, drag, harmonic, robot, sphere_body

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from otwarp.scene import Flow, Medium, Scene, Settings
-from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import (

@@ -14,8 +14,8 @@ from otwarp.optics import Particle, force
 from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
-from otwarp.simulation.optics import beam_of
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.optics import beam_of
 from otwarp.units import BOLTZMANN
 
 

@@ -16,7 +16,7 @@ import pytest
 from scipy.linalg import expm
 
 from otwarp.scene import Body, Scene, Settings
-from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import ENERGY, FIVE, VISCOSITY, drag, robot, sphere_body
 from tests.validation.laws import Law, across_worlds

@@ -17,7 +17,7 @@ from scipy.linalg import expm
 
 from otwarp.hydrodynamics import BodyMobility
 from otwarp.scene import Scene, Settings
-from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import ENERGY, STIFFNESS, VISCOSITY, harmonic, robot
 from tests.validation import scheme

@@ -15,7 +15,7 @@ dataclass that it fills; `make schema` writes the rest. A built-in force with sc
 It is read into `Body.forces["external_force"]` [pN] where a robot (or, as `ot:cell:externalForce`, a cell) authors it,
 written by `SceneBuilder` where a body has it, checked (three finite numbers, the range for their length), documented,
 and `Simulation(parameters={"external_force": …})` takes it for every world and body, `(1|W, 1|B, 3)`; the model finds
-all in `otwarp.simulation.parameters.scene_values`. A default that is one number makes it a scalar.
+all in `otwarp.simulation.packing.parameters.scene_values`. A default that is one number makes it a scalar.
 """
 
 from __future__ import annotations

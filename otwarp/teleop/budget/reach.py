@@ -24,7 +24,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
 from otwarp.scene.transforms import rotate
-from otwarp.simulation.steady_loads import resting_loads
+from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
 
 SWEEP = 40.0

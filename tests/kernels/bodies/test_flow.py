@@ -7,8 +7,8 @@ import warp as wp
 from otwarp.kernels.bodies.flow import FLOW_TERMS, poiseuille_flow, shear_flow, uniform_flow
 from otwarp.kernels.core.types import FlowData
 from otwarp.scene import Flow, Scene
-from otwarp.simulation.arrays import Place
-from otwarp.simulation.pack_traps import pack_flow
+from otwarp.simulation.packing.arrays import Place
+from otwarp.simulation.packing.traps import pack_flow
 from tests.kernels.samples import evaluate, on_device
 from tests.reference.flow import flow_at
 from tests.reference.rotations import exponential

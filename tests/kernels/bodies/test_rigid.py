@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from otwarp.scene import Scene
-from otwarp.simulation.pack_bodies import mobilities, union_volume
-from otwarp.simulation.pack_traps import rotate
+from otwarp.simulation.packing.bodies import mobilities, union_volume
+from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import (
     VISCOSITY,

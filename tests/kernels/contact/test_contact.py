@@ -7,7 +7,7 @@ import warp as wp
 from otwarp.kernels.contact.contact import overlap_alone, pair_law, pair_reach
 from otwarp.kernels.core.types import ContactData
 from otwarp.scene import Material
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import evaluate, on_device
 from tests.reference import contact as twin
 from tests.reference.contact import adhesion_of, sphere_obstacle, sphere_pair

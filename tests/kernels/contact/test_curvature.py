@@ -8,7 +8,7 @@ import warp as wp
 from otwarp.kernels.contact.curvature import relative_radius_term
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.types import ObstacleData
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.contact.test_excursion import ROUNDING
 from tests.kernels.samples import evaluate, on_device
 

@@ -14,8 +14,8 @@ from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.scene import Body, Obstacle, Rod, Scene, Sphere, Track
-from otwarp.simulation.arrays import device_array
 from otwarp.simulation.model import Model
+from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.state import Readout
 from tests.kernels.contact.test_obstacles import icosphere
 from tests.kernels.samples import quaternions

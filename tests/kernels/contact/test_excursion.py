@@ -12,7 +12,7 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.excursion import FARTHEST, LAYER, SOFT, excursion_term, least_load, obstacle_name
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import MediumData, ModelData
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import evaluate, on_device
 from tests.reference.contact import overlap_alone
 

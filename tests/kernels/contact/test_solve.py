@@ -8,7 +8,7 @@ from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.contact.contact import Contact, along, rigid_response
 from otwarp.kernels.contact.solve import solve_contacts
 from otwarp.kernels.core.types import BodyData, mat66
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import quaternions
 from tests.reference.body import jacobian
 from tests.reference.contact_loads import contact_loads

@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.kernels.core.types import vec6
 from otwarp.kernels.cpu.rigid_block import KEPT, keep, kept_mobility_product, kept_noise
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import evaluate, on_device, quaternions
 from tests.reference.rotations import matrix
 

@@ -69,7 +69,7 @@ def check_lists(sim: Simulation, centres: np.ndarray, radii: np.ndarray, body: n
 def soft(request, monkeypatch) -> bool:
     """Slots that are sorted, and spheres that stay where they are."""
     if not request.param:
-        monkeypatch.setattr("otwarp.simulation.softness.EXPLICIT_PRODUCT", 0.0)
+        monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
     return request.param
 
 
@@ -100,7 +100,7 @@ def test_spheres_of_one_body_are_no_neighbours(device):
     assert sim.model.features.rigid
     pose, orientation = places(sim)[0], sim.state.orientation.numpy()[0].astype(float)
     sim.step()
-    from otwarp.simulation.pack_traps import rotate
+    from otwarp.simulation.packing.traps import rotate
 
     spheres = sim.model.data.contact.sphere.numpy().astype(float)
     body = sim.model.data.contact.body.numpy()

@@ -81,7 +81,7 @@ def bits(sim: Simulation, worlds: int | None = None) -> dict[str, bytes]:
 def make(request, monkeypatch, device):
     """Builds hot crowds that make new lists every few steps, by both forms of the body driver."""
     if not request.param:
-        monkeypatch.setattr("otwarp.simulation.softness.EXPLICIT_PRODUCT", 0.0)
+        monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
 
     def build(worlds: int = 3, seed: int = 5) -> Simulation:
         sim = Simulation(packed(temperature=HOT), worlds=worlds, seed=seed, device=device)
@@ -140,7 +140,7 @@ def test_explicit_and_implicit_steps_err_by_half_a_rate_to_either_side(stiffness
     step = 4e-3 * stiffness
 
     def overlap_after(time_step: float, explicit: bool) -> float:
-        monkeypatch.setattr("otwarp.simulation.softness.EXPLICIT_PRODUCT", np.inf if explicit else 0.0)
+        monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", np.inf if explicit else 0.0)
         start = np.array([[0.0, 0.0, 0.0], [1.8, 0.0, 0.0]])
         sim = Simulation(crowd(start, time_step=time_step), device=device)
         assert sim.model.features.soft_contacts == explicit
@@ -166,7 +166,7 @@ def test_the_bound_keeps_the_densest_packing_stable(device, monkeypatch):
     where = chosen * (1.55 / np.sqrt(2.0))
     step = 1.69e-3
     with monkeypatch.context() as longer:
-        longer.setattr("otwarp.simulation.softness.EXPLICIT_PRODUCT", np.inf)
+        longer.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", np.inf)
         soft_simulation(crowd(where, time_step=step), device=device)
     assert soft_simulation(crowd(where, time_step=step), device=device)
     assert not Simulation(crowd(where, time_step=1.2 * step), device=device).model.features.soft_contacts

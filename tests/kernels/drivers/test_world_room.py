@@ -6,7 +6,7 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import StateData, vec6
 from otwarp.kernels.drivers.world_room import BodyRoom, load_bodies_term, store_bodies_term
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import quaternions
 
 BODIES, WORLDS = 3, 2

@@ -39,7 +39,7 @@ from otwarp.laws.wall_fits import (
     SLIDING,
     SPIN,
 )
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.reference import walls as reference
 
 ROUNDING = 2e-5

@@ -15,7 +15,7 @@ from otwarp.kernels.hydrodynamics.walls_rigid import (
     body_noise_term,
     body_root_term,
 )
-from otwarp.simulation.arrays import device_array
+from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.hydrodynamics.test_walls import CORNER, FLOOR, PLACE, ROUNDING, SPHERES, TURN, launch, walls_on
 from tests.reference import walls as reference
 

@@ -13,7 +13,7 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
-from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.state import Control, State
 from otwarp.units import BOLTZMANN, STANDARD_GRAVITY
 from tests.kernels.samples import evaluate, on_device, quaternions

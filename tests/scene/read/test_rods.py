@@ -12,7 +12,7 @@ from otwarp.scene import Body, Obstacle, Rod, SceneBuilder, Sphere, Track
 from otwarp.scene.drawing.drawables import read_drawables
 from otwarp.scene.read.validate import validate
 from otwarp.simulation.info import describe
-from otwarp.simulation.pack_bodies import union_volume
+from otwarp.simulation.packing.bodies import union_volume
 from tests.scene.conftest import StageFile
 
 BALL = """        def Sphere "Ball" (prepend apiSchemas = ["OtSphereAPI"])

@@ -20,7 +20,7 @@ from otwarp.scene.vocabulary import Attribute
 from otwarp.scene.vocabulary.attribute import Range
 from otwarp.scene.vocabulary.forces import for_cells
 from otwarp.scene.vocabulary.values import from_field, to_field
-from otwarp.simulation import parameters
+from otwarp.simulation.packing import parameters
 from tests.scene.conftest import StageFile
 
 FORCE = Attribute(

@@ -12,8 +12,8 @@ from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.features import MAX_WORLD_BODIES
 from otwarp.kernels.core.types import CouplingData
 from otwarp.scene import Scene
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.pack_bodies import is_rigid
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.bodies import is_rigid
 
 
 def takes_coupling(scene: Scene) -> bool:

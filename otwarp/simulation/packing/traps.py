@@ -17,8 +17,8 @@ from otwarp.kernels.optics.traps import trap_term
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.optics import TrapOptics, pack_tables, trap_sides
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.optics import TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
 _HANDS = {"none": 0, "left": 1, "right": 2}

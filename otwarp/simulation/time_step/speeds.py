@@ -10,9 +10,9 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Obstacle, Scene, Sphere
-from otwarp.simulation.pack_bodies import is_rigid, obstacle_bound
-from otwarp.simulation.pack_traps import rotate
-from otwarp.simulation.relaxation import point_mobility
+from otwarp.simulation.packing.bodies import is_rigid, obstacle_bound
+from otwarp.simulation.packing.traps import rotate
+from otwarp.simulation.time_step.relaxation import point_mobility
 
 
 def places(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -21,7 +21,7 @@ from otwarp.kernels.optics.traps import exact_name, table_name
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import IDENTITY, Medium, Scene, Trap
 from otwarp.scene.transforms import rotate
-from otwarp.simulation.arrays import Place, device_array
+from otwarp.simulation.packing.arrays import Place, device_array
 
 if TYPE_CHECKING:
     from otwarp.optics import Beam, ForceTable

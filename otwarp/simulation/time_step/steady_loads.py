@@ -19,10 +19,10 @@ from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.forces.force import BodyFacts, Load
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.forces import ActiveForces, pack_forces
-from otwarp.simulation.pack_bodies import is_rigid, union_volume, weight
-from otwarp.simulation.pack_traps import pack_medium, rotate
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.bodies import is_rigid, union_volume, weight
+from otwarp.simulation.packing.forces import ActiveForces, pack_forces
+from otwarp.simulation.packing.traps import pack_medium, rotate
 
 MOMENTS = 9
 """Times at which a force is looked at, spread over the scene's duration."""

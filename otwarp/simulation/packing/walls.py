@@ -14,9 +14,9 @@ from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData, mat66
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Obstacle, Scene
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.pack_bodies import drag_spheres, is_rigid
-from otwarp.simulation.pack_traps import rotate
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.bodies import drag_spheres, is_rigid
+from otwarp.simulation.packing.traps import rotate
 from otwarp.units import BOLTZMANN
 
 STILL = 1e-3

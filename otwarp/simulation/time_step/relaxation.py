@@ -11,8 +11,8 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Scene
-from otwarp.simulation.coupled_rates import CoupledRates
-from otwarp.simulation.pack_traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
+from otwarp.simulation.packing.traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
+from otwarp.simulation.time_step.coupled_rates import CoupledRates
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobility
 from otwarp.scene import Body, Rod, Scene, Sphere
-from otwarp.simulation.pack_bodies import mobilities
+from otwarp.simulation.packing.bodies import mobilities
 
 SPHERES = tuple(Sphere(prim=f"/World/r/s{k}", offset=(0, 0, 2.0 * k), radius=1.0) for k in (0, 1))
 ROD = Rod(prim="/World/r/rod", start=(0, 0, 0), end=(0, 0, 6), radius=0.5)

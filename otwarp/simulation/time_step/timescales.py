@@ -15,9 +15,9 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
-from otwarp.simulation.pack_walls import wall_time
-from otwarp.simulation.relaxation import TrapRelaxation
-from otwarp.simulation.speeds import (
+from otwarp.simulation.packing.walls import wall_time
+from otwarp.simulation.time_step.relaxation import TrapRelaxation
+from otwarp.simulation.time_step.speeds import (
     adhesion_speed,
     flow_speed,
     places,

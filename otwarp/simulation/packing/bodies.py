@@ -15,8 +15,8 @@ from otwarp.kernels.contact.obstacles import FAR, SHAPES
 from otwarp.kernels.core.types import BodyData, ContactData, ObstacleData, mat66
 from otwarp.scene import Body, Scene, Sphere, Vec3
 from otwarp.scene.meshes import is_closed
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.optics import TrapOptics
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.units import STANDARD_GRAVITY
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import translation_translation
 from otwarp.scene import Scene
-from otwarp.simulation.pack_coupling import coupling_radius, takes_coupling
-from otwarp.simulation.pack_traps import rotate
+from otwarp.simulation.packing.coupling import coupling_radius, takes_coupling
+from otwarp.simulation.packing.traps import rotate
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.simulation.parameters import PARAMETERS, expand, expand_all
+from otwarp.simulation.packing.parameters import PARAMETERS, expand, expand_all
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 

@@ -16,8 +16,8 @@ from otwarp.kernels.body_forces.body_force import OPTIONS, BodyForce, Bound
 from otwarp.kernels.core.types import ForceData
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
-from otwarp.simulation.arrays import Place, device_array
-from otwarp.simulation.parameters import Parameter, expand, scene_values
+from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.parameters import Parameter, expand, scene_values
 
 
 @dataclass(frozen=True, eq=False)

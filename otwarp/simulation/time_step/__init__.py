@@ -1,0 +1,10 @@
+"""What limits the time step of a scene, and the step that follows from it and the wanted accuracy.
+
+In: a `Scene` and what `packing` found of it. Out: `TimeScales`, of which `timescales` (open it first) makes the step.
+
+    relaxation     in the traps: which trap acts on which sphere, and the rate that follows from its power
+    coupled_rates  faster still, where bodies carry each other along
+    speeds         of what neither traps nor noise move: flow, obstacles, weight, adhesion
+    steady_loads   of the forces of `FORCES`, traps apart; the teleop budget and walls ask it, too
+    softness       whether all contacts are so soft against the step that explicit forces serve
+"""
