@@ -10,7 +10,7 @@ from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Seconds after which a test that waits for the thread fails instead of hanging; nothing is measured by it."""
 FUNCTIONS = (
     *("openID", "openSerial", "close", "stop", "enableForce", "setForce", "getPosition", "getButtonMask"),

@@ -14,7 +14,7 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import Server, ServerConnection, serve
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Seconds after which a test that waits for the service fails instead of hanging; nothing is measured by it."""
 
 

@@ -17,7 +17,7 @@ from otwarp.ros.ros1.messages import message_type, types
 from otwarp.ros.ros1.subscriber import SubscribedTopic, Subscription
 from otwarp.ros.ros1.wire import MOST_MESSAGE, encode_header
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Seconds until a test gives up; what it waits for takes milliseconds, also on a busy machine seconds at most."""
 
 

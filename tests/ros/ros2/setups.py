@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """How long two processes on a busy machine may take to find each other [s]: it ends a hung test, it asserts no
 speed."""
 

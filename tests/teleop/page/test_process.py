@@ -24,7 +24,7 @@ from tests.teleop.page.test_browser import SCENE
 
 pytest.importorskip("viser")
 BEAD = SCENE.with_name("single_bead.usda")
-POLLS, PAUSE = 3000, 0.01
+POLLS, PAUSE = 6000, 0.01
 """How often and how long [s] to look again before something counts as never happening."""
 
 
@@ -108,7 +108,7 @@ def test_the_page_ends_with_its_session(bead: ot.Scene):
     process = page._process
     assert process is not None and process.stdin is not None
     process.stdin.close()  # what a session that is killed leaves behind
-    assert process.wait(10.0) == 0
+    assert process.wait(60.0) == 0
     page.close()
 
 

@@ -290,7 +290,7 @@ os._exit(9)
 
 def test_a_killed_session_leaves_what_it_had_written_readable(tmp_path):
     path, root = tmp_path / "a.mcap", Path(__file__).parents[3]
-    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], cwd=root, timeout=EVENTUALLY)
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], cwd=root, timeout=300.0)
     assert done.returncode == 9
     assert not path.exists()
     left = part_of(path) / f"{part_of(path).name}.mcap"
