@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import (
-    device_option,
-    json_option,
-    scene_argument,
-    step_options,
-    worlds_option,
-)
+from otwarp.cli.options import device_option, json_option, scene_argument, step_options, worlds_option
+from otwarp.cli.output import json_text, tables_console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,7 +38,7 @@ def info(
     check_worlds(loaded, worlds, device, chosen.precision)
     about = describe(loaded, worlds=worlds, device=device, options=chosen)
     if as_json:
-        click.echo(json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False))
+        click.echo(json_text(about))
     else:
         _print(about)
 
@@ -186,10 +179,7 @@ def _terms_table(about: dict[str, Any]) -> Table:
 
 
 def _print(about: dict[str, Any]) -> None:
-    from rich.console import Console
-
-    # a pipe or file has no width of its own: do not cut names there
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    console = tables_console(140)
     root = about["root"].rstrip("/") + "/"
     console.print(f"[bold]{about['scene']}[/bold]: {about['duration']:g} s at {about['frames_per_second']:g} frames/s")
     console.print(_bodies_table(about["bodies"], root))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -23,6 +22,7 @@ from otwarp.cli.options import (
     step_options,
     worlds_option,
 )
+from otwarp.cli.output import json_text
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def run(
             progress=progress,
         )
     if as_json:
-        click.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
+        click.echo(json_text(summary))
     else:
         _print(summary, folder)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 import click
+
+from otwarp.cli.output import json_text
 
 
 @click.command()
@@ -20,4 +20,4 @@ def config(mode: str) -> None:
     from otwarp.haptics.core.config import two_hands
     from otwarp.haptics.core.fields import to_dict
 
-    click.echo(json.dumps(to_dict(two_hands((), (), mode=mode)), indent=2, ensure_ascii=False))
+    click.echo(json_text(to_dict(two_hands((), (), mode=mode))))
