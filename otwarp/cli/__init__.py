@@ -4,8 +4,8 @@ What was typed comes in; a call of the room that can do it, its result as text o
 command lives in the module of its name and imports its room when it is called, so that `--help` loads nothing.
 
 - `main`: finds the command, and turns errors into one line and an exit code; `lazy`: groups that import on demand.
-- `options`, `live_options`, `forces_options`: options that several commands share, those of a live session, those of
-  `forces`.
+- `options`, `bead_options`, `live_options`, `forces_options`: options that several commands share, those of a sphere in
+  its beam, of a live session, of `forces`.
 - `output`: JSON and tables. `stop`: SIGTERM and Ctrl-C.
 - `bench`, `haptics`: commands with commands of their own.
 """

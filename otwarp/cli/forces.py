@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.forces_options import GROUPS, ForcesRequest, GroupedCommand, check_request, make_ladder
+from otwarp.cli.forces_options import GROUPS, ForcesRequest, GroupedCommand, make_ladder, read_request
 from otwarp.cli.output import json_text
 from otwarp.units import BOLTZMANN
 
@@ -48,8 +48,7 @@ def forces(**typed: Any) -> None:
     """
     # exact forces are products of many small matrices, on which the threads of BLAS wait longer than they work
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    request = ForcesRequest(**typed)
-    check_request(request)
+    request = read_request(typed)
     ladder = make_ladder(request)
     found: dict[str, Any] = {}
     for name, wanted, act in (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from otwarp.cli.bead_options import Bead, beam_options, option, sphere_options, taken
 from otwarp.cli.options import FILE
 from otwarp.errors import InputError
 
@@ -19,49 +20,31 @@ SMALLEST_RADIUS, LARGEST_INDEX, LARGEST_CHARGE = 1e-4, 100.0, 30
 and the quadrature no longer hold, or no longer end."""
 
 
-def _option(*names: str, **settings: Any) -> click.Option:
-    return click.Option(names, show_default=settings.get("default") is not None, **settings)
-
-
 def _flag(name: str, text: str) -> click.Option:
     return click.Option([name], is_flag=True, help=text)
 
 
 GROUPS: dict[str, list[click.Option]] = {
-    "Sphere and medium": [
-        _option("--radius", type=float, required=True, metavar="µm", help="Radius of the sphere."),
-        _option("--index", default="1.52", metavar="N", help="Its refractive index: 1.59, 1.5+0.01i."),
-        _option("--medium-index", type=float, default=1.33, metavar="N", help="Index of the medium."),
-    ],
-    "Beam, travelling along +z with its focus at the origin": [
-        _option("--wavelength", type=float, default=1.064, metavar="µm", help="In vacuum."),
-        _option("--na", type=float, default=1.25, metavar="NA", help="Numerical aperture, below medium index."),
-        _option("--power", type=float, default=1.0, metavar="mW", help="In the medium."),
-        _option("--beam", default="gaussian", metavar="KIND", help="gaussian, sine or aplanatic."),
-        _option("--polarization", default="circular", metavar="P", help="x, y, 45, circular, left, or Ex,Ey."),
-        _option("--filling", type=float, default=1.0, metavar="F", help="1/e² radius over the aperture's radius."),
-        _option("--charge", type=int, default=0, metavar="L", help="Azimuthal charge of a vortex, −30 to 30."),
-        _option("--depth", type=float, default=0.0, metavar="µm", help="Of the focus below the cover glass."),
-        _option("--glass-index", type=float, metavar="N", help="Index of glass and oil; default: no interface."),
-    ],
+    "Sphere and medium": sphere_options(index="1.52"),
+    "Beam, travelling along +z with its focus at the origin": beam_options(na=1.25, power=1.0, jones=True),
     "Forces at points": [
-        _option("--points", type=FILE, metavar="CSV", help="Sphere centres: columns x_um,y_um,z_um."),
-        _option("--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
+        option("--points", type=FILE, metavar="CSV", help="Sphere centres: columns x_um,y_um,z_um."),
+        option("--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
         click.Option(
             ["--model"], default="exact", metavar="M", help="exact (default), table, piecewise[-isotropic], harmonic."
         ),
-        _option("--device", metavar="NAME", help="Warp device for exact forces: cpu, cuda:0; default: NumPy."),
+        option("--device", metavar="NAME", help="Warp device for exact forces: cpu, cuda:0; default: NumPy."),
     ],
     "Force table": [
         _flag("--table", "Make it, or find it in the cache, and describe it."),
-        _option("--tolerance", type=float, default=1e-3, metavar="T", help="Error over peak force, 1e-5 to 0.1."),
-        _option("--interpolation", default="bilinear", metavar="I", help="bilinear or bicubic."),
+        option("--tolerance", type=float, default=1e-3, metavar="T", help="Error over peak force, 1e-5 to 0.1."),
+        option("--interpolation", default="bilinear", metavar="I", help="bilinear or bicubic."),
     ],
     "Curves, fits, pictures (.png, .pdf, .svg)": [
         _flag("--curves", "Print equilibrium, stiffness, escape, depth."),
-        _option("--plot", type=FILE, metavar="FILE", help="Draw curves of all models and their errors."),
-        _option("--map", type=FILE, metavar="FILE", help="Draw forces in the plane of the major axis."),
-        _option("--fit", type=click.Choice(["piecewise", "harmonic"]), help="Fit the curves; print the errors."),
+        option("--plot", type=FILE, metavar="FILE", help="Draw curves of all models and their errors."),
+        option("--map", type=FILE, metavar="FILE", help="Draw forces in the plane of the major axis."),
+        option("--fit", type=click.Choice(["piecewise", "harmonic"]), help="Fit the curves; print the errors."),
         click.Option(["--continuous/--free"], default=True, help="Piecewise laws joined at δ (default) or not."),
     ],
 }
@@ -84,18 +67,8 @@ class GroupedCommand(click.Command):
 class ForcesRequest:
     """What was typed."""
 
-    radius: float
-    index: str
-    medium_index: float
-    wavelength: float
-    na: float
+    bead: Bead
     power: float
-    beam: str
-    polarization: str
-    filling: float
-    charge: int
-    depth: float
-    glass_index: float | None
     points: Path | None
     out: Path | None
     model: str
@@ -111,7 +84,19 @@ class ForcesRequest:
     as_json: bool
 
 
-def check_request(request: ForcesRequest) -> None:
+def read_request(typed: dict[str, Any]) -> ForcesRequest:
+    """What was typed, its numbers read.
+
+    Raises:
+        InputError: An index or a polarization that is none, or what the physics would not notice, or only late.
+    """
+    typed = typed | {"index": _index(typed["index"]), "polarization": _jones(typed["polarization"])}
+    request = ForcesRequest(bead=taken(Bead, typed), **typed)
+    _check(request)
+    return request
+
+
+def _check(request: ForcesRequest) -> None:
     """What the physics would not notice, or only after long work."""
     from otwarp.optics.curves import picture_format
     from otwarp.optics.models import MODELS
@@ -124,14 +109,14 @@ def check_request(request: ForcesRequest) -> None:
         raise InputError(f"--out is {request.out}, the file of --points; allowed: another file")
     if request.model not in MODELS:
         raise InputError(f"--model is {request.model!r}; allowed: {', '.join(MODELS)}")
-    if not 0.01 <= request.filling <= 100.0:
-        raise InputError(f"--filling is {request.filling:g}; allowed: 0.01 to 100")
-    if abs(request.charge) > LARGEST_CHARGE:
-        raise InputError(f"--charge is {request.charge}; allowed: −{LARGEST_CHARGE} to {LARGEST_CHARGE}")
+    if not 0.01 <= request.bead.filling <= 100.0:
+        raise InputError(f"--filling is {request.bead.filling:g}; allowed: 0.01 to 100")
+    if abs(request.bead.charge) > LARGEST_CHARGE:
+        raise InputError(f"--charge is {request.bead.charge}; allowed: −{LARGEST_CHARGE} to {LARGEST_CHARGE}")
     if request.power == 0.0:
         raise InputError("--power is 0 mW; allowed: above 0")
-    if 0.0 < request.radius < SMALLEST_RADIUS:
-        raise InputError(f"--radius is {request.radius:g} µm; allowed: {SMALLEST_RADIUS:g} µm or more")
+    if 0.0 < request.bead.radius < SMALLEST_RADIUS:
+        raise InputError(f"--radius is {request.bead.radius:g} µm; allowed: {SMALLEST_RADIUS:g} µm or more")
     for picture in (request.plot, request.map):
         if picture:
             picture_format(picture)
@@ -164,23 +149,9 @@ def make_ladder(request: ForcesRequest) -> Ladder:
     Raises:
         InputError: A value that the beam, the sphere or the table refuses.
     """
-    from otwarp.optics.beam import Beam
-    from otwarp.optics.mie import Particle
     from otwarp.optics.models import Ladder
 
-    sphere = Particle(radius=request.radius, index=_index(request.index))
-    beam = Beam(
-        kind=request.beam,
-        numerical_aperture=request.na,
-        medium_index=request.medium_index,
-        wavelength=request.wavelength,
-        polarization=_jones(request.polarization),
-        power=request.power,
-        filling=request.filling,
-        charge=request.charge,
-        depth=request.depth,
-        glass_index=request.glass_index,
-    )
+    beam, sphere = request.bead.optics(request.power)
     if request.device is not None:
         from otwarp.device import start_warp
 

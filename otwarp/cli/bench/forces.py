@@ -6,12 +6,12 @@ from typing import Any
 
 import click
 
-from otwarp.cli.bench.options import BEAD, OUTPUT, Bead, Output, check_same, note, print_table, taken
+from otwarp.cli.bead_options import Bead, taken
+from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_table
 from otwarp.cli.options import device_option, with_options
 
 
-@click.command()
-@with_options(*BEAD)
+@click.command(params=bead())
 @click.option("--power", type=float, default=20.0, show_default=True, help="Power in the medium [mW].")
 @click.option(
     "--model", "models", multiple=True, metavar="NAME", help="Measure this model; may be repeated. Default: all."

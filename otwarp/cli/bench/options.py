@@ -1,17 +1,19 @@
-"""What the benchmarks of one bead in one trap are asked: the bead, its beam, and where results go."""
+"""What benchmarks are asked, the bead in its trap and where results go, and how they print what they find."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from otwarp.cli import stop
+from otwarp.cli.bead_options import beam_options, sphere_options
 from otwarp.cli.options import FILE
+from otwarp.cli.output import tables_console
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,24 +23,10 @@ if TYPE_CHECKING:
     from otwarp.optics.mie import Particle
 
 
-def _shown(name: str, text: str, default: Any) -> Callable[..., Any]:
-    return click.option(name, type=type(default), default=default, show_default=True, help=text)
+def bead() -> list[click.Option]:
+    """Options of the bead and its beam, for the command to own."""
+    return [*sphere_options(radius=1.0, index=1.59), *beam_options(na=1.2)]
 
-
-BEAD = (
-    _shown("--radius", "Radius of the bead [µm].", 1.0),
-    _shown("--index", "Its refractive index.", 1.59),
-    _shown("--medium-index", "Refractive index of the medium.", 1.33),
-    _shown("--wavelength", "Vacuum wavelength [µm].", 1.064),
-    _shown("--na", "Numerical aperture.", 1.2),
-    _shown("--beam", "gaussian, sine or aplanatic.", "gaussian"),
-    _shown("--polarization", "x, y, 45, circular or left.", "circular"),
-    _shown("--filling", "1/e² radius over the aperture's radius.", 1.0),
-    _shown("--charge", "Azimuthal charge of a vortex beam.", 0),
-    _shown("--depth", "Depth below the cover glass [µm].", 0.0),
-    click.option("--glass-index", type=float, help="Index of glass and oil, for the aberration at that depth."),
-)
-"""Options of the bead and its beam."""
 
 OUTPUT = (
     click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all numbers to FILE."),
@@ -48,46 +36,6 @@ OUTPUT = (
     ),
 )
 """Options of where results go."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bead:
-    """The bead and its beam, as typed."""
-
-    radius: float
-    index: float
-    medium_index: float
-    wavelength: float
-    na: float
-    beam: str
-    polarization: str
-    filling: float
-    charge: int
-    depth: float
-    glass_index: float | None
-
-    def optics(self, power: float) -> tuple[Beam, Particle]:
-        """Beam and sphere at a power [mW].
-
-        Raises:
-            InputError: What they refuse.
-        """
-        from otwarp.optics.beam import Beam
-        from otwarp.optics.mie import Particle
-
-        beam = Beam(
-            kind=self.beam,
-            numerical_aperture=self.na,
-            medium_index=self.medium_index,
-            wavelength=self.wavelength,
-            polarization=self.polarization,
-            power=power,
-            filling=self.filling,
-            charge=self.charge,
-            depth=self.depth,
-            glass_index=self.glass_index,
-        )
-        return beam, Particle(radius=self.radius, index=self.index)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,22 +62,6 @@ class Output:
                 click.echo(f"wrote {file}")
 
 
-def taken(group: type, typed: dict[str, Any]) -> Any:
-    """A `Bead` or an `Output` out of what was typed, whose options are removed from `typed`."""
-    return group(**{field.name: typed.pop(field.name) for field in fields(group)})
-
-
-def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command with options, in this order."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
-
-
 def check_same(beam: Beam, sphere: Particle, files: tuple[Path, ...], runs: Sequence[BeadFindings]) -> None:
     """Refuse runs of another bead, whose errors do not belong into the same picture."""
     from otwarp.bench.findings import bead_fields
@@ -148,7 +80,6 @@ def note(text: str) -> None:
 
 def print_table(what: ResultTable) -> None:
     """A table on the terminal, its first column text and the others numbers."""
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -162,4 +93,4 @@ def print_table(what: ResultTable) -> None:
     for row in what.rows:
         table.add_row(*row)
     # cells break to fit a terminal; a pipe or a file gets them whole
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    tables_console(200).print(table)
