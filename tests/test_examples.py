@@ -53,6 +53,13 @@ def test_sweep_power(tmp_path: Path):
     assert np.mean(ratio) == pytest.approx(1.0, abs=SIGMAS * math.sqrt(2 / (worlds * samples)))
 
 
+def test_user_force(tmp_path: Path):
+    worlds = 400
+    found, theory = import_module("examples.user_force").main(worlds, tmp_path)
+    # x² is spread by half of its mean
+    assert found == pytest.approx(theory, rel=SIGMAS * 0.5 / math.sqrt(worlds))
+
+
 def test_author_scene(tmp_path: Path):
     worlds = 100
     lag, theory = import_module("examples.author_scene").main(worlds, 0.05, tmp_path)

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks import integrators as section
 from benchmarks.report import PAGES, put_on_page
-from otwarp.bench.integrators.cases import DEFAULT, MODELS, PLAIN, SCHEMES, all_cases, rung
+from otwarp.bench.integrators.cases import DEFAULT, MODELS, PLAIN, all_cases, rung
 from otwarp.bench.integrators.figure import draw_integrators, error_at
 from otwarp.bench.integrators.fokker_planck import Estimate
 from otwarp.bench.integrators.largest_step import StepLimit, largest_step
@@ -217,7 +217,7 @@ def test_exact_forces_by_spline(device):
 def test_cases():
     names = [c.name for c in all_cases((), fast_math=False)]
     assert names[:2] == ["eulerMaruyama", PLAIN] and set(MODELS) <= set(names)
-    assert {name: order for name, (_, order) in SCHEMES.items()} == {n: i.weak_order for n, i in INTEGRATORS.items()}
+    assert [n for n in names if n in INTEGRATORS] == list(INTEGRATORS)
     assert names[-2:] == ["float32", "float32, fast_math"] or names[-1] == "float64"
     assert len(set(names)) == len(names)
     only = all_cases(["force"], fast_math=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 from otwarp.bench.rungs import LADDER, Rung
 from otwarp.bench.typed import check_names
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Settings
 
 GROUPS = ("integrator", "force", "precision")
@@ -24,14 +25,6 @@ PLAIN = "eulerMaruyama-plain"
 """Euler–Maruyama as it is commonly written: who is out at the end of a step has escaped, and nobody else."""
 
 PLAIN_LABEL = "Euler–Maruyama, escapes seen at steps only"
-
-SCHEMES: dict[str, tuple[str, float]] = {
-    "eulerMaruyama": ("Euler–Maruyama", 1.0),
-    "leimkuhlerMatthews": ("Leimkuhler–Matthews", 1.0),
-    "heun": ("Heun", 2.0),
-    "exponential": ("exponential", 2.0),
-}
-"""Label and weak order of every integrator."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,10 +74,10 @@ def all_cases(groups: Sequence[str], *, fast_math: bool) -> tuple[Case, ...]:
 
 def _integrators(common: dict[str, Any]) -> list[Case]:
     cases = []
-    for name, (label, order) in SCHEMES.items():
+    for name, scheme in INTEGRATORS.items():
         how = {**common, "integrator": name}
-        about: dict[str, Any] = {"group": "integrator", "rung": rung(TABLE), "order": order}
-        cases.append(Case(name=name, label=label, settings=how, **about))
+        about: dict[str, Any] = {"group": "integrator", "rung": rung(TABLE), "order": float(scheme.weak_order)}
+        cases.append(Case(name=name, label=scheme.title, settings=how, **about))
         if name == "eulerMaruyama":
             cases.append(Case(name=PLAIN, label=PLAIN_LABEL, settings={**how, "crossings": False}, **about))
     return cases

@@ -29,6 +29,7 @@ class Integrator:
     """A scheme.
 
     Attributes:
+        title: Its name for people.
         predict, correct: Factories of its two functions; `correct` is None for one-stage schemes.
         weak_order: Order of averages in the time step.
         decay: Of a spring of rate k by z = k·dt: mean of x after a step over x before it, e^{−z} if exact.
@@ -40,6 +41,7 @@ class Integrator:
         noise_ahead: Steps after the present one whose noise it uses, too.
     """
 
+    title: str
     predict: Callable[[Dynamics], wp.Function]
     correct: Callable[[Dynamics], wp.Function] | None
     weak_order: int
@@ -111,6 +113,7 @@ def exponential_decay(z: float) -> float:
 
 INTEGRATORS: dict[str, Integrator] = {
     "eulerMaruyama": Integrator(
+        title="Euler–Maruyama",
         predict=predict_euler_maruyama,
         correct=None,
         weak_order=1,
@@ -121,6 +124,7 @@ INTEGRATORS: dict[str, Integrator] = {
         source="Maruyama 1955, doi:10.1007/BF02846028; Ermak & McCammon 1978, doi:10.1063/1.436761",
     ),
     "leimkuhlerMatthews": Integrator(
+        title="Leimkuhler–Matthews",
         predict=predict_leimkuhler_matthews,
         correct=None,
         noise_ahead=1,
@@ -132,6 +136,7 @@ INTEGRATORS: dict[str, Integrator] = {
         source="Leimkuhler & Matthews 2013, doi:10.1093/amrx/abs010",
     ),
     "heun": Integrator(
+        title="Heun",
         predict=predict_euler_maruyama,
         correct=correct_heun,
         weak_order=2,
@@ -142,6 +147,7 @@ INTEGRATORS: dict[str, Integrator] = {
         source="Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, section 15.1",
     ),
     "exponential": Integrator(
+        title="exponential",
         predict=predict_exponential,
         correct=correct_exponential,
         weak_order=2,
