@@ -18,7 +18,7 @@ def bead_constants_term(f: Features) -> wp.Function:
 
     @wp.func
     def bead_constants(model: ModelData, control: ControlData, world: int, b: int) -> BeadConstants:
-        """Mobility, thermal spread, and the traps if they are few."""
+        """μ dt [µm/pN], thermal spread √(2 k_B T μ dt) [µm], weight [pN], and the constants of at most two traps."""
         bead = BeadConstants()
         dt = wp.float32(model.time_step)
         viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
@@ -53,7 +53,7 @@ def bead_noise_term(f: Features) -> wp.Function:
 
     @wp.func
     def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
-        """Three deviates."""
+        """Thermal displacement √(2 k_B T μ dt) ξ [µm], ξ three deviates; 0 without noise."""
         kick = wp.vec3(0.0)
         if wp.static(f.brownian and f.lanes):
             kick = bead.spread * three_at(bead.deviates, int(step - bead.deviates_from))
@@ -75,7 +75,7 @@ def bead_dynamics(f: Features) -> Dynamics:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> wp.vec3:  # fmt: skip
-        """All forces of `FORCES`, and the flow [µm]."""
+        """μ F dt + u dt [µm], F the sum over `FORCES`."""
         move = bead.mobility_dt * force_on(model, control, state, bead, world, b, position, time)
         if wp.static(f.flow is not None):
             move += wp.float32(model.time_step) * flow_at(model.flow, world, position).linear
@@ -93,7 +93,7 @@ def bead_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def relax(bead: BeadConstants, position: wp.vec3, k: wp.mat33, move: wp.vec3) -> wp.vec3:
-        """μ dt K v [µm]."""
+        """Z v = μ dt K v [µm]: what a spring K [pN/µm] pulls back of a displacement v in one step."""
         return bead.mobility_dt * (k * move)
 
     noise = bead_noise_term(f)

@@ -10,14 +10,14 @@ from otwarp.kernels.core.types import FlowData, Move, world_row
 
 @wp.func
 def uniform_flow(flow: FlowData, world: int, point: wp.vec3) -> Move:
-    """u = U x̂."""
+    """u = U x̂ [µm/s] of the flow's frame, without rotation."""
     speed = flow.speed[world_row(flow.speed.shape[0], world)]
     return Move(wp.quat_rotate(flow.rotation, wp.vec3(speed, 0.0, 0.0)), wp.vec3(0.0))
 
 
 @wp.func
 def shear_flow(flow: FlowData, world: int, point: wp.vec3) -> Move:
-    """u = γ̇ z x̂, half curl ½γ̇ ŷ."""
+    """u = γ̇ z x̂ [µm/s], half curl ½γ̇ ŷ [rad/s], in the flow's frame."""
     rate = flow.shear_rate[world_row(flow.shear_rate.shape[0], world)]
     z = wp.quat_rotate_inv(flow.rotation, point - flow.origin)[2]
     return Move(
@@ -28,7 +28,7 @@ def shear_flow(flow: FlowData, world: int, point: wp.vec3) -> Move:
 
 @wp.func
 def poiseuille_flow(flow: FlowData, world: int, point: wp.vec3) -> Move:
-    """u = U (1 − (z/h)²) x̂ between plates at z = ±h, half curl −U z/h² ŷ; nothing outside the plates."""
+    """u = U (1 − (z/h)²) x̂ [µm/s] between plates at z = ±h, half curl −U z/h² ŷ [rad/s]; 0 outside the plates."""
     speed = flow.speed[world_row(flow.speed.shape[0], world)]
     relative = wp.quat_rotate_inv(flow.rotation, point - flow.origin)[2] / flow.half_height
     linear = float(0.0)

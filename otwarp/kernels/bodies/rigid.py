@@ -18,25 +18,25 @@ from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
 
 @wp.func
 def twist(linear: wp.vec3, angular: wp.vec3) -> vec6:
-    """One vector of both."""
+    """(linear, angular) as one vector: a move [µm, rad] or a wrench [pN, pN·µm]."""
     return vec6(linear[0], linear[1], linear[2], angular[0], angular[1], angular[2])
 
 
 @wp.func
 def linear_part(v: vec6) -> wp.vec3:
-    """Displacement or force."""
+    """First half of a move or wrench: displacement [µm] or force [pN]."""
     return wp.vec3(v[0], v[1], v[2])
 
 
 @wp.func
 def angular_part(v: vec6) -> wp.vec3:
-    """Rotation vector or torque."""
+    """Second half of a move or wrench: rotation vector [rad] or torque [pN·µm]."""
     return wp.vec3(v[3], v[4], v[5])
 
 
 @wp.func
 def symmetric_product(s: vec6, v: wp.vec3) -> wp.vec3:
-    """S v of a symmetric matrix kept as (xx, yy, zz, xy, xz, yz)."""
+    """S v of a symmetric matrix S kept as (xx, yy, zz, xy, xz, yz), in units of S times units of v."""
     return wp.vec3(
         s[0] * v[0] + s[3] * v[1] + s[4] * v[2],
         s[3] * v[0] + s[1] * v[1] + s[5] * v[2],
@@ -46,13 +46,13 @@ def symmetric_product(s: vec6, v: wp.vec3) -> wp.vec3:
 
 @wp.func
 def lower_product(s: vec6, v: wp.vec3) -> wp.vec3:
-    """L v of a lower triangle kept as (xx, yy, zz, yx, zx, zy)."""
+    """L v of a lower triangle L kept as (xx, yy, zz, yx, zx, zy), in units of L times units of v."""
     return wp.vec3(s[0] * v[0], s[3] * v[0] + s[1] * v[1], s[4] * v[0] + s[5] * v[1] + s[2] * v[2])
 
 
 @wp.func
 def mobility_product(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
-    """M dt times a wrench, both in world axes."""
+    """M dt times a wrench [pN, pN·µm]: the move in one step [µm, rad], both in world axes."""
     turn = rotation_matrix(pose.rotation)
     back = wp.transpose(turn)
     f = back * linear_part(load)
@@ -67,7 +67,7 @@ def mobility_term(f: Features) -> wp.Function:
 
     @wp.func
     def from_columns(body: RigidConstants, pose: Pose, load: vec6) -> vec6:
-        """In the vector registers of a CPU."""
+        """M dt times a wrench [µm, rad] from the columns that `rigid_block` keeps, in the vector registers of a CPU."""
         return kept_mobility_product(body.kept, rotation_matrix(pose.rotation), load)
 
     return from_columns if f.lanes else mobility_product
@@ -79,7 +79,7 @@ def rigid_constants_term(f: Features) -> wp.Function:
 
     @wp.func
     def packed(m: mat66, row: int, column: int, scale: float) -> vec6:
-        """The symmetric or lower triangular 3×3 block whose corner is there."""
+        """`scale` times the symmetric or lower triangular 3×3 block at (row, column): (xx, yy, zz, yx, zx, zy)."""
         return scale * vec6(
             m[row, column],
             m[row + 1, column + 1],
@@ -91,7 +91,7 @@ def rigid_constants_term(f: Features) -> wp.Function:
 
     @wp.func
     def rigid_constants(model: ModelData, control: ControlData, world: int, b: int) -> RigidConstants:
-        """Mobility × dt, and the factor of the noise."""
+        """Blocks of M dt and of its Cholesky factor × √(2 k_B T dt/η), body axes; also aims of traps at rest."""
         body = RigidConstants()
         shape = model.body.shape[b]
         viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
@@ -122,7 +122,7 @@ def flow_velocity_term(f: Features) -> wp.Function:
 
     @wp.func
     def flow_velocity(model: ModelData, world: int, b: int, pose: Pose) -> vec6:
-        """Its spheres' shares of the mobility-weighted mean."""
+        """Twist of the force-free body [µm/s, rad/s]: mobility-weighted mean of the flow over its spheres."""
         velocity = vec6()
         for i in range(model.body.drag_start[b], model.body.drag_start[b + 1]):
             point = pose.position + wp.quat_rotate(pose.rotation, model.body.drag_offset[i])
@@ -143,13 +143,13 @@ def rigid_noise_term(f: Features) -> wp.Function:
 
     @wp.func
     def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Of a block of deviates, in the vector registers of a CPU."""
+        """√(2 k_B T dt) L ξ [µm, rad] with ξ from a block of deviates, in the vector registers of a CPU."""
         turn = rotation_matrix(pose.rotation)
         return kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
 
     @wp.func
     def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Six deviates."""
+        """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, ξ six deviates; 0 without noise."""
         kick = vec6()
         if wp.static(f.brownian):
             deviates = six_deviates(model.seed, step, world, b)
@@ -179,7 +179,7 @@ def rigid_stiffness_term(f: Features) -> wp.Function:
         pose: Pose,
         time: wp.float64,
     ) -> mat66:
-        """That of the forces, which need no constants of the body."""
+        """Sum over `FORCES` [pN/µm, pN, pN·µm]; the constants of the body are not needed."""
         return of_forces(model, control, state, world, b, pose, time)
 
     return stiffness
@@ -202,7 +202,7 @@ def rigid_dynamics(f: Features) -> Dynamics:
         pose: Pose,
         time: wp.float64,
     ) -> vec6:
-        """All forces of `FORCES`, and the flow [µm, rad]."""
+        """M (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
         load = wrench(model, control, state, body, world, b, pose, time)
         move = mobility(body, pose, twist(load.force, load.torque))
         if wp.static(f.flow is not None):
@@ -211,7 +211,7 @@ def rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def shifted(pose: Pose, move: vec6) -> Pose:
-        """Exponential map."""
+        """Pose after a move [µm, rad]: translation, and the exponential map of the rotation vector."""
         return Pose(pose.position + linear_part(move), rotate_by(pose.rotation, angular_part(move)))
 
     @wp.func
@@ -223,7 +223,7 @@ def rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def relax(body: RigidConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
-        """M dt K v."""
+        """Z v = M dt K v [µm, rad]: what the stiffness K pulls back of a move v in one step."""
         return mobility(body, pose, k * move)
 
     noise = rigid_noise_term(f)

@@ -106,7 +106,7 @@ def hertz_dmt(overlap: float, radius: float, compliance: float, adhesion: float,
 
 @wp.func
 def pair_law(contact: ContactData, a: int, b: int, radius: float, overlap: float) -> PairForce:
-    """Force law between the surfaces of bodies a and b (b = -1: a rigid, inert obstacle)."""
+    """Force law [pN, pN/µm] of bodies a and b at `overlap` [µm]; b = −1 is a rigid, inert obstacle."""
     compliance = contact.compliance[a]
     adhesion = contact.adhesion[a]
     reach = contact.adhesion_range[a]
@@ -192,7 +192,7 @@ def law_error(c: Contact, overlap: float) -> float:
 
 @wp.func
 def tangent_at(c: Contact, overlap: float) -> Contact:
-    """The contact with the tangent to F(δ) at `overlap` in place of its line (Newton's step)."""
+    """The contact with the tangent to F(δ) at `overlap` [µm] in place of its line (Newton's step)."""
     root = wp.sqrt(wp.max(overlap, 0.0))
     if root > 0.0:
         c.stiffness = 1.5 * c.hardness * root
@@ -202,13 +202,13 @@ def tangent_at(c: Contact, overlap: float) -> Contact:
 
 @wp.func
 def sphere_response(body: BodyData, b: int, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-    """Displacement of a lone sphere by `force` acting for one step; `scale` = dt/η."""
+    """Displacement [µm] of a lone sphere by `force` [pN] acting for one step; `scale` = dt/η [µm²/pN]."""
     return Move((scale * body.translation[body.shape[b]]) * force, wp.vec3(0.0))
 
 
 @wp.func
 def rigid_response(body: BodyData, b: int, q: wp.quat, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-    """Displacement and rotation of a rigid body by `force` at `arm` acting for one step; `scale` = dt/η."""
+    """Move [µm, rad] of a rigid body by `force` [pN] at `arm` [µm] acting for one step; `scale` = dt/η [µm²/pN]."""
     f = wp.quat_rotate_inv(q, force)
     t = wp.quat_rotate_inv(q, wp.cross(arm, force))
     v = scale * (body.mobility[body.shape[b]] * vec6(f[0], f[1], f[2], t[0], t[1], t[2]))
@@ -220,7 +220,7 @@ def rigid_response(body: BodyData, b: int, q: wp.quat, scale: float, arm: wp.vec
 
 @wp.func
 def along(move: Move, arm: wp.vec3, normal: wp.vec3) -> float:
-    """Displacement along `normal` of the point at `arm` of a body that moves by `move`."""
+    """Displacement [µm] along `normal` of the point at `arm` [µm] of a body that moves by `move`."""
     return wp.dot(move.linear + wp.cross(move.angular, arm), normal)
 
 

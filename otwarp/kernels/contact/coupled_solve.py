@@ -13,7 +13,7 @@ from otwarp.kernels.hydrodynamics.coupling import block_at
 
 @wp.func
 def carried_by(pair: wp.array(dtype=wp.mat33), i: int, j: int, force: wp.vec3) -> wp.vec3:
-    """Displacement of body i in one step by a force on body j; none if that is i itself, or an obstacle (−1)."""
+    """Displacement [µm] of body i in one step by a force [pN] on body j; 0 if j is i itself, or an obstacle (−1)."""
     v = wp.vec3(0.0)
     if i != j and j >= 0:
         v = pair[block_at(wp.max(i, j), wp.min(i, j))] * force
@@ -58,7 +58,7 @@ def carry_bodies(
     pair: wp.array(dtype=wp.mat33),
     linear: wp.array(dtype=wp.vec3),
 ):
-    """Add to the moves what the contact forces carry along (`sign` 1), or take it back (−1)."""
+    """Add to the moves [µm] what the contact forces carry along (`sign` 1), or take it back (−1)."""
     for i in range(count):
         c = contacts[i]
         for b in range(bodies):
@@ -80,7 +80,7 @@ def solve_coupled_contacts(
     order: wp.array(dtype=int),
     on: wp.array(dtype=int),
 ) -> float:
-    """As `solve.solve_contacts`, with `pair` as `coupling.fill_pairs` left it at the start of the step."""
+    """Largest error left in a gap [µm], as `solve.solve_contacts`; `pair` as `coupling.fill_pairs` left it."""
     held = prepare(contacts, count, linear, angular, free, on)
     worst = float(0.0)
     for _ in range(count + 1):

@@ -28,12 +28,12 @@ def relative_radius_term(shapes: tuple[str, ...]) -> wp.Function:
 
     @wp.func
     def flat(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
-        """That of the sphere."""
+        """R [µm] before flat obstacles: the radius of the sphere."""
         return radius
 
     @wp.func
     def curved(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
-        """By the part of the obstacle that is touched."""
+        """R [µm] from the curvature of the part that is touched: cap, side or face."""
         shape = obstacles.shape[o]
         size = obstacles.size[o]
         ratio = float(0.0)

@@ -37,12 +37,12 @@ def response_term(f: Features) -> wp.Function:
 
     @wp.func
     def free_sphere(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Away from hydrodynamic walls."""
+        """Displacement [µm] of a lone sphere away from hydrodynamic walls by `force` [pN] acting for one step."""
         return sphere_response(model.body, b, scale, arm, force)
 
     @wp.func
     def free_rigid(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Away from hydrodynamic walls."""
+        """Move [µm, rad] of a rigid body away from hydrodynamic walls by `force` [pN] acting at `arm` for one step."""
         return rigid_response(model.body, b, pose.rotation, scale, arm, force)
 
     of_sphere = walled_sphere_response_term(f) if f.walls else free_sphere
@@ -50,7 +50,7 @@ def response_term(f: Features) -> wp.Function:
 
     @wp.func
     def response(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """The sphere's or the rigid body's response, whichever `b` is."""
+        """Move [µm, rad] of body b by `force` [pN] acting at `arm` [µm] for one step."""
         move = Move(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(f.rigid and f.spheres):
             if model.body.rigid[b] != 0:
@@ -75,7 +75,7 @@ def new_contact_term(f: Features) -> wp.Function:
         model: ModelData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, arm_a: wp.vec3, arm_b: wp.vec3,
         normal: wp.vec3, radius: float, overlap: float,
     ) -> Contact:  # fmt: skip
-        """Force law and response of one contact."""
+        """Force law [pN, pN/µm] at the present overlap, and moves per unit contact force [µm/pN] of both bodies."""
         scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         law = pair_law(model.contact, a, b, radius, overlap)
         c = Contact()
@@ -114,7 +114,7 @@ def touch_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
         arm_a: wp.vec3, arm_b: wp.vec3, ri: float, rj: float, step: wp.int64,
     ) -> Contact:  # fmt: skip
-        """Normal, overlap and effective radius of two spheres; a fault when they overlap too far."""
+        """Normal, overlap and effective radius [µm] of two spheres of radii ri, rj; a fault if they overlap too far."""
         way = pose_a.position - pose_b.position + arm_a - arm_b
         overlap = ri + rj - wp.length(way)
         if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
@@ -135,7 +135,10 @@ def touch_wall_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, wall: Pose, later: Pose,
         arm: wp.vec3, radius: float, local: wp.vec3, hit: wp.vec4, step: wp.int64,
     ) -> Contact:  # fmt: skip
-        """`local` is the sphere's centre in the obstacle's frame, `hit` the normal there and the distance."""
+        """Normal, overlap and effective radius before an obstacle; a fault where they overlap too far.
+
+        `local` is the sphere's centre in the obstacle's frame [µm], `hit` the normal there and the distance [µm].
+        """
         overlap = radius - hit[3]
         if overlap > OVERLAP_LIMIT * radius:
             raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
@@ -155,7 +158,7 @@ def element_term(f: Features) -> wp.Function:
 
     @wp.func
     def element(model: ModelData, i: int, rotation: wp.quat) -> Segment:
-        """A sphere's centre, or a rod's middle and half."""
+        """Centre of a sphere, or middle and half of a rod [µm], from the body's reference point in world axes."""
         s = model.contact.sphere[i]
         rod = Segment(wp.quat_rotate(rotation, wp.vec3(s[0], s[1], s[2])), wp.vec3(0.0))
         if wp.static(f.rods):
@@ -169,7 +172,7 @@ def element_term(f: Features) -> wp.Function:
 def put(
     readout: ReadoutData, world: int, contacts: wp.array(dtype=Contact), count: int, c: Contact, step: wp.int64
 ) -> int:
-    """Append a contact to a world's list, or a fault when that is full."""
+    """Append a contact to a world's list: the new count; a fault when the list is full."""
     if count < contacts.shape[0]:
         contacts[count] = c
         return count + 1
@@ -257,7 +260,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
         count: int,
         step: wp.int64,
     ) -> int:
-        """Bounding spheres first, then element against body, then element against element."""
+        """New count; tests bounding spheres, then element against body, then element against element."""
         reach = pair_reach(model.contact, a, b) + pushed
         far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
         between = pose_a.position - pose_b.position
@@ -366,7 +369,7 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> int:
-        """Bounding sphere first, then the true shape, then element by element."""
+        """New count; tests the bounding sphere, then the true shape, then element by element."""
         travel = free_travel(model, a, move)
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)

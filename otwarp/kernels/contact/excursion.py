@@ -58,14 +58,14 @@ def excursion_term(f: Features) -> wp.Function:
     def still(
         model: ModelData, world: int, c: Contact, opening: float, first: int, second: int, which: int, step: wp.int64
     ) -> Contact:
-        """Nothing moves but what forces move."""
+        """The contact unchanged: without noise the path has no excursion."""
         return c
 
     @wp.func
     def excursion(
         model: ModelData, world: int, c: Contact, opening: float, first: int, second: int, which: int, step: wp.int64
     ) -> Contact:
-        """The variance first: most contacts end there."""
+        """The contact with −2 s² ln U and its thermal layer drawn, where its path may reach the wall in this step."""
         energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
         variance = 2.0 * energy * c.give
         end = opening - c.overlap

@@ -15,13 +15,13 @@ FAR = wp.constant(1.0e9)
 
 @wp.func
 def plane_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Half space z < 0."""
+    """Normal and signed distance [µm] to the half space z < 0."""
     return wp.vec4(0.0, 0.0, 1.0, point[2])
 
 
 @wp.func
 def ball_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Sphere of radius size[0]."""
+    """Normal and signed distance [µm] to a sphere of radius size[0]."""
     distance = wp.length(point)
     n = wp.vec3(0.0, 0.0, 1.0)
     if distance > 0.0:
@@ -31,7 +31,7 @@ def ball_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: fl
 
 @wp.func
 def box_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Box of half extents size: distance to the nearest surface point outside, to the nearest face inside."""
+    """Normal and signed distance [µm] to a box of half extents size: nearest point outside, nearest face inside."""
     half = obstacles.size[index]
     side = wp.vec3(wp.sign(point[0]), wp.sign(point[1]), wp.sign(point[2]))
     over = wp.vec3(wp.abs(point[0]), wp.abs(point[1]), wp.abs(point[2])) - half
@@ -53,7 +53,7 @@ def box_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: flo
 
 @wp.func
 def cylinder_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Capped cylinder about z, radius size[0], half height size[1]."""
+    """Normal and signed distance [µm] to a capped cylinder about z of radius size[0] and half height size[1]."""
     size = obstacles.size[index]
     rho = wp.sqrt(point[0] * point[0] + point[1] * point[1])
     radial = wp.vec3(1.0, 0.0, 0.0)
@@ -72,7 +72,7 @@ def cylinder_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach
 
 @wp.func
 def capsule_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Capsule about z, radius size[0], half height of the straight part size[1]."""
+    """Normal and signed distance [µm] to a capsule about z of radius size[0], half height size[1] without caps."""
     size = obstacles.size[index]
     way = point - wp.vec3(0.0, 0.0, wp.clamp(point[2], -size[1], size[1]))
     distance = wp.length(way)
@@ -119,7 +119,7 @@ def distance_term(shapes: tuple[str, ...]) -> wp.Function:
 
     @wp.func
     def either(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-        """This shape, or one of the rest."""
+        """Normal and signed distance [µm] of this shape, or of one of the rest, by the obstacle's key."""
         result = wp.vec4(0.0)
         if obstacles.shape[index] == wp.static(key):
             result = head(obstacles, index, point, reach)
@@ -132,14 +132,14 @@ def distance_term(shapes: tuple[str, ...]) -> wp.Function:
 
 @wp.func
 def still_pose(obstacles: ObstacleData, index: int, time: wp.float64) -> Pose:
-    """Pose of an obstacle at rest."""
+    """World pose of an obstacle at rest [µm]."""
     key = obstacles.key_start[index]
     return Pose(obstacles.key_position[key], obstacles.key_rotation[key])
 
 
 @wp.func
 def moving_pose(obstacles: ObstacleData, index: int, time: wp.float64) -> Pose:
-    """Pose at `time`: position interpolated linearly, rotation by normalised linear interpolation."""
+    """World pose at `time` [s]: position [µm] interpolated linearly, rotation by normalised linear interpolation."""
     first = obstacles.key_start[index]
     last = obstacles.key_start[index + 1] - 1
     pose = Pose(obstacles.key_position[first], obstacles.key_rotation[first])

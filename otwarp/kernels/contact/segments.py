@@ -56,7 +56,7 @@ class Valley:
 
 @wp.func
 def place_on(rod: Segment, t: float) -> wp.vec3:
-    """The point of a segment at t in [−1, 1]."""
+    """Point [µm] of a segment at t in [−1, 1], from its middle at t = 0."""
     return rod.centre + t * rod.half
 
 
@@ -101,7 +101,7 @@ def crossing_term(slope_of: wp.Function) -> wp.Function:
         obstacles: ObstacleData, o: int, other: Segment, rod: Segment, low: float, high: float, level: float,
         reach: float,
     ) -> float:  # fmt: skip
-        """By halving; the slope is below `level` at low and not at high."""
+        """t in [low, high] by bisection; the slope is below `level` at low and not at high."""
         a = float(low)
         b = float(high)
         for _ in range(HALVINGS):
@@ -120,7 +120,7 @@ def foot_term(slope_of: wp.Function) -> wp.Function:
 
     @wp.func
     def foot(obstacles: ObstacleData, o: int, other: Segment, rod: Segment, t: float, reach: float) -> float:
-        """Foot of the perpendicular on the rod."""
+        """t in [−1, 1] of the foot on the rod."""
         seen = slope_of(obstacles, o, other, rod, t, reach)
         return wp.clamp(t - seen[0] * seen[1] / wp.length(rod.half), -1.0, 1.0)
 
@@ -177,7 +177,7 @@ def valley_term(slope_of: wp.Function) -> wp.Function:
 
 @wp.func
 def valley_t(v: Valley, choice: int) -> float:
-    """The three points of a valley in order: 0 where it begins, 1 its bottom, 2 where it ends."""
+    """t in [−1, 1] of the three points of a valley in order: 0 where it begins, 1 its bottom, 2 where it ends."""
     t = v.least
     if choice == 0:
         t = v.low
@@ -199,5 +199,5 @@ def valley_counts(v: Valley, choice: int, apart: float) -> bool:
 
 @wp.func
 def pieces_of(obstacles: ObstacleData, o: int) -> int:
-    """Pieces in which a rod is searched before an obstacle."""
+    """Number of equal pieces in which a rod is searched before an obstacle: several before a mesh, else 1."""
     return wp.where(obstacles.shape[o] == _MESH, MESH_PIECES, 1)

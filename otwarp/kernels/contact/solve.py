@@ -78,7 +78,7 @@ def factorise(
     pivot: wp.array(dtype=float),
     order: wp.array(dtype=int),
 ):
-    """L D Lᵀ of 1/k + G for the `pressed` contacts listed in `order`; L is kept below the diagonal, D in `pivot`."""
+    """L D Lᵀ of 1/k + G [µm/pN] for the `pressed` contacts in `order`; L is kept below the diagonal, D in `pivot`."""
     for r in range(pressed):
         i = order[r]
         diagonal = contacts[i].give + 1.0 / contacts[i].stiffness
@@ -105,7 +105,7 @@ def solve_pressed(
     pivot: wp.array(dtype=float),
     order: wp.array(dtype=int),
 ):
-    """Loads of the `pressed` contacts listed in `order` from their right-hand sides; `right` is overwritten."""
+    """Loads [pN] of the `pressed` contacts in `order` from right-hand sides `right` [µm], which are overwritten."""
     factorise(contacts, count, pressed, matrix, pivot, order)
     for r in range(pressed):
         value = right[r]
@@ -124,7 +124,7 @@ def solve_pressed(
 def contradiction(
     contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: float, i: int, on: int
 ) -> float:
-    """How far contact i is from what it was taken for, pressed (`on`) or at its least load, as an error of its gap."""
+    """Error of gap i [µm] against what its contact was taken for: pressed (`on`), or at its least load."""
     c = contacts[i]
     if c.stiffness == 0.0:
         return 0.0
@@ -144,7 +144,7 @@ def opening_by_moves(c: Contact, linear: wp.array(dtype=wp.vec3), angular: wp.ar
 
 @wp.func
 def swap(contacts: wp.array(dtype=Contact), free: wp.array(dtype=float), on: wp.array(dtype=int), i: int, j: int):
-    """Exchange two contacts."""
+    """Exchange contacts i and j together with their free openings [µm] and pressed marks."""
     if i != j:
         c = contacts[i]
         contacts[i] = contacts[j]
@@ -189,7 +189,7 @@ def prepare(
 
 @wp.func
 def couple(contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float)):
-    """Fill in G above the diagonal."""
+    """Fill in G [µm/pN] above the diagonal: opening of gap i per unit force in contact j."""
     for i in range(count):
         c = contacts[i]
         for j in range(i + 1, count):
@@ -205,7 +205,7 @@ def share_excursions(
     own: wp.array(dtype=float),
     on: wp.array(dtype=int),
 ):
-    """Least loads that keep the excursions of all contacts out together; `own` is scratch."""
+    """Set the least loads [pN] that keep the excursions of all contacts out together; `own` is scratch."""
     several = int(0)
     for i in range(count):
         c = contacts[i]
@@ -305,7 +305,7 @@ def apply_loads(
     linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
 ):
-    """Add to the moves of the bodies what the contact forces move (`sign` 1), or take it back (−1)."""
+    """Add to the moves [µm, rad] of the bodies what the contact forces move (`sign` 1), or take it back (−1)."""
     for i in range(count):
         c = contacts[i]
         load = sign * c.load

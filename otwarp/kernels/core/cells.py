@@ -22,5 +22,5 @@ def cell_of(u: wp.float32) -> wp.int32:
 
 @wp.func_native(_FLOOR.format(cuda=f"(u - 0.5f + {ROUNDER}f) - {ROUNDER}f", cpu="(float)(int)u"))
 def cell_start(u: wp.float32) -> wp.float32:
-    """The same cell as a number."""
+    """Coordinate at which the cell of u starts, in cells."""
     ...

@@ -54,13 +54,13 @@ WEAK_TERMS = {"threePoint": three_point, "uniform": uniform_deviate}
 
 @wp.func
 def low_half(word: wp.uint32) -> wp.int32:
-    """The low 16 bits of a word, moved up."""
+    """The low 16 bits of a word, moved to its high half, as the terms of `WEAK_TERMS` take them."""
     return wp.int32(word << wp.uint32(16))
 
 
 @wp.func
 def high_half(word: wp.uint32) -> wp.int32:
-    """The high 16 bits; those below do not count."""
+    """The word as it is: the terms of `WEAK_TERMS` read its high 16 bits alone."""
     return wp.int32(word)
 
 
@@ -77,7 +77,7 @@ def three_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
         @wp.func
         def three_gaussian(seed: wp.uint32, step: wp.int64, world: int, body: int) -> wp.vec3:
-            """Standard normal."""
+            """Three standard normal deviates from one call of Philox."""
             words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
             xy = pair(words[0], words[1])
             z = pair(words[2], words[3])
@@ -88,7 +88,7 @@ def three_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
     @wp.func
     def three_weak(seed: wp.uint32, step: wp.int64, world: int, body: int) -> wp.vec3:
-        """Three halves of two words."""
+        """Three deviates of mean 0 and variance 1, each from 16 bits of two words."""
         words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
         return wp.vec3(deviate(low_half(words[0])), deviate(high_half(words[0])), deviate(low_half(words[1])))
 
@@ -103,7 +103,7 @@ def six_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
         @wp.func
         def six_gaussian(seed: wp.uint32, step: wp.int64, world: int, body: int) -> vec6:
-            """Standard normal."""
+            """Six standard normal deviates from two calls of Philox, one for each stream."""
             a = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
             c = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_B)), step, world, body)
             g0 = pair(a[0], a[1])
@@ -116,7 +116,7 @@ def six_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
     @wp.func
     def six_weak(seed: wp.uint32, step: wp.int64, world: int, body: int) -> vec6:
-        """Six halves of three words: one call of Philox in place of two."""
+        """Six deviates of mean 0 and variance 1, each from 16 bits of three words: one call of Philox, not two."""
         words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
         return vec6(
             deviate(low_half(words[0])),

@@ -74,7 +74,7 @@ def philox(counter: vec4u, seed: wp.uint32, stream: wp.uint32) -> vec4u:
 
 @wp.func
 def uniform(word: wp.uint32) -> wp.float32:
-    """Uniform deviate in (0, 1]."""
+    """u = (word + ½)·2⁻³², uniform in (0, 1]."""
     return (wp.float32(word) + 0.5) * _TO_UNIT
 
 
@@ -143,7 +143,7 @@ def gaussian_pair_fast(a: wp.uint32, b: wp.uint32) -> wp.vec2:
 
 @wp.func
 def noise_words(seed: wp.uint32, stream: wp.uint32, step: wp.int64, world: int, body: int) -> vec4u:
-    """The four words that belong to (stream, step, world, body)."""
+    """Four uniform words of Philox for the counter (step, world, body) and the key (seed, stream)."""
     low = wp.uint32(step & wp.int64(0xFFFFFFFF))
     high = wp.uint32(step >> wp.int64(32))
     return philox(vec4u(low, high, wp.uint32(world), wp.uint32(body)), seed, stream)

@@ -180,7 +180,9 @@ def noise_block_term(noise: str, count: int) -> wp.Function:
         first: wp.int64,
         world: int,
         body: int,
-    ): ...
+    ):
+        """Write 16 steps of `count` deviates of mean 0 and variance 1, in the vector registers of a CPU."""
+        ...
 
     return noise_block
 
@@ -198,7 +200,7 @@ def address_of(buffer: wp.array(dtype=wp.float32), at: int) -> wp.uint64:
     return wp::vec_t<3, wp::float32>(from[0], from[16], from[32]);
 """)
 def three_at(address: wp.uint64, k: int) -> wp.vec3:
-    """The three deviates of step k of a block."""
+    """The three deviates of mean 0 and variance 1 of step k of a block."""
     ...
 
 
@@ -210,5 +212,5 @@ def three_at(address: wp.uint64, k: int) -> wp.vec3:
     return deviates;
 """)
 def six_at(address: wp.uint64, k: int) -> vec6:
-    """The six deviates of step k of a block."""
+    """The six deviates of mean 0 and variance 1 of step k of a block."""
     ...

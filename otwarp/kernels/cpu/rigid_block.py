@@ -88,7 +88,7 @@ def keep(
     begin: int,
     end: int,
 ) -> wp.uint64:
-    """Lay out the constants of a body from `buffer[at]` on; their address."""
+    """Lay out the constants of a body from `buffer[at]` on; returns their address."""
     ...
 
 
@@ -145,11 +145,11 @@ _NOISE = """
 
 @wp.func_native((VECTORS + _MOBILITY).replace("BODY", _OUT))
 def kept_mobility_product(address: wp.uint64, turn: wp.mat33, load: vec6) -> vec6:
-    """M dt times a wrench, both in world axes."""
+    """M dt times a wrench [pN, pN·µm]: the move in one step [µm, rad], both in world axes."""
     ...
 
 
 @wp.func_native((VECTORS + _NOISE).replace("BODY", _OUT))
 def kept_noise(address: wp.uint64, turn: wp.mat33, deviates: wp.uint64, k: int) -> vec6:
-    """Noise of step k of a block, in world axes."""
+    """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, with the deviates of step k of a block."""
     ...

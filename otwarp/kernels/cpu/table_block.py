@@ -207,7 +207,7 @@ _OUT_OF_FRAME = "f = f.xxxx * aside + f.yyyy * up + f.zzzz * along;"
     return (wp::uint64)aims.data;
 """)
 def address_of_aims(aims: wp.array(dtype=Aim)) -> wp.uint64:
-    """Where a local array of aims is."""
+    """Address of a local array of aims."""
     ...
 
 
@@ -253,6 +253,8 @@ def table_wrench_term(traps: int, layers: int, upright: bool) -> wp.Function:
         node: wp.array(dtype=wp.vec3),
         level_start: wp.array(dtype=wp.int32),
         level: wp.array(dtype=GridLevel),
-    ) -> vec6: ...
+    ) -> vec6:
+        """Force [pN] and torque about `position` [pN·µm] in world axes, in the vector registers of a CPU."""
+        ...
 
     return table_wrench

@@ -29,7 +29,7 @@ def predict_all_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
-        """Drift and noise."""
+        """Free moves [µm, rad] of all bodies: coupled drift, and coupled noise of the start of the step."""
         bodies = int(wp.static(f.bodies))
         coupled_drift(
             model, control, state, world, body.position, body.rotation, time, carry.pair, carry.force, body.drift
@@ -57,7 +57,7 @@ def correct_all_term(f: Features) -> wp.Function | None:
         model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
-        """½ (a(x + moved) − a(x)) dt, as `correct_heun`."""
+        """Moves + ½ (a(x + moved) − a(x)) dt [µm, rad] of all bodies, as `correct_heun`."""
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
             carry.there[b] = body.position[b] + body.linear[b]
@@ -88,7 +88,7 @@ def find_coupled_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ) -> int:  # fmt: skip
-        """As without coupling, then their gives."""
+        """Contacts as without coupling, their gives [µm/pN] then with what is carried along: how many there are."""
         count = find_contacts(model, readout, world, body, room, carry, step, time)
         carry_gives(room.contacts, count, carry.pair)
         return count
@@ -104,7 +104,7 @@ def settle_coupled_term(f: Features) -> wp.Function:
         readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
         step: wp.int64,
     ):  # fmt: skip
-        """A fault where no solution is found."""
+        """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
         bodies = int(wp.static(f.bodies))
         sane = bounded(bodies, body)
         error = solve_coupled_contacts(

@@ -89,7 +89,7 @@ def make_advance(f: Features) -> wp.Kernel:
         model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, block: wp.uint64,
         k: int,
     ):  # fmt: skip
-        """One body, with the noise at place k of a block."""
+        """Write the free move [µm, rad] of body b, and its drift for two stages; noise from place k of a block."""
         move, drift = grid_move(model, control, state, grid, world, b, body_pose(state, world, b), block, k)
         grid.linear[world, b] = move.linear
         if wp.static(f.rigid):
@@ -101,7 +101,7 @@ def make_advance(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData, size: int):
-        """`size` bodies of a world."""
+        """Free moves of the `size` bodies of one share of a world."""
         world, share = wp.tid()
         begin = share * size
         end = wp.min((share + 1) * size, model.bodies)
@@ -129,7 +129,7 @@ def make_commit(f: Features) -> wp.Kernel:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
         world: int, b: int,
     ):  # fmt: skip
-        """One body's new pose."""
+        """Write the new pose of body b from its free move and push, unless it has a fault; record escapes."""
         step = grid.clock[0]
         pose = body_pose(state, world, b)
         linear = grid.linear[world, b]
@@ -172,7 +172,7 @@ def make_commit(f: Features) -> wp.Kernel:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
         size: int,
     ):  # fmt: skip
-        """`size` bodies of a world."""
+        """New poses of the `size` bodies of one share of a world."""
         world, share = wp.tid()
         for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
             commit_body(model, control, state, readout, grid, push, world, b)
@@ -186,7 +186,7 @@ def make_move_traps(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def move_traps(model: ModelData, control: ControlData, state: StateData, grid: GridData):
-        """One focus."""
+        """Move one focus one step on, no faster than its speed limit [µm/s]."""
         world, trap = wp.tid()
         move_trap(model, control, state, world, trap, wp.float64(grid.clock[0]) * model.time_step)
 
@@ -203,7 +203,7 @@ def start_clock(grid: GridData, first: wp.int64, steps: int, last: wp.int64):
 
 @wp.kernel(enable_backward=False)
 def tick(grid: GridData):
-    """Count one step; present and next places change their roles."""
+    """Count one step, and exchange present and next places."""
     grid.clock[0] = grid.clock[0] + wp.int64(1)
     grid.left[0] = grid.left[0] - 1
     grid.touching[0] = 0

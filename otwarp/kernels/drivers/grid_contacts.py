@@ -34,7 +34,7 @@ def opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def push_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
-        """What its contacts move a body."""
+        """Move [µm, rad] of body b by its contact forces; 0 without contacts."""
         move = Move(wp.vec3(0.0), wp.vec3(0.0))
         # where rounding let only one partner of a gap list it, the other has no push of this step
         if grid.count[world, b] > 0:
@@ -45,7 +45,7 @@ def opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def opening(grid: GridData, push: PushData, world: int, c: Contact, scale: float) -> float:
-        """By the free moves and `scale` times the push of both partners."""
+        """Opening [µm] of the gap by the free moves and `scale` times the pushes of both partners."""
         total = along(push_of(grid, push, world, c.a), c.arm_a, c.normal)
         if c.b >= 0:
             total -= along(push_of(grid, push, world, c.b), c.arm_b, c.normal)
@@ -65,7 +65,7 @@ def make_weigh(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def weigh(model: ModelData, grid: GridData, push: PushData):
-        """One chunk's share."""
+        """Numerator and denominator of α [pN·µm] over one chunk of bodies; chunk 0 also resets the sweeps."""
         world, chunk = wp.tid()
         size = (model.bodies - 1) // grid.share.shape[1] + 1
         total = wp.vec2(0.0)
@@ -93,7 +93,7 @@ def make_weigh(f: Features) -> wp.Kernel:
 
 @wp.func
 def guess_scale(grid: GridData, world: int) -> float:
-    """α of the first guess λ = α·F."""
+    """α ∈ [0, 1] of the first guess λ = α·F, from the sums of `weigh`."""
     total = wp.vec2(0.0)
     for chunk in range(grid.share.shape[1]):
         total += grid.share[world, chunk]
@@ -132,7 +132,7 @@ def momentum_of(c: Contact, give: float, end: float, start: float, load: float, 
 
 @wp.func
 def larger_crowding(grid: GridData, world: int, c: Contact) -> float:
-    """Of both partners."""
+    """Larger `crowding` of the two partners of a contact, ≥ 1."""
     crowding = grid.crowding[world, c.a]
     if c.b >= 0:
         crowding = wp.max(crowding, grid.crowding[world, c.b])
@@ -148,7 +148,7 @@ def least_load_term(f: Features) -> wp.Function:
     def opened_through(
         model: ModelData, grid: GridData, world: int, b: int, c: Contact, arm: wp.vec3, way: wp.vec3
     ) -> float:
-        """Opening of the gap of c, on body b at `arm` with `way` outward, by the excursions of the body's others."""
+        """Opening [µm] of the gap of c, at `arm` of body b with `way` outward, by excursions of b's other contacts."""
         row = world * model.bodies + b
         other = wp.where(b == c.a, c.b, c.a)
         total = float(0.0)
@@ -162,7 +162,7 @@ def least_load_term(f: Features) -> wp.Function:
 
     @wp.func
     def shared(model: ModelData, grid: GridData, world: int, c: Contact) -> float:
-        """As `solve.share_excursions`."""
+        """Least load [pN] of a contact that keeps the excursions of all contacts out, as `solve.share_excursions`."""
         own = least_load(c, free_opening(grid, world, c)) - c.floor
         opened = float(0.0)
         if own > 0.0:
@@ -189,7 +189,7 @@ def relax_body_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData,
         sweep: int, world: int, a: int,
     ):  # fmt: skip
-        """One body's contact forces, and the push from which the next sweep starts."""
+        """New loads λ [pN] of one body's contacts, and the push [µm, rad] from which the next sweep starts."""
         row = world * model.bodies + a
         count = grid.count[world, a]
         last = sweep == grid.moving.shape[1] - 1
@@ -249,7 +249,7 @@ def make_relax(f: Features) -> wp.Kernel:
         model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData,
         second: int, size: int,
     ):  # fmt: skip
-        """`size` bodies of a world."""
+        """One sweep over the contacts of the `size` bodies of one share of a world that is not at rest."""
         world, share = wp.tid()
         sweep = grid.sweep[0] + second
         if sweep > 1:
@@ -265,7 +265,7 @@ def make_relax(f: Features) -> wp.Kernel:
 
 @wp.kernel(enable_backward=False)
 def next_sweeps(grid: GridData):
-    """Go on to the next two sweeps, if any world needs them."""
+    """Go on to the next two sweeps if any world still moves; else mark the contacts as settled."""
     sweep = grid.sweep[0]
     grid.sweep[0] = sweep + 2
     grid.unsettled[0] = 0

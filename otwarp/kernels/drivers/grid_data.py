@@ -102,7 +102,7 @@ def body_pose_term(f: Features) -> wp.Function:
 
     @wp.func
     def body_pose(state: StateData, world: int, b: int) -> Pose:
-        """Position, and orientation where bodies rotate."""
+        """Position [µm] and orientation of body b; the identity where no body rotates."""
         pose = Pose(state.position[world, b], wp.quat_identity())
         if wp.static(f.rigid):
             pose.rotation = state.orientation[world, b]

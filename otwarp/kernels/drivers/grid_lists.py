@@ -20,7 +20,7 @@ def free_opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def free_move_of(grid: GridData, world: int, b: int) -> Move:
-        """Free displacement of one body."""
+        """Free displacement [µm] and rotation [rad] of body b in this step."""
         move = Move(grid.linear[world, b], wp.vec3(0.0))
         if wp.static(f.rigid):
             move.angular = grid.angular[world, b]
@@ -28,7 +28,7 @@ def free_opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def free_opening(grid: GridData, world: int, c: Contact) -> float:
-        """Of both partners along the normal, less the obstacle's own motion."""
+        """Opening [µm] along the normal by the free moves of both partners, less the obstacle's own motion."""
         total = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - c.drift
         if c.b >= 0:
             total -= along(free_move_of(grid, world, c.b), c.arm_b, c.normal)
@@ -46,7 +46,7 @@ def travel_term(f: Features) -> wp.Function:
 
     @wp.func
     def travel(model: ModelData, grid: GridData, world: int, b: int) -> float:
-        """Displacement, and turning of its outermost point."""
+        """Bound [µm] of the displacement of the body's outermost point: translation, and rotation times its radius."""
         far = wp.length(grid.linear[world, b])
         if wp.static(f.rigid):
             far += wp.length(grid.angular[world, b]) * model.body.bound[b]
@@ -71,7 +71,7 @@ def list_contact_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact,
         first: int, second: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """Its first guess is the force at the start."""
+        """Append a contact with its excursion, its first guess the force at the start; a fault if the list is full."""
         if count == grid.ahead.shape[1]:
             raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
             return count
@@ -92,7 +92,7 @@ def arm_term(f: Features) -> wp.Function:
 
     @wp.func
     def arm_of(pose: Pose, sphere: wp.vec4) -> wp.vec3:
-        """In world axes."""
+        """Arm [µm] in world axes; 0 for a lone sphere."""
         arm = wp.vec3(0.0)
         if wp.static(f.rigid):
             arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
@@ -139,7 +139,7 @@ def with_sphere_term(f: Features) -> wp.Function:
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, j: int,
         pose: Pose, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """As they touch now."""
+        """Append the contact of sphere e with sphere j at their present poses: the new count."""
         si = model.contact.sphere[e]
         sj = model.contact.sphere[j]
         b = model.contact.body[j]
@@ -196,7 +196,7 @@ def wall_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, pose: Pose, count: int,
         step: wp.int64,
     ) -> int:  # fmt: skip
-        """All obstacles: the lists say whether any is near."""
+        """Append the contacts of sphere e with all obstacles within its reach in this step: the new count."""
         time = wp.float64(step) * model.time_step
         s = model.contact.sphere[e]
         arm = arm_of(pose, s)
@@ -235,7 +235,7 @@ def crowding_term(f: Features) -> wp.Function:
 
     @wp.func
     def crowding_of(grid: GridData, row: int, count: int, a: int) -> float:
-        """1 for a lone contact."""
+        """Largest row sum of |responses| over the own one, ≥ 1; 1 for a lone contact."""
         crowding = float(1.0)
         for i in range(count):
             c = read_contact(grid, row, i, a)
@@ -256,7 +256,7 @@ def first_push_term(f: Features) -> wp.Function:
 
     @wp.func
     def first_push(grid: GridData, row: int, count: int, a: int) -> Move:
-        """Write `ahead`."""
+        """Move [µm, rad] by the loads of the contacts; writes these loads to `ahead`, too."""
         total = Move(wp.vec3(0.0), wp.vec3(0.0))
         for i in range(count):
             c = read_contact(grid, row, i, a)
@@ -280,7 +280,7 @@ def make_find(f: Features) -> wp.Kernel:
     def find_body(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, world: int, a: int
     ):
-        """One body's contacts and first push."""
+        """List the contacts of body a, and write its first push [µm, rad]."""
         step = grid.clock[0]
         row = world * model.bodies + a
         pose = body_pose(state, world, a)
@@ -305,7 +305,7 @@ def make_find(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def find(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, size: int):
-        """`size` bodies of a world."""
+        """Contacts and first pushes of the `size` bodies of one share of a world."""
         world, share = wp.tid()
         for a in range(share * size, wp.min((share + 1) * size, model.bodies)):
             find_body(model, state, readout, grid, push, world, a)

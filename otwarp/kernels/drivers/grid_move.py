@@ -54,7 +54,9 @@ def body_block_term(noise: str) -> wp.Function:
         bodies: wp.array2d(dtype=wp.int32),
         at: int,
         count: int,
-    ): ...
+    ):
+        """Write three deviates of mean 0 and variance 1 for each of `count` bodies, in a CPU's vector registers."""
+        ...
 
     return body_block
 
@@ -67,7 +69,7 @@ def draw_block_term(f: Features) -> wp.Function:
     def draw_block(
         model: ModelData, grid: GridData, buffer: wp.array(dtype=wp.float32), world: int, i: int, count: int
     ):
-        """Of the present step."""
+        """Draw the deviates of the step that the clock shows for the bodies in `count` slots from i on."""
         at = grid.turn[0] * grid.order.shape[1] + i
         body_block(buffer, model.seed, grid.clock[0], world, grid.order, at, count)
 
@@ -90,7 +92,7 @@ def grid_move_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, pose: Pose,
         block: wp.uint64, k: int,
     ):  # fmt: skip
-        """One body's first stage."""
+        """Move of the first stage and its drift [µm, rad] of body b."""
         step = grid.clock[0]
         time = wp.float64(step) * model.time_step
         body = constants_of(model, control, world, b)
@@ -110,7 +112,7 @@ def _move_in_block_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, b: int, pose: Pose,
         block: wp.uint64, k: int,
     ):  # fmt: skip
-        """One sphere's first stage."""
+        """Move of the first stage and its drift [µm] of the lone sphere b, with noise from place k of a block."""
         step = grid.clock[0]
         bead = bead_constants(model, control, world, b)
         bead.deviates = block
@@ -150,7 +152,7 @@ def make_correct(f: Features) -> wp.Kernel:
     def correct_body(
         model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, world: int, b: int
     ):
-        """One body."""
+        """Add the second stage of body b to its free move [µm, rad], looked at from where contacts let it come to."""
         step = grid.clock[0]
         linear = grid.linear[world, b]
         angular = wp.vec3(0.0)
@@ -176,7 +178,7 @@ def make_correct(f: Features) -> wp.Kernel:
     def correct(
         model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, size: int
     ):  # fmt: skip
-        """`size` bodies of a world."""
+        """Second stage of those of the `size` bodies of one share on which drift may depend on place."""
         world, share = wp.tid()
         for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
             if may_differ(model, b):

@@ -10,31 +10,31 @@ from otwarp.kernels.drivers.grid_data import GridData, Link, whole_contacts
 
 @wp.func
 def write_contact(grid: GridData, row: int, k: int, c: Contact):
-    """Write a whole contact."""
+    """Store contact c as entry k of a body's list, with all its fields."""
     grid.contact[row, k] = c
 
 
 @wp.func
 def read_contact(grid: GridData, row: int, k: int, a: int) -> Contact:
-    """Read a whole contact."""
+    """Entry k of a body's list, as `write_contact` stored it."""
     return grid.contact[row, k]
 
 
 @wp.func
 def write_contact_load(grid: GridData, row: int, k: int, load: float):
-    """Write its load."""
+    """Store the load λ [pN] of entry k."""
     grid.contact[row, k].load = load
 
 
 @wp.func
 def write_contact_least(grid: GridData, row: int, k: int, least: float):
-    """Write its least load."""
+    """Store the least load [pN] of entry k."""
     grid.contact[row, k].least = least
 
 
 @wp.func
 def write_link(grid: GridData, row: int, k: int, c: Contact):
-    """Write a contact of a lone sphere, without what a lone sphere has not."""
+    """Store contact c of a lone sphere as a `Link`, without arms, rotations and the partner's response."""
     own = wp.dot(c.response_a.linear, c.normal)
     grid.link[row, k] = Link(
         c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give,
@@ -44,7 +44,7 @@ def write_link(grid: GridData, row: int, k: int, c: Contact):
 
 @wp.func
 def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
-    """Read a contact of the lone sphere a."""
+    """Contact k of the lone sphere a, from its `Link`."""
     link = grid.link[row, k]
     c = Contact()
     c.a = a
@@ -68,13 +68,13 @@ def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
 
 @wp.func
 def write_link_load(grid: GridData, row: int, k: int, load: float):
-    """Write its load."""
+    """Store the load λ [pN] of link k."""
     grid.link[row, k].load = load
 
 
 @wp.func
 def write_link_least(grid: GridData, row: int, k: int, least: float):
-    """Write its least load."""
+    """Store the least load [pN] of link k."""
     grid.link[row, k].least = least
 
 

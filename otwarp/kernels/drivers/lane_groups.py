@@ -35,7 +35,9 @@ def view_term(kind: type) -> wp.Function:
     @wp.func_native("""
         return (wp::uint64)room.data;
     """)
-    def address(room: wp.array(dtype=kind)) -> wp.uint64: ...
+    def address(room: wp.array(dtype=kind)) -> wp.uint64:
+        """Address of the first struct of a local array."""
+        ...
 
     return address
 

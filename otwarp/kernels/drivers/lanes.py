@@ -58,7 +58,7 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
         steps: int,
         worlds: int,
     ):
-        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on."""
+        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` spheres a thread."""
         before = wp.tid() * GROUP
         bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
         deviates = wp.zeros(shape=(wp.static(GROUP * 3 * BLOCK),), dtype=wp.float32)
@@ -108,7 +108,7 @@ def look_term(f: Features) -> wp.Function:
     def look(
         model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int
     ) -> tuple[EscapeMonitor, EscapeMonitor]:
-        """Of those that there are."""
+        """Monitors of the first two traps after `taken` steps; those that no trap needs come back unchanged."""
         bead = lane.bead
         one = lane.first
         two = lane.second
@@ -133,7 +133,7 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
     def start(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int
     ) -> BeadLane:
-        """Constants, position, and who monitors."""
+        """Lane of sphere b: its constants, position [µm] and escape monitors at the start of a launch."""
         lane = BeadLane()
         lane.position = state.position[world, b]
         lane.bead = bead_constants(model, control, world, b)
@@ -148,7 +148,7 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
         lanes: wp.array(dtype=BeadLane), g: int, world: int, b: int, first: wp.int64, k: int,
     ):  # fmt: skip
-        """Look, move, and note escapes that nobody monitors for."""
+        """Step k of lane g: monitor the traps, move, and record escapes of traps without a monitor."""
         if k < lanes[g].until:
             lane = lanes[g]
             if wp.static(monitors > 0):
@@ -175,7 +175,7 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
     def finish(
         model: ModelData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int, b: int, first: wp.int64
     ):
-        """Position, and escapes with the last step."""
+        """Write the position [µm] back, and report escapes up to the last step."""
         state.position[world, b] = lane.position
         one, two = look(model, lane, world, first, lane.until)
         if wp.static(monitors > 0):

@@ -61,7 +61,7 @@ def deviates_term(f: Features) -> wp.Function:
         world: int,
         b: int,
     ) -> RigidConstants:
-        """Six deviates per step."""
+        """The constants with the address of a freshly drawn block of six deviates per step."""
         draw_six(buffer, at, model.seed, first, world, b)
         body.deviates = address_of(buffer, at)
         body.deviates_from = first
@@ -77,7 +77,7 @@ def deviates_term(f: Features) -> wp.Function:
         world: int,
         b: int,
     ) -> BodyConstants:
-        """As many as the body needs."""
+        """The constants with the address of a fresh block: six deviates per step for a rigid body, else three."""
         if body.turns != 0:
             draw_six(buffer, at, model.seed, first, world, b)
             body.rigid.deviates = address_of(buffer, at)
@@ -98,7 +98,7 @@ def kept_term(f: Features) -> wp.Function:
     def of_rigid(
         model: ModelData, body: RigidConstants, buffer: wp.array(dtype=wp.float32), at: int, b: int
     ) -> RigidConstants:
-        """Mobility, noise and spheres."""
+        """The constants with the address where mobility, noise factor, aims and trapped spheres are laid out."""
         body.kept = keep(
             buffer,
             at,
@@ -120,7 +120,7 @@ def kept_term(f: Features) -> wp.Function:
     def of_either(
         model: ModelData, body: BodyConstants, buffer: wp.array(dtype=wp.float32), at: int, b: int
     ) -> BodyConstants:
-        """Those of a rigid body."""
+        """The constants with the layout of a rigid body; those of a sphere unchanged."""
         if body.turns != 0:
             body.rigid = of_rigid(model, body.rigid, buffer, at, b)
         return body
@@ -149,7 +149,7 @@ def make_body_lanes(f: Features) -> wp.Kernel:
         steps: int,
         worlds: int,
     ):
-        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on."""
+        """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` bodies a thread."""
         before = wp.tid() * GROUP
         bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
         deviates = wp.zeros(shape=(wp.static(GROUP * 6 * BLOCK),), dtype=wp.float32)
@@ -207,7 +207,7 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
         first: wp.int64,
         k: int,
     ):
-        """Move, and note escapes."""
+        """Step k of lane g: move, and record escapes once the leeway [µm] is used up."""
         if k < lanes[g].until:
             step = first + wp.int64(k)
             time = wp.float64(step) * model.time_step

@@ -29,14 +29,14 @@ def element_term(f: Features) -> wp.Function:
 
     @wp.func
     def slot_element(model: ModelData, state: StateData, grid: GridData, world: int, i: int) -> wp.vec4:
-        """A slot."""
+        """Centre [µm] and contact radius [µm] of the sphere in slot i."""
         return grid.place[grid.row[0], i]
 
     body_pose = body_pose_term(f)
 
     @wp.func
     def sphere_element(model: ModelData, state: StateData, grid: GridData, world: int, i: int) -> wp.vec4:
-        """A sphere of a body."""
+        """Centre [µm] and radius [µm] of colliding sphere i, from the pose of its body."""
         e = i - world * grid.near.elements
         s = model.contact.sphere[e]
         pose = body_pose(state, world, model.contact.body[e])
@@ -53,12 +53,12 @@ def name_term(f: Features) -> wp.Function:
 
     @wp.func
     def slot_name(grid: GridData, i: int) -> int:
-        """Body in the slot."""
+        """Index of the body in slot i."""
         return grid.order[grid.turn[0], i]
 
     @wp.func
     def sphere_name(grid: GridData, i: int) -> int:
-        """The sphere itself."""
+        """Index of the sphere itself: spheres are not sorted anew."""
         return i
 
     return slot_name if f.soft_contacts else sphere_name
@@ -69,12 +69,12 @@ def apart_term(f: Features) -> wp.Function:
 
     @wp.func
     def other_slot(model: ModelData, grid: GridData, world: int, i: int, j: int) -> bool:
-        """Each slot is a body."""
+        """Whether i and j are two slots: each slot is a body."""
         return i != j
 
     @wp.func
     def other_body(model: ModelData, grid: GridData, world: int, i: int, j: int) -> bool:
-        """Spheres know their body."""
+        """Whether spheres i and j belong to different bodies."""
         first = world * grid.near.elements
         return model.contact.body[i - first] != model.contact.body[j - first]
 
@@ -83,7 +83,7 @@ def apart_term(f: Features) -> wp.Function:
 
 @wp.func
 def cell_of(n: NeighbourData, centre: wp.vec3) -> wp.vec3i:
-    """Cell of a point of the open space."""
+    """Integer coordinates of the cell of a point [µm] of the open space."""
     c = centre / n.edge
     return wp.vec3i(
         int(wp.clamp(wp.floor(c[0]), -_FARTHEST_CELL, _FARTHEST_CELL)),
@@ -94,7 +94,7 @@ def cell_of(n: NeighbourData, centre: wp.vec3) -> wp.vec3i:
 
 @wp.func
 def cell_key(n: NeighbourData, world: int, x: int, y: int, z: int) -> int:
-    """Number of a cell of a world; cells repeat."""
+    """Number of cell (x, y, z) of a world; cells repeat along each axis."""
     nx, ny, nz = n.cells[0], n.cells[1], n.cells[2]
     return ((world * nx + (x & (nx - 1))) * ny + (y & (ny - 1))) * nz + (z & (nz - 1))
 
@@ -105,7 +105,7 @@ def make_bin(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def bin_elements(model: ModelData, state: StateData, grid: GridData, size: int):
-        """`size` elements of a world."""
+        """Write cell key and index of the `size` elements of one share of a world."""
         world, share = wp.tid()
         n = grid.near
         first = world * n.elements
@@ -120,7 +120,7 @@ def make_bin(f: Features) -> wp.Kernel:
 
 @wp.kernel(enable_backward=False)
 def clear_cells(start: wp.array(dtype=wp.int32), finish: wp.array(dtype=wp.int32)):
-    """Empty one cell."""
+    """Mark one cell as empty: start = finish = 0."""
     i = wp.tid()
     start[i] = 0
     finish[i] = 0
@@ -130,7 +130,7 @@ def clear_cells(start: wp.array(dtype=wp.int32), finish: wp.array(dtype=wp.int32
 def bound_cells(
     key: wp.array(dtype=wp.int32), count: int, start: wp.array(dtype=wp.int32), finish: wp.array(dtype=wp.int32)
 ):
-    """Where a cell begins or ends among the `count` sorted keys."""
+    """Write where a cell begins or ends among the `count` sorted keys."""
     i = wp.tid()
     here = key[i]
     if i == 0 or key[wp.max(i - 1, 0)] != here:
@@ -147,7 +147,7 @@ def permute_slots(
     place: wp.array2d(dtype=wp.vec4),
     order: wp.array2d(dtype=wp.int32),
 ):
-    """Move one body into the slot where the sorting wants it."""
+    """Copy one body's place and index into the slot that the sort gives it."""
     i = wp.tid()
     source = item[i]
     now, here = row[0], turn[0]
@@ -157,7 +157,7 @@ def permute_slots(
 
 @wp.kernel(enable_backward=False)
 def turn_slots(row: wp.array(dtype=wp.int32), turn: wp.array(dtype=wp.int32)):
-    """Take the permuted slots for the present ones."""
+    """Make the permuted slots the present ones."""
     row[0] = 1 - row[0]
     turn[0] = 1 - turn[0]
 
@@ -167,12 +167,12 @@ def cell_item_term(f: Features) -> wp.Function:
 
     @wp.func
     def slot_item(n: NeighbourData, s: int) -> int:
-        """The slot."""
+        """The entry itself: slots are sorted in place."""
         return s
 
     @wp.func
     def sphere_item(n: NeighbourData, s: int) -> int:
-        """Through the sorted numbers."""
+        """Index of the sphere of sorted entry s."""
         return n.item[s]
 
     return slot_item if f.soft_contacts else sphere_item
@@ -184,7 +184,7 @@ def walled_term(f: Features) -> wp.Function:
 
     @wp.func
     def walled(model: ModelData, grid: GridData, centre: wp.vec3, radius: float) -> int:
-        """Obstacles at rest within the skin; those that move are always near."""
+        """1 where an obstacle at rest is within reach plus skin, or any obstacle moves; else 0."""
         near = int(wp.static(f.moving_obstacles))
         if wp.static(not f.moving_obstacles):
             far = radius + grid.near.reach + grid.near.skin
@@ -220,7 +220,7 @@ def insert_term(f: Features) -> wp.Function:
 
     @wp.func
     def insert(grid: GridData, base: int, found: int, j: int):
-        """They ascend, and there is room for one more."""
+        """Insert by ascending name; the list must have room for one more."""
         n = grid.near
         own = name(grid, j)
         k = found
@@ -241,7 +241,7 @@ def search_term(f: Features) -> wp.Function:
         model: ModelData, state: StateData, grid: GridData, world: int, i: int, centre: wp.vec3, far: float,
         run: wp.vec2i, found: int,
     ) -> int:  # fmt: skip
-        """Of sorted entries; `found` may go past the room there is."""
+        """Number of neighbours after the sorted entries of `run`; it may exceed the room of the list."""
         n = grid.near
         for s in range(run[0], run[1]):
             j = item(n, s)
@@ -264,7 +264,7 @@ def make_list(f: Features) -> wp.Kernel:
 
     @wp.func
     def list_one(model: ModelData, state: StateData, grid: GridData, world: int, i: int):
-        """List of element i."""
+        """Write reference place, neighbours and obstacle mark of element i."""
         n = grid.near
         e = element(model, state, grid, world, i)
         centre = wp.vec3(e[0], e[1], e[2])
@@ -295,7 +295,7 @@ def make_list(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def list_neighbours(model: ModelData, state: StateData, grid: GridData, size: int):
-        """Lists of `size` elements of a world."""
+        """Lists of the `size` elements of one share of a world; counts how often lists were made."""
         world, share = wp.tid()
         first = world * grid.near.elements
         for i in range(first + share * size, first + wp.min((share + 1) * size, grid.near.elements)):
@@ -316,7 +316,7 @@ def next_crowded_term(f: Features) -> wp.Function:
 
     @wp.func
     def next_crowded(model: ModelData, state: StateData, grid: GridData, world: int, i: int, last: int) -> int:
-        """Smallest name above that of `last` among those that touch."""
+        """Touching element of the smallest name above that of `last`, by a search of the 27 cells around."""
         n = grid.near
         own = element(model, state, grid, world, i)
         here = wp.vec3(own[0], own[1], own[2])
@@ -344,7 +344,7 @@ def next_crowded_term(f: Features) -> wp.Function:
 
 @wp.func
 def watch_move(n: NeighbourData, i: int, centre: wp.vec3):
-    """Ask for new lists when an element has moved by more than half the skin."""
+    """Mark all lists as stale when element i, now at `centre` [µm], has moved by more than half the skin."""
     away = centre - n.reference[i]
     if 4.0 * wp.length_sq(away) > n.skin * n.skin:
         n.stale[0] = 1
@@ -356,7 +356,7 @@ def make_watch(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def watch(model: ModelData, state: StateData, grid: GridData, size: int):
-        """`size` elements of a world."""
+        """Mark all lists as stale if one of the `size` elements of a share has moved by more than half the skin."""
         world, share = wp.tid()
         first = world * grid.near.elements
         for i in range(first + share * size, first + wp.min((share + 1) * size, grid.near.elements)):

@@ -36,7 +36,7 @@ class SoftForce:
 def soft_pair(
     model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, j: int, step: wp.int64
 ) -> SoftForce:
-    """Force of the sphere in slot j on body a, whose centre and radius are `here`."""
+    """Force and load [pN] of the sphere in slot j on body a, whose centre and radius [µm] are `here`."""
     out = SoftForce(wp.vec3(0.0), 0.0)
     there = grid.place[grid.row[0], j]
     way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
@@ -65,7 +65,7 @@ def soft_walls_term(f: Features) -> wp.Function:
     def soft_walls(
         model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, step: wp.int64
     ) -> SoftForce:
-        """All of them: the lists say whether any is near."""
+        """Sum of force and load [pN] over the obstacles within reach."""
         out = SoftForce(wp.vec3(0.0), 0.0)
         time = wp.float64(step) * model.time_step
         far = here[3] + grid.near.reach
@@ -99,7 +99,7 @@ def soft_contacts_term(f: Features) -> wp.Function:
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, i: int, a: int,
         here: wp.vec4, step: wp.int64,
     ) -> SoftForce:  # fmt: skip
-        """Neighbours in the order of the list, then obstacles."""
+        """Sum of force and load [pN] over the neighbours in the order of the list, then over obstacles."""
         total = SoftForce(wp.vec3(0.0), 0.0)
         n = grid.near
         if wp.static(f.pairs):
@@ -136,7 +136,7 @@ def step_slot_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData,
         world: int, i: int, block: wp.uint64, k: int,
     ):  # fmt: skip
-        """Free move, with the noise at place k of a block, and contact forces, applied unless the body has a fault."""
+        """Move the sphere in slot i by its free move and contact forces, unless the body has a fault."""
         row = grid.row[0]
         here = grid.place[row, i]
         b = grid.order[grid.turn[0], i]
@@ -176,7 +176,7 @@ def make_soft_step(f: Features) -> wp.Kernel:
     def soft_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, size: int
     ):
-        """`size` slots of a world."""
+        """One step of the spheres in the `size` slots of one share of a world."""
         world, share = wp.tid()
         first = world * model.bodies
         begin = first + share * size
@@ -197,7 +197,7 @@ def make_soft_step(f: Features) -> wp.Kernel:
 
 @wp.kernel(enable_backward=False)
 def fill_slots(model: ModelData, grid: GridData, size: int):
-    """Body i of a world in slot i."""
+    """Put body i of a world into slot i, the order before any sort."""
     world, share = wp.tid()
     for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
         grid.order[grid.turn[0], world * model.bodies + b] = b
@@ -205,7 +205,7 @@ def fill_slots(model: ModelData, grid: GridData, size: int):
 
 @wp.kernel(enable_backward=False)
 def load_slots(model: ModelData, state: StateData, grid: GridData, size: int):
-    """Present places from the state; contact radius 0 for what does not collide."""
+    """Write present places [µm] and contact radii [µm] from the state; radius 0 for what does not collide."""
     world, share = wp.tid()
     row, turn = grid.row[0], grid.turn[0]
     for s in range(share * size, wp.min((share + 1) * size, model.bodies)):
@@ -221,7 +221,7 @@ def load_slots(model: ModelData, state: StateData, grid: GridData, size: int):
 
 @wp.kernel(enable_backward=False)
 def store_slots(model: ModelData, state: StateData, grid: GridData, size: int):
-    """The state from the present places."""
+    """Write the positions [µm] of the state from the present places."""
     world, share = wp.tid()
     row, turn = grid.row[0], grid.turn[0]
     for s in range(share * size, wp.min((share + 1) * size, model.bodies)):

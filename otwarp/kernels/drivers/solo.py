@@ -41,7 +41,7 @@ def start_monitors_term(f: Features) -> wp.Function:
     def start_monitors(
         traps: TrapData, readout: ReadoutData, bead: BeadConstants, world: int, b: int
     ) -> EscapeMonitors:
-        """Each as `start_monitor`."""
+        """Escape monitors of the traps there are, at most two, at the start of a launch."""
         monitors = EscapeMonitors()
         monitors.first = start_monitor(traps, readout, bead, world, b, 0)
         if wp.static(f.traps == FEW_TRAPS):
@@ -60,7 +60,7 @@ def look_term(f: Features) -> wp.Function:
         model: ModelData, bead: BeadConstants, monitors: EscapeMonitors, world: int, position: wp.vec3, first: wp.int64,
         taken: int,
     ) -> EscapeMonitors:  # fmt: skip
-        """Each as `monitored`."""
+        """The monitors after `taken` steps with the sphere at `position` [µm]."""
         out = monitors
         out.first = monitored(
             model, bead, monitors.first, bead.first, bead.first_command, world, 0, position, first, taken
@@ -93,7 +93,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
         first_step: wp.int64,
         steps: int,
     ):
-        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on, one sphere a thread."""
         world = first_world + wp.tid()
         b = int(0)
         if wp.static(f.bodies > 1):
@@ -150,7 +150,7 @@ def make_body_step(f: Features) -> wp.Kernel:
         first_step: wp.int64,
         steps: int,
     ):
-        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on, one body a thread."""
         world = first_world + wp.tid()
         b = int(0)
         if wp.static(f.bodies > 1):

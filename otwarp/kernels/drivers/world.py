@@ -27,7 +27,7 @@ PUSHED = wp.constant(0.1)
 
 @wp.func
 def bounded(bodies: int, body: BodyRoom) -> bool:
-    """Whether all free moves are finite and of a size that a scene can have."""
+    """Whether all free moves [µm, rad] are finite and of a size that a scene can have."""
     good = bool(True)
     for b in range(bodies):
         good = good and finite(body.linear[b]) and finite(body.angular[b])
@@ -54,7 +54,7 @@ def find_contacts_term(f: Features) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> int:
-        """Every body against the obstacles and against the bodies before it."""
+        """Number of contacts of all bodies with obstacles and with each other, listed in `room`."""
         position = body.position
         rotation = body.rotation
         linear = body.linear
@@ -96,7 +96,7 @@ def find_contacts_term(f: Features) -> wp.Function:
 
 @wp.func
 def report_contacts(readout: ReadoutData, world: int, bodies: int, contacts: wp.array(dtype=Contact), count: int):
-    """Net contact force and sum of the normal forces of every body, from the solved contacts."""
+    """Write net contact force and sum of |normal forces| [pN] of every body from the solved contacts."""
     for b in range(bodies):
         force = wp.vec3(0.0)
         load = float(0.0)
@@ -144,7 +144,7 @@ def take_moves_term(f: Features) -> wp.Function:
         body: BodyRoom,
         step: wp.int64,
     ):
-        """Move and turn every body, and note what its traps have lost."""
+        """Move and turn all bodies by their moves [µm, rad], and record escapes."""
         position = body.position
         rotation = body.rotation
         linear = body.linear
@@ -174,7 +174,7 @@ def finish_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
         step: wp.int64,
     ) -> bool:  # fmt: skip
-        """Whether the world goes on."""
+        """Take the moves of the step; false, and nothing moved, if a body of the world has a fault."""
         good = all_good(readout, world, wp.static(f.bodies), body, step)
         if good:
             take_moves(model, control, state, readout, world, body, step + wp.int64(1))
@@ -189,7 +189,7 @@ def move_traps_term(f: Features) -> wp.Function:
 
     @wp.func
     def move_traps(model: ModelData, control: ControlData, state: StateData, world: int, time: wp.float64):
-        """No faster than each may."""
+        """Move all foci one step on from `time` [s], none faster than its speed limit [µm/s]."""
         for trap in range(model.traps.axis.shape[0]):
             move_trap(model, control, state, world, trap, time)
 
@@ -204,7 +204,7 @@ def settle_term(f: Features) -> wp.Function:
         readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
         step: wp.int64,
     ):  # fmt: skip
-        """A fault where no solution is found."""
+        """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
         # a free move without bound is the fault that `all_good` reports
         sane = bounded(int(wp.static(f.bodies)), body)
         error = solve_contacts(
@@ -227,7 +227,7 @@ def predict_all_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
-        """Moves of the integrator's first stage."""
+        """Free moves and drifts [µm, rad] of the integrator's first stage, body by body."""
         position = body.position
         rotation = body.rotation
         linear = body.linear
@@ -261,7 +261,7 @@ def correct_all_term(f: Features) -> wp.Function | None:
         model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
-        """Free moves of the whole step."""
+        """Free moves [µm, rad] with the integrator's second stage, body by body."""
         position = body.position
         rotation = body.rotation
         linear = body.linear
@@ -324,7 +324,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
         first_step: wp.int64, steps: int,
     ):  # fmt: skip
-        """Take `steps` steps from `first_step` for the worlds from `first_world` on."""
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on, one world a thread."""
         world = first_world + wp.tid()
         position = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
         rotation = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)

@@ -52,7 +52,7 @@ def load_bodies_term(f: Features) -> wp.Function:
 
     @wp.func
     def load_bodies(state: StateData, world: int, body: BodyRoom):
-        """Lone spheres have no rotation."""
+        """Read positions [µm] and orientations; lone spheres have the identity."""
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
             body.position[b] = state.position[world, b]
@@ -68,7 +68,7 @@ def store_bodies_term(f: Features) -> wp.Function:
 
     @wp.func
     def store_bodies(state: StateData, world: int, body: BodyRoom):
-        """What may have changed."""
+        """Write positions [µm], and orientations where bodies rotate."""
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
             state.position[world, b] = body.position[b]

@@ -15,7 +15,7 @@ def weight_of_sphere(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> wp.vec3:  # fmt: skip
-        """F = −(ρ − ρ_medium) V g ẑ, prepared in `BeadConstants`."""
+        """F = −(ρ − ρ_medium) V g ẑ [pN], prepared in `BeadConstants`."""
         return wp.vec3(0.0, 0.0, -bead.weight)
 
     return weight
@@ -29,7 +29,7 @@ def weight_of_body(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> Wrench:  # fmt: skip
-        """The force and its torque by the arm of the centroid."""
+        """F = −(ρ − ρ_medium) V g ẑ [pN] at the centroid, with its torque about the centre of diffusion [pN·µm]."""
         load = wp.vec3(0.0, 0.0, -model.body.weight[b])
         return Wrench(load, wp.cross(wp.quat_rotate(pose.rotation, model.body.weight_arm[b]), load))
 

@@ -47,13 +47,13 @@ def vector_at(model: ModelData, parameter: int, world: int, b: int) -> wp.vec3:
 
 @wp.func
 def only_force(force: wp.vec3) -> Wrench:
-    """A force [pN] that acts at the centre of diffusion, and turns nothing."""
+    """A force [pN] at the centre of diffusion, with no torque."""
     return Wrench(force, wp.vec3(0.0))
 
 
 @wp.func
 def as_it_is(wrench: Wrench) -> Wrench:
-    """A force [pN] and a torque [pN·µm]."""
+    """A force [pN] and a torque about the centre of diffusion [pN·µm] as the user's function gave them."""
     return wrench
 
 
@@ -88,7 +88,7 @@ def valued_term(forces: tuple[BodyForce, ...], index: int) -> wp.Function:
 
 @wp.func
 def force_input(model: ModelData, world: int, b: int, pose: Pose, radius: float, time: wp.float64) -> ForceInput:
-    """What a force may know of body b."""
+    """What a force may depend on: pose [µm], radius [µm], time [s], k_B T [pN·µm], viscosity [pN·s/µm²], indices."""
     known = ForceInput()
     known.position = pose.position
     known.rotation = pose.rotation
@@ -111,7 +111,7 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
 
     @wp.func
     def on_spheres(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64) -> Wrench:
-        """Sum over the spheres: each force with its arm."""
+        """Sum over the spheres: force [pN], and torque with its arm about the centre of diffusion [pN·µm]."""
         total = no_wrench()
         for i in range(model.forces.sphere_start[b], model.forces.sphere_start[b + 1]):
             sphere = model.forces.sphere[i]
@@ -124,7 +124,7 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
 
     @wp.func
     def wrench(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64) -> Wrench:
-        """Nothing on a body that the force does not act on."""
+        """Force [pN] and torque [pN·µm]; 0 on a body that the force does not act on."""
         total = no_wrench()
         if model.forces.layout[wp.static(acting) + wp.static(index) * model.bodies + b] != 0:
             if wp.static(by_sphere):

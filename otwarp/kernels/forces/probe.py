@@ -22,7 +22,7 @@ def make_force_probe(f: Features, index: int) -> wp.Kernel:
         force: wp.array(dtype=wp.vec3),
         torque: wp.array(dtype=wp.vec3),
     ):
-        """Write what acts in situation n."""
+        """Write force [pN] and torque [pN·µm] in situation n: world, position [µm], rotation and time [s]."""
         n = wp.tid()
         value = wrench(model, world[n], b, Pose(position[n], rotation[n]), time[n])
         force[n] = value.force

@@ -15,7 +15,7 @@ def make_force_readout(f: Features) -> wp.Kernel:
     def nth(index: int, before: wp.Function, term: wp.Function) -> wp.Function:
         @wp.func
         def chosen(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64, force: int) -> Wrench:
-            """The force of this index, or one of those before."""
+            """Force [pN] and torque [pN·µm] of the force of this index, or of one before it in the table."""
             value = Wrench(wp.vec3(0.0), wp.vec3(0.0))
             if force == wp.static(index):
                 value = term(model, world, b, pose, time)
@@ -27,7 +27,7 @@ def make_force_readout(f: Features) -> wp.Kernel:
 
     @wp.func
     def only(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64, force: int) -> Wrench:
-        """The first force."""
+        """Force [pN] and torque [pN·µm] of the first force."""
         return first(model, world, b, pose, time)
 
     wrench = only
@@ -42,7 +42,7 @@ def make_force_readout(f: Features) -> wp.Kernel:
         force: wp.array3d(dtype=wp.vec3),
         torque: wp.array3d(dtype=wp.vec3),
     ):
-        """Write (W, F, B) forces and torques."""
+        """Write (W, F, B) forces [pN] and torques about the centre of diffusion [pN·µm] in world axes."""
         world, b = wp.tid()
         pose = Pose(state.position[world, b], wp.quat_identity())
         if wp.static(f.rigid):

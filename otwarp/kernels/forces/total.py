@@ -28,7 +28,7 @@ def sphere_total(f: Features, what: str) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> kind:  # fmt: skip
-        """Without any force."""
+        """The empty sum [pN, pN·µm or pN/µm]: no force of `FORCES` is active."""
         return nothing()
 
     def both(one: wp.Function, other: wp.Function) -> wp.Function:
@@ -37,7 +37,7 @@ def sphere_total(f: Features, what: str) -> wp.Function:
             model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
             position: wp.vec3, time: wp.float64,
         ) -> kind:  # fmt: skip
-            """What comes before in the table, and the next."""
+            """Sum of the rows so far and the next row, in the order of the table."""
             value = one(model, control, state, bead, world, b, position, time)
             value += other(model, control, state, bead, world, b, position, time)
             return value
@@ -59,7 +59,7 @@ def body_total(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> Wrench:  # fmt: skip
-        """Without any force."""
+        """The empty sum [pN, pN·µm or pN/µm]: no force of `FORCES` is active."""
         return no_wrench()
 
     def both(one: wp.Function, other: wp.Function) -> wp.Function:
@@ -68,7 +68,7 @@ def body_total(f: Features) -> wp.Function:
             model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int,
             pose: Pose, time: wp.float64,
         ) -> Wrench:  # fmt: skip
-            """What comes before in the table, and the next."""
+            """Sum of the rows so far and the next row, in the order of the table."""
             value = one(model, control, state, body, world, b, pose, time)
             more = other(model, control, state, body, world, b, pose, time)
             value.force += more.force
@@ -93,7 +93,7 @@ def body_stiffness_total(f: Features) -> wp.Function:
     def zero(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ) -> mat66:
-        """Without any force that the exponential integrator treats as linear."""
+        """The empty sum [pN/µm, pN, pN·µm]: no force has a part that the exponential integrator treats as linear."""
         return no_body_stiffness()
 
     return terms[0] if terms else zero

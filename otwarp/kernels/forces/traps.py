@@ -23,7 +23,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
 
     @wp.func
     def one_of_few(model: ModelData, law: TrapConstants, command: wp.vec4, position: wp.vec3) -> kind:
-        """Of a prepared trap."""
+        """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
         anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
         return command[3] * value_at(model.traps, law, position - anchor)
 
@@ -32,7 +32,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> kind:  # fmt: skip
-        """Traps whose constants the sphere carries along."""
+        """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
         command = bead.first_command
         if wp.static(not f.still_traps):
             command = trap_command(model, control, state, world, 0, time)
@@ -49,7 +49,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> kind:  # fmt: skip
-        """A loop over those within reach."""
+        """Sum [pN or pN/µm] over the traps within whose reach the sphere is."""
         total = nothing()
         traps = int(wp.static(f.traps))
         for trap in range(traps):
@@ -74,7 +74,7 @@ def traps_on_sphere(f: Features, what: str) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
         position: wp.vec3, time: wp.float64,
     ) -> kind:  # fmt: skip
-        """Nothing on a sphere that traps do not act on."""
+        """Sum over the traps [pN or pN/µm]; 0 on a sphere that traps do not act on."""
         value = nothing()
         if bead.trapped != 0:
             value = total(model, control, state, bead, world, b, position, time)

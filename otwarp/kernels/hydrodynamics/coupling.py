@@ -68,7 +68,7 @@ def block_count(bodies: int) -> int:
 
 @wp.func
 def block_at(i: int, j: int) -> int:
-    """Place of block (i, j ≤ i) of a lower triangle."""
+    """Index of block (i, j ≤ i) of a lower triangle that is stored row by row."""
     return i * (i + 1) // 2 + j
 
 
@@ -107,7 +107,7 @@ def pair_mobility(way: wp.vec3, a: float, b: float) -> wp.mat33:
 
 @wp.func
 def step_over(model: ModelData, world: int) -> float:
-    """dt/η [µm²/pN]."""
+    """dt/η [µm²/pN] of a world: what turns a mobility at unit viscosity into a move per force."""
     return wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
 
 
@@ -128,7 +128,7 @@ def fill_pairs(
 def carry_others(
     bodies: int, pair: wp.array(dtype=wp.mat33), force: wp.array(dtype=wp.vec3), move: wp.array(dtype=vec6)
 ):
-    """Add to the moves of all bodies what the forces on the others [pN] carry them along in one step."""
+    """Add to the moves [µm, rad] of all bodies what the forces on the others [pN] carry them along in one step."""
     for i in range(bodies):
         for j in range(i):
             p = pair[block_at(i, j)]
@@ -138,7 +138,7 @@ def carry_others(
 
 @wp.func
 def pivot_root(pivot: float, least: float) -> float:
-    """√pivot, or 0 where rounding may be all that is left of it."""
+    """√pivot, or 0 where the pivot is not above `least`, what rounding may leave of it."""
     root = float(0.0)
     if pivot > least:
         root = wp.sqrt(pivot)
@@ -147,7 +147,7 @@ def pivot_root(pivot: float, least: float) -> float:
 
 @wp.func
 def inverse_pivot(root: float) -> float:
-    """1/root, or 0: what has no freedom left moves nothing."""
+    """1/root, or 0 for a root of 0, whose column then counts as 0."""
     inverse = float(0.0)
     if root > 0.0:
         inverse = 1.0 / root
@@ -168,7 +168,7 @@ def lower_root(m: wp.mat33, least: wp.vec3) -> wp.mat33:
 
 @wp.func
 def over_transposed(m: wp.mat33, root: wp.mat33) -> wp.mat33:
-    """X with X Lᵀ = m, of a lower triangle L."""
+    """X = m L⁻ᵀ of a lower triangle L = `root`, by substitution; columns of a zero pivot are 0."""
     first = wp.vec3(m[0, 0], m[1, 0], m[2, 0]) * inverse_pivot(root[0, 0])
     second = (wp.vec3(m[0, 1], m[1, 1], m[2, 1]) - root[1, 0] * first) * inverse_pivot(root[1, 1])
     third = wp.vec3(m[0, 2], m[1, 2], m[2, 2]) - root[2, 0] * first - root[2, 1] * second
@@ -217,7 +217,7 @@ def fill_root_term(f: Features) -> wp.Function:
         pair: wp.array(dtype=wp.mat33),
         root: wp.array(dtype=wp.mat33),
     ):
-        """Of the matrix times dt, [µm/pN]."""
+        """Cholesky factor of (R_tt)⁻¹ and P, times dt/η [µm/pN], in blocks."""
         bodies = int(wp.static(f.bodies))
         scale = step_over(model, world)
         for i in range(bodies):
@@ -246,7 +246,7 @@ def shake_term(f: Features) -> wp.Function:
         step: wp.int64,
         move: wp.array(dtype=vec6),
     ):
-        """Rotations of each body, the translations that go with them, and the translations given them."""
+        """Add rotations, the translations that go with them, and the translations given them [µm, rad]."""
         bodies = int(wp.static(f.bodies))
         energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
         spread = wp.sqrt(2.0 * energy)
@@ -287,7 +287,7 @@ def own_drift_term(f: Features) -> wp.Function:
     def own_drift(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ):
-        """All forces of `FORCES`, and the flow [µm, rad]."""
+        """Sum over `FORCES` as a force [pN], and M (F, T) dt + flow [µm, rad] of body b."""
         force = wp.vec3(0.0)
         move = vec6()
         if wp.static(f.rigid):
@@ -331,7 +331,7 @@ def coupled_drift_term(f: Features) -> wp.Function:
         force: wp.array(dtype=wp.vec3),
         drift: wp.array(dtype=vec6),
     ):
-        """Each by itself, then all by each other."""
+        """Drift of each body by its own load and the flow, plus what all others carry it along [µm, rad]."""
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
             load, move = own_drift(model, control, state, world, b, Pose(position[b], rotation[b]), time)

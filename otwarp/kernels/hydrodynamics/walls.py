@@ -57,7 +57,7 @@ def fit_term(fit: GapFit) -> wp.Function:
 
     @wp.func
     def excess(gap: float) -> wp.vec2:
-        """Both polynomials and their slopes by Horner's rule; (N/D)' = (N' − (N/D) D')/D keeps clear of overflow."""
+        """E and dE/dg by Horner's rule, a pure number each; (N/D)' = (N' − (N/D) D')/D keeps clear of overflow."""
         g = wp.clamp(gap, wp.static(floor), _FAR)
         p = wp.static(numerator)
         q = wp.static(denominator)
@@ -91,7 +91,7 @@ def height_above(walls: WallData, wall: int, point: wp.vec3) -> float:
 
 @wp.func
 def lower_root(m: wp.mat33) -> wp.mat33:
-    """Lower Cholesky factor of a symmetric positive definite matrix."""
+    """Lower Cholesky factor L, L Lᵀ = m, of a symmetric positive definite matrix."""
     l00 = wp.sqrt(m[0, 0])
     l10 = m[1, 0] / l00
     l20 = m[2, 0] / l00
@@ -103,7 +103,7 @@ def lower_root(m: wp.mat33) -> wp.mat33:
 
 @wp.func
 def along_and_across(n: wp.vec3, along: float, across: float) -> wp.mat33:
-    """across·n nᵀ + along·(1 − n nᵀ)."""
+    """across·n nᵀ + along·(1 − n nᵀ) for a unit normal n, in the units of its numbers."""
     return along * wp.identity(n=3, dtype=float) + (across - along) * wp.outer(n, n)
 
 
@@ -112,7 +112,7 @@ def sphere_mobility_term(f: Features) -> wp.Function:
 
     @wp.func
     def near_one(walls: WallData, position: wp.vec3, radius: float) -> wp.mat33:
-        """One wall: its axes are those of the mobility."""
+        """μ/μ₀ before one wall, whose axes are those of the mobility: no matrix is inverted."""
         gap = height_above(walls, 0, position) / radius - 1.0
         normal = normal_excess(gap)
         along = sliding_excess(gap)
@@ -120,7 +120,7 @@ def sphere_mobility_term(f: Features) -> wp.Function:
 
     @wp.func
     def near_many(walls: WallData, position: wp.vec3, radius: float) -> wp.mat33:
-        """Superposed resistances."""
+        """μ/μ₀ = (1 + Σ excess resistances of the walls)⁻¹."""
         resistance = wp.identity(n=3, dtype=float)
         for wall in range(walls.normal.shape[0]):
             gap = height_above(walls, wall, position) / radius - 1.0
@@ -141,7 +141,7 @@ def sphere_noise_term(f: Features) -> wp.Function:
     def near_one(
         walls: WallData, position: wp.vec3, radius: float, spread: float, kick: wp.vec3, fourth: float
     ) -> wp.vec3:
-        """One wall: no factorisation."""
+        """Noise and thermal drift [µm] before one wall, whose axes are those of the mobility."""
         n = walls.normal[0]
         gap = height_above(walls, 0, position) / radius - 1.0
         normal = normal_excess(gap)
@@ -157,7 +157,7 @@ def sphere_noise_term(f: Features) -> wp.Function:
     def near_many(
         walls: WallData, position: wp.vec3, radius: float, spread: float, kick: wp.vec3, fourth: float
     ) -> wp.vec3:
-        """Superposed resistances; every wall has a factor of its own for its drift."""
+        """Noise and thermal drift [µm] before several walls, each with its own term of the drift."""
         mobility = mobility_of(walls, position, radius)
         noise = lower_root(mobility) * kick
         drift = wp.vec3(0.0)
@@ -179,7 +179,7 @@ def sphere_flow_term(f: Features) -> wp.Function:
 
     @wp.func
     def carried(walls: WallData, position: wp.vec3, radius: float, mobility: wp.mat33, flow: wp.vec3) -> wp.vec3:
-        """μ (1 + Σ_i E_i(1 − n_i n_iᵀ)) u: the wall holds the sphere back more than it keeps the flow from it."""
+        """μ (1 + Σ_i E_i(1 − n_i n_iᵀ)) u [µm/s]: walls hold the sphere back more than they keep the flow from it."""
         pull = flow
         for wall in range(walls.normal.shape[0]):
             n = walls.normal[wall]
@@ -200,7 +200,7 @@ def more_deviates_term(f: Features) -> tuple[wp.Function, wp.Function]:
 
         @wp.func
         def four_gaussian(seed: wp.uint32, step: wp.int64, world: int, body: int) -> wp.vec4:
-            """Standard normal."""
+            """Four standard normal deviates; the first three are those of a free sphere."""
             words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
             xy = pair(words[0], words[1])
             z = pair(words[2], words[3])
@@ -208,7 +208,7 @@ def more_deviates_term(f: Features) -> tuple[wp.Function, wp.Function]:
 
         @wp.func
         def seven_gaussian(seed: wp.uint32, step: wp.int64, world: int, body: int):
-            """Standard normal."""
+            """Six and one standard normal deviates; the six are those of a free body."""
             a = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
             c = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_B)), step, world, body)
             g0 = pair(a[0], a[1])
@@ -223,14 +223,14 @@ def more_deviates_term(f: Features) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def four_weak(seed: wp.uint32, step: wp.int64, world: int, body: int) -> wp.vec4:
-        """The fourth from a half that three leave."""
+        """Four deviates of mean 0 and variance 1: those of a free sphere, and one from bits that they leave."""
         words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
         xi = three_deviates(seed, step, world, body)
         return wp.vec4(xi[0], xi[1], xi[2], deviate(high_half(words[3])))
 
     @wp.func
     def seven_weak(seed: wp.uint32, step: wp.int64, world: int, body: int):
-        """The seventh from a half that six leave."""
+        """Six and one deviates of mean 0 and variance 1: those of a free body, and one from bits that they leave."""
         words = noise_words(seed, wp.static(wp.uint32(Stream.BROWNIAN_A)), step, world, body)
         return six_deviates(seed, step, world, body), deviate(high_half(words[3]))
 
@@ -258,7 +258,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         position: wp.vec3,
         time: wp.float64,
     ) -> wp.vec3:
-        """All forces of `FORCES` against the hindered mobility, and the flow [µm]."""
+        """μ(x) F dt + flow [µm] with the hindered mobility, F the sum over `FORCES`."""
         radius = model.walls.sphere[model.walls.start[b]][3]
         mobility = mobility_of(model.walls, position, radius)
         move = mobility * still(model, control, state, bead, world, b, position, time)
@@ -269,7 +269,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
-        """Four deviates."""
+        """√(2 k_B T μ dt) ξ + k_B T ∇·μ dt [µm] at `position`; 0 without noise."""
         kick = wp.vec3(0.0)
         if wp.static(f.brownian):
             radius = model.walls.sphere[model.walls.start[b]][3]
@@ -289,7 +289,7 @@ def walled_sphere_response_term(f: Features) -> wp.Function:
     def walled_sphere_response(
         model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3
     ) -> Move:
-        """Against the hindered mobility, as all that moves the sphere."""
+        """Displacement [µm] of the sphere by `force` [pN] acting for one step against the hindered mobility."""
         mobility = mobility_of(model.walls, pose.position, model.walls.sphere[model.walls.start[b]][3])
         return Move((scale * model.body.translation[model.body.shape[b]]) * (mobility * force), wp.vec3(0.0))
 
@@ -298,7 +298,7 @@ def walled_sphere_response_term(f: Features) -> wp.Function:
 
 @wp.func
 def out_of_walls(walls: WallData, b: int, pose: Pose) -> wp.vec3:
-    """Displacement that reflects a body off the walls which its spheres have crossed, where no contact stops them."""
+    """Displacement [µm] that reflects a body off walls which its spheres have crossed, where no contact stops them."""
     shift = wp.vec3(0.0)
     for wall in range(walls.normal.shape[0]):
         n = walls.normal[wall]

@@ -65,7 +65,7 @@ class Friction:
 
 @wp.func
 def friction(radius: float, normal: float, parallel: float, coupling: float, spin: float, roll: float) -> Friction:
-    """From excesses over the free sphere, or from their slopes."""
+    """Coefficients at unit viscosity [µm, µm², µm³] from excesses over the free sphere, or from their slopes."""
     a = 6.0 * _PI * radius
     c = 8.0 * _PI * radius * radius * radius
     return Friction(a * parallel, a * (normal - parallel), a * radius * coupling, c * roll, c * (spin - roll))
@@ -73,7 +73,7 @@ def friction(radius: float, normal: float, parallel: float, coupling: float, spi
 
 @wp.func
 def frictions(gap: float, radius: float):
-    """ΔR and dΔR/dh of a sphere at `gap` = h/a − 1."""
+    """ΔR at unit viscosity and its slope dΔR/dh of a sphere of `radius` [µm] at `gap` = h/a − 1."""
     n = normal_excess(gap)
     p = parallel_excess(gap)
     c = coupling_excess(gap)
@@ -86,7 +86,7 @@ def frictions(gap: float, radius: float):
 
 @wp.func
 def rub(c: Friction, n: wp.vec3, arm: wp.vec3, motion: vec6) -> vec6:
-    """Kᵀ ΔR u of a sphere at `arm` whose centre moves and turns with u = `motion`; about the reference point."""
+    """Kᵀ ΔR u about the reference point, at unit viscosity, of a sphere at `arm` [µm] with the twist u = `motion`."""
     u = linear_part(motion)
     w = angular_part(motion)
     force = c.alpha * u + (c.beta * wp.dot(n, u)) * n + c.b * wp.cross(n, w)
@@ -96,13 +96,13 @@ def rub(c: Friction, n: wp.vec3, arm: wp.vec3, motion: vec6) -> vec6:
 
 @wp.func
 def motion_at(arm: wp.vec3, motion: vec6) -> vec6:
-    """K u: how a sphere at `arm` moves and turns."""
+    """K u: twist of a sphere at `arm` [µm] of a body that moves with the twist u."""
     return twist(linear_part(motion) + wp.cross(angular_part(motion), arm), angular_part(motion))
 
 
 @wp.func
 def block(m: mat66, row: int, column: int) -> wp.mat33:
-    """The 3×3 block whose corner is there."""
+    """The 3×3 block of a 6×6 matrix whose upper left corner is at (row, column)."""
     out = wp.mat33(0.0)
     for i in range(3):
         for j in range(3):
@@ -112,7 +112,7 @@ def block(m: mat66, row: int, column: int) -> wp.mat33:
 
 @wp.func
 def curl(m: wp.mat33) -> wp.vec3:
-    """ax m = Σ_j e_j × (m e_j)."""
+    """ax m = Σ_j e_j × (m e_j): twice the axial vector of the antisymmetric part of m."""
     return wp.vec3(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
 
 
@@ -144,7 +144,7 @@ def inverse_root(r: mat66) -> mat66:
 
 @wp.func
 def upper_product(m: mat66, v: vec6) -> vec6:
-    """mᵀ v of a lower triangle."""
+    """mᵀ v of a lower triangle m, products with its zeros left out."""
     out = vec6()
     for i in range(6):
         for j in range(i, 6):
@@ -154,7 +154,7 @@ def upper_product(m: mat66, v: vec6) -> vec6:
 
 @wp.func
 def lower_times(m: mat66, v: vec6) -> vec6:
-    """m v of a lower triangle."""
+    """m v of a lower triangle m, products with its zeros left out."""
     out = vec6()
     for i in range(6):
         for j in range(i + 1):
@@ -214,7 +214,7 @@ def body_noise_term(f: Features) -> wp.Function:
 
     @wp.func
     def body_noise(walls: WallData, b: int, pose: Pose, root: mat66, spread: float, kick: vec6, seventh: float) -> vec6:
-        """√(2 k_B T dt/η) L⁻ᵀ ξ and k_B T dt/η ∇·M."""
+        """√(2 k_B T dt/η) L⁻ᵀ ξ + k_B T dt/η ∇·M [µm, rad], body axes."""
         mobility = wp.transpose(root) * root
         noise = upper_product(root, kick)
         coupling = block(mobility, 0, 3)
@@ -247,7 +247,7 @@ def body_flow_term(f: Features) -> wp.Function:
 
     @wp.func
     def carried(model: ModelData, world: int, b: int, pose: Pose, root: mat66) -> vec6:
-        """M (R_free U_free + Σ_s Kᵀ (what walls add to the force and torque of the flow on sphere s)), body axes."""
+        """M (R_free U_free + Σ_s Kᵀ (what walls add to force and torque of the flow on s)) [µm/s, rad/s], body axes."""
         free = free_velocity(model, world, b, pose)
         v = wp.quat_rotate_inv(pose.rotation, linear_part(free))
         w = wp.quat_rotate_inv(pose.rotation, angular_part(free))
@@ -282,7 +282,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def step_over_viscosity(model: ModelData, world: int) -> float:
-        """dt/η."""
+        """dt/η [µm²/pN] of a world: what turns a mobility at unit viscosity into a move per force."""
         viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
         return wp.float32(model.time_step) / viscosity
 
@@ -297,7 +297,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
         pose: Pose,
         time: wp.float64,
     ) -> vec6:
-        """All forces of `FORCES`, and the flow [µm, rad]."""
+        """M(x) (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
         root = root_of(model.walls, model.body.shape[b], b, pose)
         load = wrench(model, control, state, body, world, b, pose, time)
         force = wp.quat_rotate_inv(pose.rotation, load.force)
@@ -311,7 +311,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Seven deviates."""
+        """√(2 k_B T dt) noise of M(x) and its thermal drift k_B T ∇·M dt [µm, rad] in world axes; 0 without noise."""
         kick = vec6()
         if wp.static(f.brownian):
             xi, seventh = seven_deviates(model.seed, step, world, b)
@@ -334,7 +334,7 @@ def walled_rigid_response_term(f: Features) -> wp.Function:
 
     @wp.func
     def walled_rigid_response(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Against the hindered mobility, as all that moves the body."""
+        """Move [µm, rad] of the body by `force` [pN] at `arm` [µm] for one step against the hindered mobility."""
         root = root_of(model.walls, model.body.shape[b], b, pose)
         f_body = wp.quat_rotate_inv(pose.rotation, force)
         t_body = wp.quat_rotate_inv(pose.rotation, wp.cross(arm, force))

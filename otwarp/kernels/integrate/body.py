@@ -31,7 +31,7 @@ def body_constants_term(f: Features) -> wp.Function:
 
     @wp.func
     def body_constants(model: ModelData, control: ControlData, world: int, b: int) -> BodyConstants:
-        """Only what is needed is computed."""
+        """Constants of a sphere in `bead` or of a rigid body in `rigid`; the other half stays empty."""
         body = BodyConstants()
         if wp.static(f.rigid):
             body.turns = model.body.rigid[b]
@@ -53,22 +53,22 @@ def lifted(bead: Dynamics) -> Dynamics:
         model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> vec6:  # fmt: skip
-        """Without rotation."""
+        """Drift of the sphere as a twist without rotation [µm, 0]."""
         return twist(bead_drift(model, control, state, body.bead, world, b, pose.position, time), wp.vec3(0.0))
 
     @wp.func
     def noise(model: ModelData, body: BodyConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Without rotation."""
+        """Thermal displacement of the sphere as a twist without rotation [µm, 0]."""
         return twist(bead_noise(model, body.bead, world, b, pose.position, step), wp.vec3(0.0))
 
     @wp.func
     def shifted(pose: Pose, move: vec6) -> Pose:
-        """The orientation stays."""
+        """Pose after a displacement [µm]; the orientation stays."""
         return Pose(pose.position + linear_part(move), pose.rotation)
 
     @wp.func
     def pulled_back(move: vec6, drift: vec6) -> vec6:
-        """Space is flat."""
+        """The drift itself [µm]: displacements of a sphere commute."""
         return drift
 
     @wp.func
@@ -76,7 +76,7 @@ def lifted(bead: Dynamics) -> Dynamics:
         model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> mat66:  # fmt: skip
-        """Against displacement alone."""
+        """Stiffness of the sphere [pN/µm] in the upper left 3×3 block; 0 against rotation."""
         k = bead_stiffness(model, control, state, body.bead, world, b, pose.position, time)
         total = mat66(0.0)
         for i in range(3):
@@ -86,7 +86,7 @@ def lifted(bead: Dynamics) -> Dynamics:
 
     @wp.func
     def relax(body: BodyConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
-        """μ dt K v."""
+        """Z v = μ dt K v [µm]: what a stiffness K [pN/µm] pulls back of a displacement v in one step."""
         return body.bead.mobility_dt * (k * move)
 
     bead_drift, bead_noise, bead_stiffness = bead.drift, bead.noise, bead.stiffness
@@ -101,7 +101,7 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
         model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> vec6:  # fmt: skip
-        """Whichever b is."""
+        """Drift [µm, rad] of body b in one step: rigid if it turns, else that of a sphere."""
         move = vec6()
         if body.turns != 0:
             move = rigid_drift(model, control, state, body.rigid, world, b, pose, time)
@@ -111,7 +111,7 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
 
     @wp.func
     def noise(model: ModelData, body: BodyConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Whichever b is."""
+        """Thermal move [µm, rad] of body b in one step: rigid if it turns, else that of a sphere."""
         kick = vec6()
         if body.turns != 0:
             kick = rigid_noise(model, body.rigid, world, b, pose, step)
@@ -124,7 +124,7 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
         model: ModelData, control: ControlData, state: StateData, body: BodyConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> mat66:  # fmt: skip
-        """Whichever b is."""
+        """Stiffness (6, 6) [pN/µm, pN, pN·µm] of body b: rigid if it turns, else that of a sphere."""
         k = mat66(0.0)
         if body.turns != 0:
             k = rigid_stiffness(model, control, state, body.rigid, world, b, pose, time)
@@ -134,7 +134,7 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
 
     @wp.func
     def relax(body: BodyConstants, pose: Pose, k: mat66, move: vec6) -> vec6:
-        """Whichever the body is."""
+        """Z v [µm, rad] of the body: rigid if it turns, else that of a sphere."""
         result = bead_relax(body, pose, k, move)
         if body.turns != 0:
             result = rigid_relax(body.rigid, pose, k, move)
@@ -158,7 +158,7 @@ def body_dynamics(f: Features) -> tuple[wp.Function, Dynamics]:
 
 @wp.func
 def as_move(v: vec6) -> Move:
-    """Displacement and rotation apart, as contact wants them."""
+    """A twist as a `Move`: displacement [µm] and rotation vector [rad]."""
     return Move(linear_part(v), angular_part(v))
 
 
@@ -172,7 +172,7 @@ def free_move_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, step: wp.int64,
         time: wp.float64,
     ) -> Move:  # fmt: skip
-        """Constants, then one step."""
+        """Move of body b [µm, rad] in one step by all but contacts."""
         constants = constants_of(model, control, world, b)
         return as_move(move_freely(model, control, state, constants, world, b, pose, step, time))
 

@@ -184,7 +184,7 @@ def whole_step(scheme: Integrator, d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> d.move:
-        """One step."""
+        """Move of one step [µm, or µm and rad]: prediction, and correction if the scheme has one."""
         move, drift = predict(model, control, state, constants, world, b, pose, step, time)
         if wp.static(correct is not None):
             move += correct(model, control, state, constants, world, b, pose, drift, move, step, time)

@@ -28,7 +28,7 @@ def predict_euler_maruyama(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ):
-        """Move and drift."""
+        """Move of Euler–Maruyama's step, and its drift a dt [µm, or µm and rad]."""
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         return drift + noise_of(model, constants, world, b, pose, step), drift
 
@@ -51,7 +51,7 @@ def predict_leimkuhler_matthews(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ):
-        """Move and drift."""
+        """Move with the noise of this step and the next, and its drift a dt [µm, or µm and rad]."""
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         noise = noise_of(model, constants, world, b, pose, step)
         noise += noise_of(model, constants, world, b, pose, step + wp.int64(1))
@@ -78,7 +78,7 @@ def correct_heun(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> d.move:
-        """What the drift at the end changes."""
+        """Half of what the drift changes [µm, rad] from the start of the step to its end."""
         there = shifted(pose, moved)
         later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
         return 0.5 * (pulled_back(moved, later) - drift)
@@ -92,7 +92,7 @@ def series_term(d: Dynamics, first: float, second: float, third: float) -> wp.Fu
 
     @wp.func
     def series(constants: d.constants, pose: d.pose, stiffness: d.stiffness_type, v: d.move) -> d.move:
-        """Three products."""
+        """The series applied to a move [µm, rad] in three products with Z."""
         z1 = relax(constants, pose, stiffness, v)
         z2 = relax(constants, pose, stiffness, z1)
         z3 = relax(constants, pose, stiffness, z2)
@@ -127,7 +127,7 @@ def predict_exponential(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ):
-        """Move and drift."""
+        """Move of the first stage, and its drift a dt [µm, or µm and rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         noise = noise_of(model, constants, world, b, pose, step)
@@ -156,7 +156,7 @@ def correct_exponential(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> d.move:
-        """What the residual force at the end changes."""
+        """φ₂(−Z) times the residual drift at the end of the step [µm, rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         there = shifted(pose, moved)
         later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
@@ -184,7 +184,7 @@ def exponential_at_once(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> d.move:
-        """One step."""
+        """Move of one step with both stages [µm, or µm and rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         noise = noise_of(model, constants, world, b, pose, step)
@@ -216,7 +216,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> d.move:
-        """One step."""
+        """Move of one step with both stages [µm, or µm and rad]."""
         move = noise_of(model, constants, world, b, pose, step)
         first = d.move()
         here = pose

@@ -33,7 +33,9 @@ been that far inside, one would happen with probability e⁻⁵⁰."""
 def crossed(
     seed: wp.uint32, world: int, trap: int, step: wp.int64, reach: float, before2: float, after2: float, s2: float
 ) -> bool:
-    """Whether the path of a step between two squared distances inside `reach` [µm] went out and came back."""
+    """Whether the path of a step between two squared distances [µm²] inside `reach` [µm] went out and came back:
+    with probability exp(−2 d₀ d₁/s²), see the module.
+    """
     per_s = reciprocal_root(s2)
     inside = 2.0 * (reach - square_root(before2)) * (reach - square_root(after2)) * per_s * per_s
     words = noise_words(seed, wp.static(wp.uint32(Stream.CROSSING)), step, world, trap)
@@ -68,7 +70,7 @@ def escape_term(f: Features) -> wp.Function:
         step: wp.int64,
         time: wp.float64,
     ) -> float:
-        """Compare the held sphere's distance with the trap's reach; how much farther the body may go unwatched [µm]."""
+        """Record the escapes of body b in this step; returns the leeway [µm], inf where no trap holds it."""
         leeway = float(wp.inf)
         for trap in range(model.traps.axis.shape[0]):
             if model.traps.held_body[trap] == b and readout.escape_step[world, trap] < wp.int64(0):
@@ -148,7 +150,7 @@ def monitor_term(f: Features) -> wp.Function:
         first: wp.int64,
         taken: int,
     ) -> EscapeMonitor:
-        """Lost if out of reach of a trap that shines, now or since the last look."""
+        """The monitor after a look at `position` [µm]: lost if out of reach of a lit trap, now or in between."""
         # the same displacement as the force of the step needs, so that it is computed once
         away2 = wp.length_sq(position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis))
         if wp.max(away2, monitor.last2) > monitor.near2 and command[3] > 0.0:
@@ -170,6 +172,6 @@ def monitor_term(f: Features) -> wp.Function:
 
 @wp.func
 def report_escape(readout: ReadoutData, monitor: EscapeMonitor, world: int, trap: int, first: wp.int64):
-    """Report a loss; a sphere that starts out of reach escapes with the first step."""
+    """Write the step of a loss; a sphere that starts out of reach escapes with the first step."""
     if monitor.escape >= 0:
         readout.escape_step[world, trap] = first + wp.int64(wp.max(monitor.escape, 1))

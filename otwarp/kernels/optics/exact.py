@@ -106,7 +106,7 @@ def balance(
 
 @wp.func
 def together(data: ExactData, one: SideSums, other: SideSums, k_x: wp.float64, k_y: wp.float64) -> wp.vec3d:
-    """Force Q from the sums of both sides, at the azimuth of (k_x, k_y).
+    """Dimensionless force Q in the beam's frame from the sums of both sides, at the azimuth of (k_x, k_y).
 
     With c = E₊* E₋ exp(−2iφ) each side has F_z = |E₊|² z_A + |E₋|² z_B − Re c z_AB, and F_x + iF_y is exp(iφ) times
     three constants and their products with c and c*: all there is of the azimuth and of the polarization.
@@ -185,7 +185,7 @@ def exact_force_term(orders: int, nodes: int) -> wp.Function:
 
     @wp.func
     def exact_force(data: ExactData, displacement: wp.vec3d) -> wp.vec3d:
-        """Q at one point; see `exact_force_term`."""
+        """Dimensionless force Q in the beam's frame at a displacement from the focus [µm]; see `exact_force_term`."""
         place = data.wavenumber * displacement
         distance = wp.length(place)
         rule = int(0)
@@ -214,7 +214,7 @@ def exact_force_kernel(orders: int, nodes: int) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def exact_force_at(data: ExactData, points: wp.array(dtype=wp.vec3d), first: int, force: wp.array(dtype=wp.vec3d)):
-        """Force at each point."""
+        """Write the dimensionless force Q in the beam's frame at `points[first + thread]` [µm]."""
         i = first + wp.tid()
         force[i] = term(data, points[i])
 

@@ -16,25 +16,25 @@ SEED = wp.constant(wp.float64(1e-100))
 
 @wp.func
 def times(a: wp.vec2d, b: wp.vec2d) -> wp.vec2d:
-    """a·b."""
+    """Complex product a·b, numbers as (real, imaginary)."""
     return wp.vec2d(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
 
 
 @wp.func
 def conj_times(a: wp.vec2d, b: wp.vec2d) -> wp.vec2d:
-    """a*·b."""
+    """Complex product a*·b of the conjugate of a with b."""
     return wp.vec2d(a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0])
 
 
 @wp.func
 def conj(a: wp.vec2d) -> wp.vec2d:
-    """a*."""
+    """Complex conjugate a* = (real, −imaginary)."""
     return wp.vec2d(a[0], -a[1])
 
 
 @wp.func
 def times_i(a: wp.vec2d) -> wp.vec2d:
-    """i·a."""
+    """Complex product i·a = (−imaginary, real)."""
     return wp.vec2d(-a[1], a[0])
 
 

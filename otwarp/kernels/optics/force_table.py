@@ -15,7 +15,7 @@ mat32 = wp.types.matrix(shape=(3, 2), dtype=wp.float32)
 
 @wp.func
 def blend_weight(d2: float, radius: float) -> float:
-    """Share of what lies beyond `radius`: a smooth step in distance² from `BLEND`·radius to radius."""
+    """Share in [0, 1] of what lies beyond `radius` [µm]: a smooth step in distance² d2 [µm²] from `BLEND`·radius on."""
     x = wp.clamp((d2 / (radius * radius) - BLEND * BLEND) * BLEND_SCALE, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
 
@@ -24,25 +24,25 @@ def blend_weight(d2: float, radius: float) -> float:
     return nodes.data[n];
 """)
 def node_at(nodes: wp.array(dtype=wp.vec3), n: int) -> wp.vec3:
-    """Node n, without the strides and negative indices of Warp's indexing, so that neighbours share an address."""
+    """Node n [pN per mW] without the strides and negative indices of Warp, so that neighbours share an address."""
     ...
 
 
 @wp.func
 def one_layer(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """F_ρ, F_φ, F_z of a node in a beam of one helicity."""
+    """F_ρ, F_φ, F_z [pN per mW] of a node in a beam of one helicity."""
     return node_at(tables.node, node)
 
 
 @wp.func
 def two_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """Those of a polarized beam; `first` = (cos 2φ, sin 2φ, cos 2φ)."""
+    """F_ρ, F_φ, F_z [pN per mW] of a node in a polarized beam; `first` = (cos 2φ, sin 2φ, cos 2φ)."""
     return node_at(tables.node, 2 * node) + wp.cw_mul(first, node_at(tables.node, 2 * node + 1))
 
 
 @wp.func
 def three_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """Those of a polarized vortex; `second` = (sin 2φ, cos 2φ, sin 2φ)."""
+    """F_ρ, F_φ, F_z [pN per mW] of a node in a polarized vortex; `second` = (sin 2φ, cos 2φ, sin 2φ)."""
     polarized = wp.cw_mul(first, node_at(tables.node, 3 * node + 1)) + wp.cw_mul(
         second, node_at(tables.node, 3 * node + 2)
     )
@@ -60,7 +60,7 @@ def bilinear_term(layers: int) -> wp.Function:
     def bilinear(
         tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
     ) -> wp.vec3:
-        """Four nodes."""
+        """F_ρ, F_φ, F_z [pN per mW] at (ρ, z) [µm] from the four nodes around."""
         u = rho * level.per_spacing
         v = z * level.per_spacing + level.middle
         i = cell_of(u)
@@ -100,7 +100,7 @@ def bicubic_term(layers: int) -> wp.Function:
     def bicubic(
         tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
     ) -> wp.vec3:
-        """Sixteen nodes."""
+        """F_ρ, F_φ, F_z [pN per mW] at (ρ, z) [µm] from the sixteen nodes around."""
         u = rho * level.per_spacing
         v = z * level.per_spacing + level.middle
         i = cell_of(u)
@@ -134,7 +134,7 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
 
     @wp.func
     def outer_level(tables: ForceTableData, table: int, d2: float) -> int:
-        """The level that serves at a squared distance."""
+        """Index of the finest level whose radius is beyond the squared distance d2 [µm²], else of the last."""
         level = tables.level_start[table]
         last = tables.level_start[table + 1] - 1
         while level < last and d2 >= tables.level[level].radius * tables.level[level].radius:
@@ -143,7 +143,7 @@ def table_term(interpolation: str, layers: int) -> wp.Function:
 
     @wp.func
     def table_force(tables: ForceTableData, table: int, finest: GridLevel, x: float, y: float, z: float) -> wp.vec3:
-        """Cylindrical components at the sphere's place, turned into Cartesian ones."""
+        """Force [pN per mW] at (x, y, z) [µm] in the beam's frame, from its cylindrical components."""
         rho2 = x * x + y * y
         # on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
         per_rho = reciprocal_root(wp.max(rho2, 1.0e-20))
@@ -195,7 +195,7 @@ def cell_slopes_term(interpolation: str, layers: int) -> wp.Function:
     def cell_slopes(
         tables: ForceTableData, level: GridLevel, rho: float, z: float, first: wp.vec3, second: wp.vec3
     ) -> mat32:
-        """Half a cell to either side; across the axis the field is mirrored, F_ρ and F_φ odd and F_z even."""
+        """Slopes over half a cell to either side; the field is mirrored at the axis, F_ρ and F_φ odd and F_z even."""
         h = 0.5 / level.per_spacing
         inner = wp.max(rho - h, 0.0)
         along_rho = (
@@ -222,7 +222,7 @@ def table_stiffness_term(interpolation: str, layers: int) -> wp.Function:
 
     @wp.func
     def table_stiffness(tables: ForceTableData, table: int, place: wp.vec3) -> wp.mat33:
-        """∂F in cylindrical coordinates, turned into Cartesian ones; of the level that serves, without blending."""
+        """−∂F/∂x [pN/µm per mW] from cylindrical derivatives of the level that serves, without blending."""
         level = tables.level_start[table]
         last = tables.level_start[table + 1] - 1
         distance = wp.length(place)

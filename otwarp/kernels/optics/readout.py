@@ -28,7 +28,7 @@ def sphere_position_term(f: Features) -> wp.Function:
 
     @wp.func
     def sphere_position(model: ModelData, state: StateData, world: int, b: int, offset: wp.vec3) -> wp.vec3:
-        """World position of a point given in the body frame."""
+        """World position [µm] of a point at `offset` [µm] in the body's frame."""
         rotation = wp.quat_identity()
         if wp.static(f.rigid):
             rotation = state.orientation[world, b]
@@ -45,7 +45,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.func
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
-        """Force of one trap on one trapped sphere."""
+        """Force [pN] in world axes of one trap, its focus and power in c, on trapped sphere i of body b."""
         s = model.body.trapped[i]
         anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
         x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
@@ -54,7 +54,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
-        """Focus, power, total force and distance of one trap."""
+        """Write focus [µm], power [mW], total force [pN] and distance to the held sphere [µm] of one trap."""
         world, trap = wp.tid()
         c = trap_command(model, control, state, world, trap, time)
         out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
@@ -73,7 +73,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_sphere(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
-        """Optical force on each trapped sphere of one body."""
+        """Write the optical force [pN] in world axes on each trapped sphere of one body."""
         world, b = wp.tid()
         for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
             total = wp.vec3(0.0)
@@ -84,7 +84,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_hand(model: ModelData, out: TrapReadoutData):
-        """Sum over the traps of one hand."""
+        """Write the sum of forces [pN] over the traps of one hand, left or right."""
         world, hand = wp.tid()
         total = wp.vec3(0.0)
         for trap in range(model.traps.axis.shape[0]):

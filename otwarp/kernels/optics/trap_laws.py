@@ -34,7 +34,9 @@ def harmonic_ratio(d2: float, stiffness: float, cutoff2: float) -> float:
 
 @wp.func
 def law_scale(traps: TrapData, trap: int, radius: float) -> float:
-    """Factor on distances for a sphere of `radius`: ray optics makes the force a function of d/r."""
+    """Factor s on distances for a sphere of `radius` [µm]: in ray optics the force is a function of d/r
+    (Ashkin 1992, doi:10.1016/S0006-3495(92)81860-X); 1 for a law that holds as it is.
+    """
     fitted = traps.law_radius[trap]
     scale = float(1.0)
     if fitted > 0.0:
@@ -44,7 +46,7 @@ def law_scale(traps: TrapData, trap: int, radius: float) -> float:
 
 @wp.func
 def beam_frame(traps: TrapData, trap: int) -> TrapConstants:
-    """Axes of the beam and its equilibrium; nothing of its force."""
+    """World axes of the beam and its equilibrium [µm] from the focus; constants of the force are left 0."""
     law = TrapConstants()
     law.model = traps.model[trap]
     law.axis = traps.axis[trap]
@@ -70,7 +72,7 @@ def prepare_law(branches: bool, split: bool) -> wp.Function:
 
     @wp.func
     def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
-        """Row of this world or the one of all."""
+        """Constants of the law for a sphere of `radius` [µm], from this world's row of parameters or the one of all."""
         law = beam_frame(traps, trap)
         s = law_scale(traps, trap, radius)
         law.stiffness = s * traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
@@ -96,14 +98,14 @@ def prepare_law(branches: bool, split: bool) -> wp.Function:
 
 @wp.func
 def harmonic_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """F = −K·d per mW inside the cutoff, equal in all directions."""
+    """F = −K·d [pN per mW] inside the cutoff, equal in all directions."""
     d2 = wp.dot(displacement, displacement)
     return -harmonic_ratio(d2, law.stiffness, law.cutoff2) * displacement
 
 
 @wp.func
 def harmonic_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """F = −K_r·ρ − K_z·z per mW, each inside its own cutoff, and nothing beyond the larger."""
+    """F = −K_r·ρ − K_z·z [pN per mW], each inside its own cutoff, and nothing beyond the larger."""
     z = wp.dot(displacement, law.axis)
     d2 = wp.dot(displacement, displacement)
     f_r = harmonic_ratio(d2 - z * z, law.stiffness, law.cutoff2)
@@ -117,7 +119,7 @@ def harmonic_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -
 
 @wp.func
 def piecewise_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """The paper's eq. 1, directed to the trap and equal in all directions, per mW."""
+    """The paper's eq. 1 [pN per mW], directed to the trap and equal in all directions."""
     d2 = wp.dot(displacement, displacement)
     ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
     return -ratio * displacement
@@ -125,7 +127,7 @@ def piecewise_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.ve
 
 @wp.func
 def piecewise_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """Eq. 1 with separate curves across and along the beam, per mW; zero beyond the larger cutoff."""
+    """Eq. 1 with separate curves across and along the beam [pN per mW]; zero beyond the larger cutoff."""
     z = wp.dot(displacement, law.axis)
     across = displacement - z * law.axis
     force = wp.vec3(0.0)
@@ -157,14 +159,14 @@ def piecewise_curvature(d2: float, threshold2: float, inverse_square: float, off
 
 @wp.func
 def harmonic_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """K inside the cutoff."""
+    """K·1 [pN/µm per mW] inside the cutoff, 0 beyond."""
     k = harmonic_ratio(wp.dot(displacement, displacement), law.stiffness, law.cutoff2)
     return k * wp.identity(n=3, dtype=float)
 
 
 @wp.func
 def harmonic_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """K_r across and K_z along, each inside its own cutoff."""
+    """K_r across and K_z along the beam [pN/µm per mW], each inside its own cutoff."""
     z = wp.dot(displacement, law.axis)
     d2 = wp.dot(displacement, displacement)
     f_r = harmonic_ratio(d2 - z * z, law.stiffness, law.cutoff2)
@@ -177,7 +179,7 @@ def harmonic_split_stiffness(traps: TrapData, law: TrapConstants, displacement: 
 
 @wp.func
 def piecewise_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """f/d across the displacement and df/dd along it."""
+    """f/d across the displacement and df/dd along it [pN/µm per mW], in world axes."""
     d2 = wp.dot(displacement, displacement)
     ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
     curvature = piecewise_curvature(d2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
@@ -186,7 +188,7 @@ def piecewise_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacem
 
 @wp.func
 def piecewise_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """The same of the two curves."""
+    """f/d and df/dd of the curve across and of that along the beam [pN/µm per mW], in world axes."""
     z = wp.dot(displacement, law.axis)
     across = displacement - z * law.axis
     result = wp.mat33(0.0)

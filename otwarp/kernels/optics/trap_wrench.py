@@ -35,7 +35,7 @@ def trap_command_term(f: Features) -> wp.Function:
     def trap_command(
         model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64
     ) -> wp.vec4:
-        """Focus as commanded, or as far as the speed limit let it come, and power."""
+        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
         command = commanded(model.traps, control, world, trap, time)
         if wp.static(f.speed_limits):
             if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
@@ -55,7 +55,7 @@ def move_trap_term(f: Features) -> wp.Function:
 
     @wp.func
     def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
-        """Write the new focus to `state.trap_position`."""
+        """Write the new focus [µm] to `state.trap_position`."""
         wanted = commanded(model.traps, control, world, trap, time + model.time_step)
         now = state.trap_position[world, trap]
         dt = wp.float32(model.time_step)
@@ -77,7 +77,7 @@ def reach_term(f: Features) -> wp.Function:
 
     @wp.func
     def reach_of(model: ModelData, world: int, trap: int, largest: float) -> float:
-        """The larger cutoff."""
+        """Reach [µm] from the equilibrium point: the larger cutoff, scaled to spheres of radius `largest` [µm]."""
         reach = model.traps.cutoff[world_row(model.traps.cutoff.shape[0], world), trap]
         if wp.static(split):
             axial = model.traps.axial_cutoff[world_row(model.traps.axial_cutoff.shape[0], world), trap]
@@ -109,7 +109,7 @@ def aim_term(f: Features) -> wp.Function:
         trap: int,
         time: wp.float64,
     ) -> Aim:
-        """A trap that is dark or too far to reach any sphere of the body costs one distance."""
+        """Equilibrium point [µm], power [mW] and squared reach [µm²], which is 0 if the trap is dark or too far."""
         command = trap_command(model, control, state, world, trap, time)
         anchor = anchor_of(model, trap, command)
         reach = reach_of(model, world, trap, model.body.largest[b])
@@ -128,7 +128,7 @@ def sphere_force_term(f: Features) -> wp.Function:
     def sphere_force(
         model: ModelData, world: int, aim: Aim, trap: int, place: wp.vec3, radius: float, kind: int
     ) -> wp.vec3:
-        """Nothing beyond the trap's reach, for the price of a distance."""
+        """Force [pN] of one trap on a sphere at `place` [µm]; 0 beyond the trap's reach."""
         force = wp.vec3(0.0)
         away = place - aim.anchor
         if wp.length_sq(away) < aim.reach2:
@@ -146,7 +146,7 @@ def keeps_aims(f: Features) -> bool:
 
 @wp.func
 def kept_aim(body: RigidConstants, trap: int) -> Aim:
-    """Of a trap that stays where it is; in an unrolled loop a read of registers."""
+    """Equilibrium point [µm], power [mW] and squared reach [µm²] of a trap at rest, from registers."""
     row = body.aims[trap]
     return Aim(wp.vec3(row[0], row[1], row[2]), row[3], body.reaches[trap])
 
@@ -157,7 +157,7 @@ def kept_aims_term(f: Features) -> wp.Function:
 
     @wp.func
     def kept_aims(model: ModelData, control: ControlData, world: int, b: int, body: RigidConstants) -> RigidConstants:
-        """Their equilibrium points, powers and squared reaches."""
+        """Constants with equilibrium points [µm], powers [mW] and squared reaches [µm²] of all traps."""
         for trap in range(wp.static(f.traps)):
             command = commanded_still(model.traps, control, world, trap, wp.float64(0.0))
             anchor = anchor_of(model, trap, command)
@@ -198,7 +198,7 @@ def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
         pose: Pose,
         time: wp.float64,
     ) -> Wrench:
-        """Aims where they are kept, or as they are now."""
+        """Force [pN] and torque [pN·µm] of all traps by `table_block`, from aims that are kept or made now."""
         at = body.kept + wp.static(wp.uint64(4 * AIMS))
         if wp.static(not aims_are_kept):
             aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
@@ -249,7 +249,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
         pose: Pose,
         time: wp.float64,
     ) -> Wrench:
-        """Sphere by sphere, because where a sphere is takes longer to find than where a trap is."""
+        """Force [pN] and torque [pN·µm] of all traps, sphere by sphere: a sphere takes longer to place than a trap."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
         if wp.static(aims_are_kept):
@@ -282,7 +282,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
 
 @wp.func
 def cross_matrix(a: wp.vec3) -> wp.mat33:
-    """[a]×, with [a]× v = a × v."""
+    """Matrix [a]× of the cross product, [a]× v = a × v."""
     return wp.mat33(0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
 
 
@@ -297,7 +297,7 @@ def wrench_stiffness_term(f: Features) -> wp.Function:
 
     @wp.func
     def add_sphere(total: mat66, arm: wp.vec3, force: wp.vec3, k: wp.mat33) -> mat66:
-        """Total and the share of one sphere in one trap."""
+        """`total` plus the 6×6 stiffness [pN/µm, pN, pN·µm] of one sphere in one trap."""
         lever = cross_matrix(arm)
         mixed = -k * lever
         turning = -lever * k * lever
@@ -315,7 +315,7 @@ def wrench_stiffness_term(f: Features) -> wp.Function:
     def wrench_stiffness(
         model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
     ) -> mat66:
-        """Sum over traps and trapped spheres."""
+        """Sum of the 6×6 stiffnesses [pN/µm, pN, pN·µm] over traps and trapped spheres, world axes."""
         total = mat66(0.0)
         traps = int(wp.static(f.traps))
         for trap in range(traps):

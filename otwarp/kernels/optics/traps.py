@@ -41,7 +41,7 @@ class TrapTerm(NamedTuple):
 
 @wp.func
 def prepare_table(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
-    """The table of the trap's beam and the sphere's kind."""
+    """Beam's frame, and the force table of this beam and the sphere's optical kind."""
     law = beam_frame(traps, trap)
     law.table = traps.table[trap, kind]
     law.finest = traps.finest[trap, kind]
@@ -59,7 +59,7 @@ def tabulated_term(interpolation: str, layers: int, upright: bool) -> wp.Functio
 
     @wp.func
     def tabulated(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """Into the beam's frame, which is the world's up to a rotation, and back."""
+        """Force [pN per mW] in world axes: the displacement [µm] turned into the beam's frame, the force back."""
         z = wp.dot(displacement, law.axis) + law.equilibrium
         x = wp.dot(displacement, law.side)
         y = wp.dot(displacement, law.up)
@@ -68,7 +68,7 @@ def tabulated_term(interpolation: str, layers: int, upright: bool) -> wp.Functio
 
     @wp.func
     def tabulated_upright(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """Without a rotation, which would cost a third as much as a bilinear table."""
+        """Force [pN per mW] where the beam's frame is the world's: a turn costs a third of a bilinear table."""
         z = displacement[2] + law.equilibrium
         return force_at(traps.tables, law.table, law.finest, displacement[0], displacement[1], z)
 
@@ -81,7 +81,7 @@ def tabulated_stiffness_term(interpolation: str, layers: int) -> wp.Function:
 
     @wp.func
     def tabulated_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-        """Into the beam's frame and back."""
+        """Stiffness [pN/µm per mW] in world axes, turned from the beam's frame."""
         frame = wp.matrix_from_rows(law.side, law.up, law.axis)
         place = frame * displacement + wp.vec3(0.0, 0.0, law.equilibrium)
         k = stiffness_at(traps.tables, law.table, place)
@@ -101,7 +101,7 @@ def exact_term(orders: int, nodes: int) -> wp.Function:
 
     @wp.func
     def exact(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """Into the beam's frame and back; zero from the cutoff of the pair's table on."""
+        """Force [pN per mW] in world axes from Q in the beam's frame; 0 from the cutoff of the pair's table on."""
         z = wp.dot(displacement, law.axis) + law.equilibrium
         x = wp.dot(displacement, law.side)
         y = wp.dot(displacement, law.up)
@@ -185,7 +185,7 @@ def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
 
     @wp.func
     def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
-        """This model's constants, or those of one of the rest."""
+        """Constants of the law of this model, or of one of the rest, by the trap's key."""
         law = TrapConstants()
         if traps.model[trap] == wp.static(key):
             law = prepare_head(traps, world, trap, radius, kind)
@@ -195,7 +195,7 @@ def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
 
     @wp.func
     def force(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """This model's force, or that of one of the rest."""
+        """Force [pN per mW] of this model, or of one of the rest, by the law's key."""
         f = wp.vec3(0.0)
         if law.model == wp.static(key):
             f = force_head(traps, law, displacement)
@@ -205,7 +205,7 @@ def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
 
     @wp.func
     def stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-        """This model's stiffness, or that of one of the rest."""
+        """Stiffness [pN/µm per mW] of this model, or of one of the rest, by the law's key."""
         k = wp.mat33(0.0)
         if law.model == wp.static(key):
             k = stiffness_head(traps, law, displacement)
@@ -243,7 +243,7 @@ def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: 
 
 @wp.func
 def limited_focus(traps: TrapData, world: int, trap: int, now: wp.vec3, wanted: wp.vec3, dt: float) -> wp.vec3:
-    """Focus after one step towards `wanted`, no faster than the trap's speed limit."""
+    """Focus [µm] after one step of `dt` [s] towards `wanted`, no faster than the trap's speed limit [µm/s]."""
     limit = traps.speed_limit[world_row(traps.speed_limit.shape[0], world), trap] * dt
     way = wanted - now
     distance = wp.length(way)

@@ -11,5 +11,5 @@ def cell_of(u: wp.float64) -> wp.int32:
 
 @wp.func
 def cell_start(u: wp.float64) -> wp.float64:
-    """The same cell as a number."""
+    """Coordinate at which the cell of u starts, in cells."""
     return wp.float64(wp.int32(u))

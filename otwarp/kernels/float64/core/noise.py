@@ -18,7 +18,7 @@ vec6 = kernel_module("core.types", "float64").vec6
 def _cast(deviate: wp.Function) -> wp.Function:
     @wp.func
     def deviate_in_double(half: wp.int32) -> wp.float64:
-        """From the high half of a word."""
+        """The float32 deviate of the high half of a word, as float64."""
         return wp.float64(deviate(half))
 
     return deviate_in_double
@@ -35,7 +35,7 @@ def three_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
     @wp.func
     def three_in_double(seed: wp.uint32, step: wp.int64, world: int, body: int) -> wp.vec3d:
-        """Cast."""
+        """The three float32 deviates of the step, bit for bit, as float64."""
         xi = single(seed, step, world, body)
         return wp.vec3d(wp.float64(xi[0]), wp.float64(xi[1]), wp.float64(xi[2]))
 
@@ -49,7 +49,7 @@ def six_deviates_term(noise: str, fast_math: bool = False) -> wp.Function:
 
     @wp.func
     def six_in_double(seed: wp.uint32, step: wp.int64, world: int, body: int) -> vec6:
-        """Cast."""
+        """The six float32 deviates of the step, bit for bit, as float64."""
         xi = single(seed, step, world, body)
         return vec6(
             wp.float64(xi[0]), wp.float64(xi[1]), wp.float64(xi[2]),

@@ -15,7 +15,7 @@ __all__ = ["GAUSSIAN_TERMS", "Stream", "noise_words", "squared_radius", "uniform
 
 @wp.func
 def uniform(word: wp.uint32) -> wp.float64:
-    """Uniform deviate in (0, 1]."""
+    """u = (word + ½)·2⁻³² in (0, 1] as float32 rounds it, as float64."""
     return wp.float64(single_uniform(word))
 
 
@@ -28,7 +28,7 @@ def squared_radius(word: wp.uint32) -> wp.float64:
 def _cast(pair: wp.Function) -> wp.Function:
     @wp.func
     def pair_in_double(a: wp.uint32, b: wp.uint32) -> wp.vec2d:
-        """Two standard normal deviates from two words."""
+        """The two standard normal float32 deviates of two words, as float64."""
         xy = pair(a, b)
         return wp.vec2d(wp.float64(xy[0]), wp.float64(xy[1]))
 

@@ -5,11 +5,11 @@ import warp as wp
 
 @wp.func
 def square_root(x: wp.float64) -> wp.float64:
-    """√x."""
+    """√x of x ≥ 0, rounded correctly."""
     return wp.sqrt(x)
 
 
 @wp.func
 def reciprocal_root(x: wp.float64) -> wp.float64:
-    """1/√x; inf for x = 0."""
+    """1/√x of x > 0 by a root and a division, each rounded correctly; inf for x = 0."""
     return wp.float64(1.0) / wp.sqrt(x)
