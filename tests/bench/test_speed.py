@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from benchmarks.speed import BEAD_PEERS, CROWD_PEERS
+from benchmarks.speed import BEAD_PEERS, MANY_BODY_PEERS
 from otwarp.bench.report import NOTHING
 from otwarp.bench.speed.figure import draw_speed
 from otwarp.bench.speed.many_body import RADIUS, ManySpheres, spheres
@@ -135,7 +135,7 @@ def own_crowd() -> tuple[np.ndarray, np.ndarray]:
     return start, crowd.state.position.numpy()[0]
 
 
-@pytest.mark.parametrize("code", [peer.code for peer in CROWD_PEERS], ids=[peer.label for peer in CROWD_PEERS])
+@pytest.mark.parametrize("code", [peer.code for peer in MANY_BODY_PEERS], ids=[peer.label for peer in MANY_BODY_PEERS])
 def test_a_crowd_of_a_peer_pushes_apart_what_touches(code, own_crowd):
     """As many pairs touch, with as much energy, as in otwarp's own crowd."""
     if reason := code.missing("cpu"):
@@ -160,7 +160,7 @@ def test_a_crowd_of_a_peer_pushes_apart_what_touches(code, own_crowd):
     assert peer.name and isinstance(code.missing("cuda"), str | None)
 
 
-@pytest.mark.parametrize("code", [peer.code for peer in CROWD_PEERS], ids=[peer.label for peer in CROWD_PEERS])
+@pytest.mark.parametrize("code", [peer.code for peer in MANY_BODY_PEERS], ids=[peer.label for peer in MANY_BODY_PEERS])
 def test_a_pair_of_a_peer_moves_apart_as_hertz_says(code, monkeypatch):
     if reason := code.missing("cpu"):
         pytest.skip(reason)
@@ -209,13 +209,13 @@ def test_what_is_not_done_in_every_step_has_its_share(device):
         measured = TimedWorkload(work, work.make(setting), setting, 1e-9)
         measured.sample()
         assert taken[-1] == measured.steps >= least
-    crowds = [w for w in workloads("cpu", BEAD_PEERS, CROWD_PEERS) if w.case.startswith("crowd")]
-    assert len(crowds) == 3 * (1 + len(CROWD_PEERS)) and {w.least_steps for w in crowds} == {LISTED}
+    crowds = [w for w in workloads("cpu", BEAD_PEERS, MANY_BODY_PEERS) if w.case.startswith("crowd")]
+    assert len(crowds) == 3 * (1 + len(MANY_BODY_PEERS)) and {w.least_steps for w in crowds} == {LISTED}
 
 
 @pytest.mark.parametrize("kind", ["cpu", "cuda"])
 def test_labels_and_cases(kind):
-    rows = list(workloads(kind, BEAD_PEERS, CROWD_PEERS))
+    rows = list(workloads(kind, BEAD_PEERS, MANY_BODY_PEERS))
     assert len({row.label for row in rows}) == len(rows)
     assert {row.case.split()[0] for row in rows} | {"threads"} == set(CASES)
     assert any("fast math" in row.label for row in rows) == (kind == "cuda")

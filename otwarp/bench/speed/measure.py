@@ -58,7 +58,7 @@ def bench_speed(
     seconds: float = SECONDS,
     scale: float = 1.0,
     bead_peers: Sequence[PeerCode] = BEAD_PEERS,
-    crowd_peers: Sequence[PeerCode] = (),
+    many_body_peers: Sequence[PeerCode] = (),
     note: Note = lambda text: None,
 ) -> SpeedBench:
     """Measure the workloads.
@@ -69,7 +69,7 @@ def bench_speed(
         rounds: Repeats.
         seconds: Length of one measured call; compilation and the first calls do not count.
         scale: Part of the usual number of worlds and particles; those of `scaling` do not follow.
-        bead_peers, crowd_peers: Other codes for the cases `bead` and `crowd`.
+        bead_peers, many_body_peers: Other codes for the cases `bead` and `crowd`.
         note: Hears what is being done.
 
     Raises:
@@ -84,7 +84,7 @@ def bench_speed(
     setting = Setting(place, scale)
     machine = Machine.look(place)
     groups: dict[str, list[Workload]] = {}
-    for work in workloads(setting.kind, bead_peers, crowd_peers):
+    for work in workloads(setting.kind, bead_peers, many_body_peers):
         if not cases or work.case.split()[0] in cases:
             groups.setdefault(work.case, []).append(work)
     rows: list[SpeedRow] = []

@@ -214,12 +214,12 @@ def _robot(setting: Setting, *, reach: float = math.inf, **how: Any) -> Prepared
     return simulated(table_robot(reach), setting, ROBOTS, **how)
 
 
-def _crowd(setting: Setting, *, count: int, fast_math: bool = False) -> Prepared:
+def _many_spheres(setting: Setting, *, count: int, fast_math: bool = False) -> Prepared:
     """Case b: soft Brownian spheres at volume fraction 0.15."""
-    crowd = ManySpheres(setting.count(count), setting.device, fast_math=fast_math)
+    many = ManySpheres(setting.count(count), setting.device, fast_math=fast_math)
     # lists and clocks, not equilibrium
-    crowd.step(LISTED)
-    return Prepared(crowd.step, crowd.count, crowd.count)
+    many.step(LISTED)
+    return Prepared(many.step, many.count, many.count)
 
 
 def _crowd_peer(setting: Setting, *, count: int, peer: PeerCode) -> Prepared:
@@ -311,14 +311,14 @@ def _tables(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
                 yield Workload(case="table", label=label, make=make, goals=best)
 
 
-def _crowds(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) -> Iterator[Workload]:
+def _many_bodies(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) -> Iterator[Workload]:
     """Case b at several sizes, each a case of its own, ours and others'."""
     for count in (10_000, 100_000, 1_000_000) if kind == "cpu" else (10_000, 100_000, 1_000_000, 10_000_000):
         case = f"crowd {count:.0e}"
         wanted = {"cuda": 4.7e9} if count == 1_000_000 else {}
         for fast in math_kinds:
             label = f"case b, {count:.0e} spheres{', fast math' if fast else ''}"
-            make, best = p(_crowd, count=count, fast_math=fast), wanted if fast == math_kinds[-1] else {}
+            make, best = p(_many_spheres, count=count, fast_math=fast), wanted if fast == math_kinds[-1] else {}
             yield Workload(case=case, label=label, make=make, goals=best, least_steps=LISTED)
         for peer in peers:
             if kind in peer.kinds:
@@ -327,7 +327,7 @@ def _crowds(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) 
 
 
 def workloads(
-    kind: str, bead_peers: Sequence[PeerCode] = BEAD_PEERS, crowd_peers: Sequence[PeerCode] = ()
+    kind: str, bead_peers: Sequence[PeerCode] = BEAD_PEERS, many_body_peers: Sequence[PeerCode] = ()
 ) -> Iterator[Workload]:
     """All rows for a kind of device, case by case; peers of case a and of case b."""
     math_kinds = (False,) if kind == "cpu" else (False, True)
@@ -339,7 +339,7 @@ def workloads(
         wanted = {"cpu": 30.0} if worlds == 1 else {}
         make = p(_delivery, worlds=worlds)
         yield Workload(case="delivery", label=label, make=make, unit="worlds × real time", goals=wanted)
-    yield from _crowds(kind, math_kinds, crowd_peers)
+    yield from _many_bodies(kind, math_kinds, many_body_peers)
     for worlds in (1_000, 10_000, 100_000) if kind == "cpu" else (1_000, 10_000, 100_000, 1_000_000):
         yield Workload(case="scaling", label=f"bead in a spring, {worlds:.0e} worlds", make=p(_many, worlds=worlds))
     if kind == "cpu":

@@ -8,7 +8,14 @@ from functools import partial
 from typing import Any
 
 from otwarp.bench.scenes import PLACE
-from otwarp.bench.stability.mechanical import crowd, dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
+from otwarp.bench.stability.mechanical import (
+    dragged_bead,
+    first_overlap,
+    many_spheres,
+    pressed_pair,
+    pulled_onto,
+    trap_jump,
+)
 from otwarp.bench.stability.random_scenes import run_draw
 from otwarp.bench.stability.thermal import (
     Effort,
@@ -193,7 +200,7 @@ GRIDS: tuple[StressGrid, ...] = (
         name="crowd",
         title="Beads side by side on a floor, world driver and body driver: contact force against Hertz",
         axes=("Young's modulus [Pa]", "beads"),
-        cells=product(crowd, ("modulus", MODULI), ("count", (2, 24, 25, 60))),
+        cells=product(many_spheres, ("modulus", MODULI), ("count", (2, 24, 25, 60))),
         full_only=True,
     ),
     StressGrid(

@@ -1,4 +1,4 @@
-"""Stress tests of numerical stability: every cell of every grid is accurate, stable with a stated error, or told of."""
+"""Stress tests of numerical stability: every cell of every grid is accurate, stable with stated error or reported."""
 
 from __future__ import annotations
 

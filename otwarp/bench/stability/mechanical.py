@@ -177,7 +177,7 @@ def crowded_floor(modulus: float, count: int) -> Scene:
     return scene(*bodies, traps=traps, temperature=0.0, obstacles=(obstacle("plane", place=(x, y, z - 1.0)),))
 
 
-def crowd(effort: Effort, *, modulus: float, count: int) -> Deviation:
+def many_spheres(effort: Effort, *, modulus: float, count: int) -> Deviation:
     """Contact force of `count` beads on a floor, 0.2 µm above the centres of their springs."""
     sim = simulate(crowded_floor(modulus, count), effort)
     rate = STIFFNESS / closed_forms.drag(1.0, sim.scene.medium.viscosity)

@@ -119,9 +119,9 @@ def judge(row: str, column: str, measure: Callable[[], Deviation | None]) -> Cel
         try:
             found = measure()
         except InputError as error:
-            return Cell(**at, verdict=_told(CellVerdict.REFUSED, error), message=str(error), warned=_texts(heard))
+            return Cell(**at, verdict=_reported(CellVerdict.REFUSED, error), message=str(error), warned=_texts(heard))
         except SimulationError as error:
-            return Cell(**at, verdict=_told(CellVerdict.STOPPED, error), message=str(error), warned=_texts(heard))
+            return Cell(**at, verdict=_reported(CellVerdict.STOPPED, error), message=str(error), warned=_texts(heard))
         except Defect as error:
             return Cell(**at, verdict=CellVerdict.WRONG, message=str(error), warned=_texts(heard))
     if found is None:
@@ -135,7 +135,7 @@ def judge(row: str, column: str, measure: Callable[[], Deviation | None]) -> Cel
     return Cell(**at, verdict=verdict, message=message, warned=_texts(heard), **vars(found))
 
 
-def _told(verdict: CellVerdict, error: Exception) -> CellVerdict:
+def _reported(verdict: CellVerdict, error: Exception) -> CellVerdict:
     """A refusal must be one line that says something."""
     text = str(error)
     return verdict if text and "\n" not in text else CellVerdict.WRONG

@@ -151,7 +151,7 @@ def two(*, gap: float, collides: bool, settings: Settings = STILL) -> Scene:
     return Scene(bodies=bodies, traps=traps, settings=settings)
 
 
-def crowd(*, collides: bool) -> Scene:
+def many_beads(*, collides: bool) -> Scene:
     """64 diffusing beads on a lattice with gaps of a tenth of a diameter."""
     step = 2.2 * RADIUS
     sites = [(x, y, z) for x in range(4) for y in range(4) for z in range(4)]
@@ -218,8 +218,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "two, through each other": lambda: two(gap=-PRESS, collides=False),
     "two, near": lambda: two(gap=-PRESS, collides=True),
     "two, far": lambda: two(gap=FAR, collides=True),
-    "crowd, through each other": lambda: crowd(collides=False),
-    "crowd": lambda: crowd(collides=True),
+    "crowd, through each other": lambda: many_beads(collides=False),
+    "crowd": lambda: many_beads(collides=True),
     "everything": everything,
 }
 """Every scene by name."""

@@ -100,7 +100,7 @@ class PageProcess:
         self._wake = threading.Condition()
         self._frame: PageFrame | None = None
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
-        self._credit, self._over, self._told = True, False, False
+        self._credit, self._over, self._reported = True, False, False
         self._asked: deque[Command] = deque()
         self._visitors = 0
         self._sent, self._applied = 0.0, 0.0
@@ -283,9 +283,9 @@ class PageProcess:
 
     def _tell_end(self) -> None:
         """Say once that the child ended by itself; the session goes on."""
-        if self._told or self._over or self._process is None or self._process.poll() is None:
+        if self._reported or self._over or self._process is None or self._process.poll() is None:
             return
-        self._told = True
+        self._reported = True
         self._ended(f"page: its process ended with {self._process.returncode}; the session goes on without it")
 
     def _pipe(self, name: str) -> BinaryIO:

@@ -204,7 +204,7 @@ class RecordingWriter:
         self.complaint = f"recording {self.file}: {self.dropped} messages dropped, the disk is too slow"
 
     def _run(self, scene: Scene, about: dict[str, Any]) -> None:
-        """The thread: writes until it is told to end; after an error it only takes what is handed over."""
+        """The thread: writes until it is asked to end; after an error it only takes what is handed over."""
         file: RecordingFile | None = None
         try:
             file = RecordingFile(self.file, scene)
