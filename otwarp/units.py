@@ -77,13 +77,3 @@ INTERNAL_SYMBOL: dict[str, str] = {
     "surface_energy": "pN/µm",
 }
 """Dimension → symbol of its internal unit."""
-
-
-def from_si(value: float, dimension: str) -> float:
-    """Return `value`, given in the SI unit of `dimension`, in internal units."""
-    return value * FROM_SI[dimension]
-
-
-def to_si(value: float, dimension: str) -> float:
-    """Return `value`, given in the internal unit of `dimension`, in SI units."""
-    return value / FROM_SI[dimension]

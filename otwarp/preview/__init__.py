@@ -6,6 +6,5 @@ A stage and a time code come in, by `otwarp.scene.drawing` as a draw list; a PNG
 - `render`: a draw list in, a picture out: sampling, tone curve, bloom.
 - `studio`: size and quality of a picture, its lights and background, and the upload to the device.
 - `kernels`: what runs there.
-- `arrows`: extra arrows as shapes of a draw list.
 - `annotate`, `image`: scale bar and time stamp; PNG and GIF on disk.
 """

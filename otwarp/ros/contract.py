@@ -60,8 +60,6 @@ HAND_TYPES = {
 
 RATE = 60.0
 """Of the simulator's topics [Hz]."""
-MILLIMETRE = 1e-3
-"""[m]"""
 PROPER = 1e-6
 """Largest distance from 1 of the determinant of a rotation typed with seven digits."""
 

@@ -26,7 +26,6 @@ class VelocityHold:
 
     Attributes:
         refused: Messages that were not finite, or too fast.
-        heard: Time of the newest message [s], −inf before the first.
     """
 
     def __init__(self, timeout: float, fastest: float = math.inf) -> None:
@@ -36,7 +35,7 @@ class VelocityHold:
         self._velocity: Vec3 = ZERO
         self._until = -math.inf
         self._read: float | None = None
-        self.refused, self.heard = 0, -math.inf
+        self.refused = 0
 
     def message(self, velocity: Vec3, time: float) -> None:
         """A velocity that holds from `time` [s] on."""
@@ -46,7 +45,6 @@ class VelocityHold:
             return
         with self._lock:
             self._waiting.append((time, velocity))
-            self.heard = time
 
     def drop(self) -> None:
         """Forget every velocity, and when it was last read: zero from now on."""

@@ -10,7 +10,6 @@ import pytest
 from pxr import UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.preview.arrows import Arrows, arrow_shapes
 from otwarp.preview.render import bloom, first_hits, render, render_linear, to_display, vignette
 from otwarp.preview.studio import STYLES, Look
 from otwarp.scene.drawing.draw_list import PLANE
@@ -212,17 +211,6 @@ def test_hierarchy_gives_the_same_picture_as_brute_force():
     assert np.allclose(t_all[hit], t_each.min(axis=0)[hit], rtol=1e-6)
     chosen = np.take_along_axis(t_each, np.maximum(index_all, 0)[None], axis=0)[0]
     assert np.allclose(chosen[hit], t_all[hit], rtol=1e-6)
-
-
-def test_arrows_are_drawn_at_their_length():
-    stage = stages.new_stage()
-    stages.camera(stage, eye=(0, 0, 60), width=200.0, height=200.0, ortho=True)
-    drawables = read_drawables(stage)
-    arrows = Arrows(np.array([[-4.0, 0, 0]]), np.array([[8.0, 0, 0]]), colour=(0.0, 0.0, 0.0), radius=0.3)
-    drawables = drawables.with_shapes(arrow_shapes(arrows, drawables))
-    image = render_linear(drawables, Look(width=400, height=400, samples=1, style="white"), "cpu")
-    columns = np.flatnonzero((image.max(axis=2) < 0.6).any(axis=0))
-    assert (columns[-1] + 1 - columns[0]) * 0.05 == pytest.approx(8.0, abs=0.15)
 
 
 def test_same_input_same_picture_and_bytes():

@@ -69,8 +69,7 @@ BLUETOOTH_INPUT, BLUETOOTH_INPUT_SIZE = 0x31, 78
 SIMPLE_INPUT, SIMPLE_INPUT_SIZE = 0x01, 10
 """By Bluetooth until the host has asked for the calibration: without motion sensors, and without a checksum."""
 CALIBRATION, CALIBRATION_SIZE = 0x05, 41
-USB_OUTPUT, USB_OUTPUT_SIZE = 0x02, 48
-"""As the device's report descriptor has it; the Linux driver appends 15 bytes of zeros."""
+USB_OUTPUT = 0x02
 BLUETOOTH_OUTPUT, BLUETOOTH_OUTPUT_SIZE = 0x31, 78
 OUTPUT_TAG = 0x10
 INPUT_SEED, OUTPUT_SEED = b"\xa1", b"\xa2"

@@ -99,11 +99,6 @@ class Ros1Bridge:
         first, second = (self._axes.motion(self._held[group].displacement(now)) for group in (0, 1))
         return first, second
 
-    def silence(self, now: float) -> tuple[float, float]:
-        """Seconds since each group's hand last spoke; inf if it never did."""
-        first, second = (now - self._held[group].heard for group in (0, 1))
-        return first, second
-
     @property
     def refused(self) -> int:
         """Twists that were not finite, or faster than a hand."""

@@ -14,7 +14,6 @@ Every shape is a *canonical* solid placed by an affine transform, so that any sc
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -138,13 +137,6 @@ class Drawables:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) lower and (n, 3) upper corners of every shape's box in world coordinates [µm]."""
         return bounds(self.kind, self.transform, self.size, self.mesh, self.meshes)
-
-    def with_shapes(self, other: Drawables) -> Drawables:
-        """These shapes and those of `other` (which must hold no meshes), seen by this camera in this light."""
-        names = ("kind", "transform", "size", "colour", "opacity", "roughness", "beam", "mesh")
-        return dataclasses.replace(
-            self, **{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
-        )
 
 
 def bounds(
