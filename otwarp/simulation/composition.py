@@ -42,8 +42,8 @@ def compose(
         options: What the user chose about the step.
 
     Raises:
-        InputError: Rods that collide in a crowd; coupling of too many bodies, or beside hydrodynamic walls; an unknown
-            precision, or one that the scene does not go with.
+        InputError: Rods that collide in a many-body scene; coupling of too many bodies, or beside hydrodynamic walls;
+            an unknown precision, or one that the scene does not go with.
     """
     f = dataclasses.replace(_terms(scene, values, optics), forces=forces)
     _check_precision(scene, f, options.precision, fast_math=options.fast_math)
@@ -58,7 +58,7 @@ def compose(
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
-    """Refuse an unknown precision, and float64 where there is none: in a crowd, before a mesh, with fast math.
+    """Refuse an unknown precision, and float64 where there is none: with many bodies, before a mesh, with fast math.
 
     Raises:
         InputError: One line.
@@ -132,11 +132,11 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 
 
 def _takes_lanes(f: Features) -> bool:
-    """Whether a CPU draws noise in blocks: bodies on their own, and crowds of lone spheres."""
-    # a block of a crowd holds one step of many bodies: nothing for a scheme that looks at the next step's noise
+    """Whether a CPU draws noise in blocks: bodies on their own, and many-body scenes of lone spheres."""
+    # a block of the body driver holds one step of many bodies: nothing for a scheme that looks at the next step's noise
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
-    crowd = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
-    return not f.walls and (f.driver == "solo" or crowd)
+    many = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
+    return not f.walls and (f.driver == "solo" or many)
 
 
 def _has_rods(body: Body) -> bool:

@@ -125,7 +125,7 @@ def _escape_time(sim: Simulation, step: np.ndarray) -> np.ndarray:
     """(W, T) times of the first escapes [s], nan for none; all nan where no trap has an end to its reach."""
     if not step.size:
         return np.full((sim.model.worlds, len(sim.scene.traps)), np.nan)
-    # a step notes a loss when it arrives: on average half of it is past
+    # a step records a loss when it arrives: on average half of it is past
     return np.where(step >= 0, (step - 0.5) * sim.time_step, np.nan)
 
 

@@ -111,7 +111,7 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.contact = empty((w * touching if whole_contacts(f) else 0, MAX_BODY_CONTACTS), Contact, device)
     data.link = empty((0 if whole_contacts(f) else w * touching, MAX_BODY_CONTACTS), Link, device)
     data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
-    data.crowding = wp.zeros((w, touching), dtype=wp.float32, device=device)
+    data.row_sum = wp.zeros((w, touching), dtype=wp.float32, device=device)
     data.ahead = empty((w * touching, MAX_BODY_CONTACTS), wp.float32, device)
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)

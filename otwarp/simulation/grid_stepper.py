@@ -152,7 +152,7 @@ class GridStepper:
         if self.features.soft_contacts:
             self._share(load_slots, self.features.bodies, data, state, grid)
         if self.features.contacts:
-            self._share(self.kernels.watch, grid.near.elements, data, state, grid)
+            self._share(self.kernels.check, grid.near.elements, data, state, grid)
         at_once = steps
         if self.model.device.is_cpu:
             at_once = max(1, BODY_STEPS_PER_LAUNCH // (self.model.worlds * self.features.bodies))

@@ -91,7 +91,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(BASE, driver="world", bodies=2, coupling=True),
         (").given_turning)", ").turning_root)", ").with_turning)", "mobility_product"),
     ),
-    "escapes": (EVERYTHING, dataclasses.replace(EVERYTHING, escapes=False), ("note_escapes", ").held_range)")),
+    "escapes": (EVERYTHING, dataclasses.replace(EVERYTHING, escapes=False), ("record_escapes", ").held_range)")),
     "obstacles": (
         dataclasses.replace(EVERYTHING, pairs=False),
         dataclasses.replace(EVERYTHING, pairs=False, obstacles=(), moving_obstacles=False),

@@ -5,8 +5,9 @@ import warp as wp
 from otwarp.kernels.bodies.flow import FLOW_TERMS
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, world_row
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
 from otwarp.kernels.optics.traps import commanded_still, trap_force_term
@@ -21,10 +22,10 @@ def bead_constants_term(f: Features) -> wp.Function:
         """μ dt [µm/pN], thermal spread √(2 k_B T μ dt) [µm], weight [pN], and the constants of at most two traps."""
         bead = BeadConstants()
         dt = wp.float32(model.time_step)
-        viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        viscosity = viscosity_of(model, world)
         bead.mobility_dt = model.body.translation[model.body.shape[b]] / viscosity * dt
         if wp.static(f.brownian):
-            energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+            energy = thermal_energy_of(model, world)
             bead.spread = wp.sqrt(2.0 * energy * bead.mobility_dt)
         if wp.static(f.gravity):
             bead.weight = model.body.weight[b]

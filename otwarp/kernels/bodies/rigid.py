@@ -8,9 +8,10 @@ import warp as wp
 from otwarp.kernels.bodies.flow import FLOW_TERMS
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6, world_row
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
 from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kept_noise
 from otwarp.kernels.forces.total import body_stiffness_total, body_total
 from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
@@ -94,14 +95,13 @@ def rigid_constants_term(f: Features) -> wp.Function:
         """Blocks of M dt and of its Cholesky factor × √(2 k_B T dt/η), body axes; also aims of traps at rest."""
         body = RigidConstants()
         shape = model.body.shape[b]
-        viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
-        scale = wp.float32(model.time_step) / viscosity
+        scale = step_over_viscosity(model, world)
         m = model.body.mobility[shape]
         body.translation = packed(m, 0, 0, scale)
         body.coupling = packed(m, 3, 0, scale)
         body.rotation = packed(m, 3, 3, scale)
         if wp.static(f.brownian):
-            energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+            energy = thermal_energy_of(model, world)
             spread = wp.sqrt(2.0 * energy * scale)
             root = model.body.cholesky[shape]
             body.translation_root = packed(root, 0, 0, spread)

@@ -8,7 +8,15 @@ radius in one step can be stopped by what lies beside its path.
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import NO_CONTACT, Contact, pair_law, pair_reach, rigid_response, sphere_response
+from otwarp.kernels.contact.contact import (
+    NO_CONTACT,
+    Contact,
+    along,
+    pair_law,
+    pair_reach,
+    rigid_response,
+    sphere_response,
+)
 from otwarp.kernels.contact.curvature import relative_radius_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
@@ -27,7 +35,8 @@ from otwarp.kernels.contact.segments import (
 from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drift, obstacle_travel, opening_of
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, world_row
+from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
 from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
 
@@ -76,7 +85,7 @@ def new_contact_term(f: Features) -> wp.Function:
         normal: wp.vec3, radius: float, overlap: float,
     ) -> Contact:  # fmt: skip
         """Force law [pN, pN/µm] at the present overlap, and moves per unit contact force [µm/pN] of both bodies."""
-        scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        scale = step_over_viscosity(model, world)
         law = pair_law(model.contact, a, b, radius, overlap)
         c = Contact()
         c.a = a
@@ -92,10 +101,10 @@ def new_contact_term(f: Features) -> wp.Function:
         c.floor = wp.where(overlap > 0.0, law.floor, law.force)
         c.stiffness = law.stiffness
         c.response_a = response(model, a, pose_a, scale, arm_a, normal)
-        c.give = wp.dot(c.response_a.linear + wp.cross(c.response_a.angular, arm_a), normal)
+        c.give = along(c.response_a, arm_a, normal)
         if b >= 0:
             c.response_b = response(model, b, pose_b, scale, arm_b, -normal)
-            c.give -= wp.dot(c.response_b.linear + wp.cross(c.response_b.angular, arm_b), normal)
+            c.give -= along(c.response_b, arm_b, normal)
         return c
 
     return new_contact

@@ -24,8 +24,9 @@ import warp as wp
 
 from otwarp.kernels.contact.contact import Contact, overlap_alone
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import thermal_energy_of
 from otwarp.kernels.core.random import Stream, noise_words, squared_radius
-from otwarp.kernels.core.types import ModelData, world_row
+from otwarp.kernels.core.types import ModelData
 
 LAYER = wp.constant(0.75)
 """Depth of the thermal layer over δ_T, Γ(7/5) = 0.887 less what backward Euler yields: by emulation in one dimension
@@ -66,7 +67,7 @@ def excursion_term(f: Features) -> wp.Function:
         model: ModelData, world: int, c: Contact, opening: float, first: int, second: int, which: int, step: wp.int64
     ) -> Contact:
         """The contact with −2 s² ln U and its thermal layer drawn, where its path may reach the wall in this step."""
-        energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+        energy = thermal_energy_of(model, world)
         variance = 2.0 * energy * c.give
         end = opening - c.overlap
         near = c.overlap >= 0.0 or end <= 0.0 or -c.overlap * end < FARTHEST * FARTHEST * variance

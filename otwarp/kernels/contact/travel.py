@@ -5,7 +5,8 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact, along
 from otwarp.kernels.contact.excursion import FARTHEST
 from otwarp.kernels.core.faults import finite
-from otwarp.kernels.core.types import ModelData, Move, Pose, world_row
+from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
+from otwarp.kernels.core.types import ModelData, Move, Pose
 
 
 @wp.func
@@ -61,8 +62,8 @@ def wander_of(model: ModelData, world: int, b: int) -> float:
         mobility += wp.max(m[3, 3], wp.max(m[4, 4], m[5, 5])) * bound * bound
     else:
         mobility = model.body.translation[shape]
-    energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
-    viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+    energy = thermal_energy_of(model, world)
+    viscosity = viscosity_of(model, world)
     return 2.0 * energy * mobility * wp.float32(model.time_step) / viscosity
 
 

@@ -24,7 +24,7 @@ from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
 from otwarp.kernels.drivers.grid_lists import make_find
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
-from otwarp.kernels.drivers.neighbours import make_bin, make_list, make_watch, watch_move
+from otwarp.kernels.drivers.neighbours import check_moved, make_bin, make_check, make_list
 from otwarp.kernels.drivers.soft import make_soft_step
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
@@ -37,7 +37,7 @@ class GridKernels:
 
     Attributes:
         move_traps: Foci within their speed limits.
-        bin, list, watch: Neighbour lists: cells, lists, and whether a state set from outside asks for new ones.
+        bin, list, check: Neighbour lists: cells, lists, and whether a state set from outside asks for new ones.
         soft: The whole step of lone spheres with soft contacts; then the following are None.
         advance, find, weigh, relax, correct, commit: The step of all others.
     """
@@ -45,7 +45,7 @@ class GridKernels:
     move_traps: wp.Kernel | None
     bin: wp.Kernel | None
     list: wp.Kernel | None
-    watch: wp.Kernel | None
+    check: wp.Kernel | None
     soft: wp.Kernel | None
     advance: wp.Kernel | None
     find: wp.Kernel | None
@@ -67,7 +67,7 @@ def make_grid_step(f: Features) -> GridKernels:
         move_traps=make_move_traps(f) if f.speed_limits else None,
         bin=make_bin(f) if f.pairs else None,
         list=make_list(f) if f.contacts else None,
-        watch=make_watch(f) if f.contacts else None,
+        check=make_check(f) if f.contacts else None,
         soft=make_soft_step(f) if f.soft_contacts else None,
         advance=None if f.soft_contacts else make_advance(f),
         find=make_find(f) if swept else None,
@@ -120,8 +120,8 @@ def make_advance(f: Features) -> wp.Kernel:
 
 
 def make_commit(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its bodies): move what has no fault, and watch how far it has gone."""
-    note_escapes = escape_term(f) if f.escapes else None
+    """Kernel over (world, share of its bodies): move what has no fault, and check how far it has gone."""
+    record_escapes = escape_term(f) if f.escapes else None
     body_pose = body_pose_term(f)
 
     @wp.func
@@ -158,14 +158,14 @@ def make_commit(f: Features) -> wp.Kernel:
             state.position[world, b] = pose.position
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
-            note_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
+            record_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
         if wp.static(f.contacts):
             for e in range(model.contact.start[b], model.contact.start[b + 1]):
                 centre = pose.position
                 if wp.static(f.rigid):
                     s = model.contact.sphere[e]
                     centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
-                watch_move(grid.near, world * grid.near.elements + e, centre)
+                check_moved(grid.near, world * grid.near.elements + e, centre)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def commit(

@@ -4,7 +4,7 @@ The forces are λ = F(δ − s): Hertz's law at the end of the step, where the g
 the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀
 the opening without contact forces and ψ*' the overlap that belongs to a force; no λ is below its least (`excursion`).
 The sweeps are accelerated proximal gradient steps on it (Beck, Teboulle 2009, doi:10.1137/080716542; for contact:
-Mazhar, Heyn, Negrut, Tasora 2015, doi:10.1145/2735627), with crowding·give, by Gershgorin's theorem at least the row
+Mazhar, Heyn, Negrut, Tasora 2015, doi:10.1145/2735627), with row_sum·give, by Gershgorin's theorem at least the row
 sum of G, for G: no stiffness makes them diverge, and a lone contact is solved at once. Momentum restarts contact by
 contact where it points uphill (O'Donoghue, Candès 2015, doi:10.1007/s10208-013-9150-3). A step without contacts takes
 no sweep, a settled one no more.
@@ -131,12 +131,12 @@ def momentum_of(c: Contact, give: float, end: float, start: float, load: float, 
 
 
 @wp.func
-def larger_crowding(grid: GridData, world: int, c: Contact) -> float:
-    """Larger `crowding` of the two partners of a contact, ≥ 1."""
-    crowding = grid.crowding[world, c.a]
+def larger_row_sum(grid: GridData, world: int, c: Contact) -> float:
+    """Larger `row_sum` of the two partners of a contact, ≥ 1."""
+    row_sum = grid.row_sum[world, c.a]
     if c.b >= 0:
-        crowding = wp.max(crowding, grid.crowding[world, c.b])
-    return crowding
+        row_sum = wp.max(row_sum, grid.row_sum[world, c.b])
+    return row_sum
 
 
 def least_load_term(f: Features) -> wp.Function:
@@ -177,8 +177,8 @@ def least_load_term(f: Features) -> wp.Function:
 def relax_body_term(f: Features) -> wp.Function:
     """`(model, readout, grid, before, after, sweep, world, a)`: one sweep over the contacts of one body.
 
-    Each contact is solved for its force law, as if its gap gave way to its own force by crowding·give and to no other.
-    Its momentum is that of its own condition 1 + crowding·k·give.
+    Each contact is solved for its force law, as if its gap gave way to its own force by row_sum·give and to no other.
+    Its momentum is that of its own condition 1 + row_sum·k·give.
     """
     opening = opening_term(f)
     shared_least = least_load_term(f)
@@ -207,7 +207,7 @@ def relax_body_term(f: Features) -> wp.Function:
                 c.least = shared_least(model, grid, world, c)
                 write_least(grid, row, i, c.least)
             start = scale * grid.ahead[row, i]
-            give = larger_crowding(grid, world, c) * c.give
+            give = larger_row_sum(grid, world, c) * c.give
             overlap = c.overlap - opening(grid, before, world, c, scale)
             end = end_overlap(c, give, overlap + give * (start - c.floor))
             load = wp.max(c.floor + c.hardness * end * wp.sqrt(end), c.least)

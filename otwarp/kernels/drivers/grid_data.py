@@ -22,7 +22,7 @@ class NeighbourData:
     start: wp.array(dtype=wp.int32)  # (W·cells) first sorted entry of each cell
     finish: wp.array(dtype=wp.int32)  # (W·cells) one past its last
     reference: wp.array(dtype=wp.vec3)  # (W·E) centres when the lists were made [µm]
-    count: wp.array(dtype=wp.int32)  # (W·E) neighbours listed, CROWDED if there are too many
+    count: wp.array(dtype=wp.int32)  # (W·E) neighbours listed, FULL if there are too many
     neighbour: wp.array(dtype=wp.int32)  # (W·E·NEIGHBOURS) elements, ascending by sphere
     stride: int  # from one element's list to the next
     pitch: int  # from one entry of a list to the next
@@ -74,7 +74,7 @@ class GridData:
     )  # (W·B, MAX_BODY_CONTACTS) contacts of each body, seen from it, if `whole_contacts`
     link: wp.array2d(dtype=Link)  # (W·B, MAX_BODY_CONTACTS) the same if not
     count: wp.array2d(dtype=wp.int32)  # (W, B) how many
-    crowding: wp.array2d(dtype=wp.float32)  # (W, B) how much they hinder each other, 1: a lone contact
+    row_sum: wp.array2d(dtype=wp.float32)  # (W, B) largest row sum of its share of G over the diagonal, 1 for one
     ahead: wp.array2d(dtype=wp.float32)  # (W·B, MAX_BODY_CONTACTS) force from which the next sweep starts [pN]
     touching: wp.array(dtype=wp.int32)  # (1) not 0: there are contacts in this step
     sweep: wp.array(dtype=wp.int32)  # (1) first of the two sweeps to come

@@ -12,7 +12,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
 from otwarp.kernels.drivers.grid_store import contact_store_terms
-from otwarp.kernels.drivers.neighbours import CROWDED, next_crowded_term
+from otwarp.kernels.drivers.neighbours import FULL, next_in_cells_term
 
 
 def free_opening_term(f: Features) -> wp.Function:
@@ -154,7 +154,7 @@ def with_sphere_term(f: Features) -> wp.Function:
 def sphere_contacts_term(f: Features) -> wp.Function:
     """`(model, state, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with others."""
     arm_of, near_enough, with_sphere = arm_term(f), near_enough_term(f), with_sphere_term(f)
-    next_crowded = next_crowded_term(f)
+    next_in_cells = next_in_cells_term(f)
 
     @wp.func
     def sphere_contacts(
@@ -173,11 +173,11 @@ def sphere_contacts_term(f: Features) -> wp.Function:
                 # the distance first: a contact is a large thing to make
                 if near_enough(model, state, grid, world, a, e, j, centre):
                     count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
-            if listed == CROWDED:
-                j = next_crowded(model, state, grid, world, i, -1)
+            if listed == FULL:
+                j = next_in_cells(model, state, grid, world, i, -1)
                 while j >= 0:
                     count = with_sphere(model, state, readout, grid, world, a, e, j - first, pose, count, step)
-                    j = next_crowded(model, state, grid, world, i, j)
+                    j = next_in_cells(model, state, grid, world, i, j)
         return count
 
     return sphere_contacts
@@ -225,8 +225,8 @@ def wall_term(f: Features) -> wp.Function:
     return walls
 
 
-def crowding_term(f: Features) -> wp.Function:
-    """`(grid, row, count, a) -> crowding`: how much more a body gives way to all its contacts at once than to one.
+def row_sum_term(f: Features) -> wp.Function:
+    """`(grid, row, count, a) -> row_sum`: how much more a body gives way to all its contacts at once than to one.
 
     The largest Σ_j |response of contact i's gap to force j| / |its response to its own|, a bound by Gershgorin's
     theorem; of this body's share alone.
@@ -234,9 +234,9 @@ def crowding_term(f: Features) -> wp.Function:
     read_contact = contact_store_terms(f)[1]
 
     @wp.func
-    def crowding_of(grid: GridData, row: int, count: int, a: int) -> float:
+    def row_sum_of(grid: GridData, row: int, count: int, a: int) -> float:
         """Largest row sum of |responses| over the own one, ≥ 1; 1 for a lone contact."""
-        crowding = float(1.0)
+        row_sum = float(1.0)
         for i in range(count):
             c = read_contact(grid, row, i, a)
             own = along(c.response_a, c.arm_a, c.normal)
@@ -244,10 +244,10 @@ def crowding_term(f: Features) -> wp.Function:
             for j in range(count):
                 total += wp.abs(along(read_contact(grid, row, j, a).response_a, c.arm_a, c.normal))
             if own > 0.0:
-                crowding = wp.max(crowding, total / own)
-        return crowding
+                row_sum = wp.max(row_sum, total / own)
+        return row_sum
 
-    return crowding_of
+    return row_sum_of
 
 
 def first_push_term(f: Features) -> wp.Function:
@@ -273,7 +273,7 @@ def make_find(f: Features) -> wp.Kernel:
     sphere_contacts = sphere_contacts_term(f) if f.pairs else None
     walls = wall_term(f) if f.obstacles else None
     body_pose = body_pose_term(f)
-    crowding_of = crowding_term(f)
+    row_sum_of = row_sum_term(f)
     first_push = first_push_term(f)
 
     @wp.func
@@ -293,7 +293,7 @@ def make_find(f: Features) -> wp.Kernel:
                     count = walls(model, readout, grid, world, a, e, pose, count, step)
         grid.count[world, a] = count
         if count > 0:
-            grid.crowding[world, a] = crowding_of(grid, row, count, a)
+            grid.row_sum[world, a] = row_sum_of(grid, row, count, a)
             move = first_push(grid, row, count, a)
             push.linear[world, a] = move.linear
             if wp.static(f.rigid):

@@ -43,7 +43,7 @@ bead_lanes_at = view_term(BeadLane)
 
 def make_bead_lanes(f: Features) -> wp.Kernel:
     """Step for lone spheres, as `make_bead_step`."""
-    start, advance, finish = bead_parts(f)
+    start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
 
@@ -121,13 +121,10 @@ def look_term(f: Features) -> wp.Function:
     return look
 
 
-def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """What happens to a sphere at the start of a launch, in step k, and at the end."""
+def start_lane_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, b) -> BeadLane` at the start of a launch."""
     bead_constants = bead_constants_term(f)
-    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
     monitors = monitors_in_lane(f)
-    look = look_term(f)
-    note_escapes = escape_term(f) if f.escapes and not monitors else None
 
     @wp.func
     def start(
@@ -142,6 +139,16 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
         if wp.static(monitors > 1):
             lane.second = start_monitor(model.traps, readout, lane.bead, world, b, 1)
         return lane
+
+    return start
+
+
+def advance_lane_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of the launch for lane g."""
+    move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
+    monitors = monitors_in_lane(f)
+    look = look_term(f)
+    record_escapes = escape_term(f) if f.escapes and not monitors else None
 
     @wp.func
     def advance(
@@ -162,14 +169,22 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
             moved = here + move_freely(model, control, state, lane.bead, world, b, here, step, time)
             if finite(moved):
                 lanes[g].position = moved
-                if wp.static(note_escapes is not None):
+                if wp.static(record_escapes is not None):
                     left = Pose(here, wp.quat_identity())
                     reached = Pose(moved, wp.quat_identity())
                     later = time + model.time_step
-                    note_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
+                    record_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k
+
+    return advance
+
+
+def finish_lane_term(f: Features) -> wp.Function:
+    """`(model, state, readout, lane, world, b, first)` at the end of a launch."""
+    monitors = monitors_in_lane(f)
+    look = look_term(f)
 
     @wp.func
     def finish(
@@ -183,4 +198,4 @@ def bead_parts(f: Features) -> tuple[wp.Function, wp.Function, wp.Function]:
         if wp.static(monitors > 1):
             report_escape(readout, two, world, 1, first)
 
-    return start, advance, finish
+    return finish

@@ -192,7 +192,7 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
     """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of lane g."""
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     moved_by = dynamics.shifted
-    note_escapes = escape_term(f) if f.escapes else None
+    record_escapes = escape_term(f) if f.escapes else None
 
     @wp.func
     def advance(
@@ -219,11 +219,11 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                 if wp.static(f.escapes):
                     turned = model.body.bound[b] * wp.length(angular_part(move))
                     leeway = lanes[g].leeway - wp.length(there.position - here.position) - turned
-                    # watched closely only where something can be lost
+                    # monitored closely only where something can be lost
                     if leeway <= 0.0:
                         arrival = step + wp.int64(1)
                         later = time + model.time_step
-                        leeway = note_escapes(model, control, state, readout, world, b, here, there, arrival, later)
+                        leeway = record_escapes(model, control, state, readout, world, b, here, there, arrival, later)
                     lanes[g].leeway = leeway
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)

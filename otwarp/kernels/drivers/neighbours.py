@@ -4,7 +4,7 @@ A list holds every element nearer than the sum of the radii, the reach of contac
 until something has moved by more than half the skin; then the device makes new lists by itself. Cells lie in an open
 space: they repeat along each axis, and distances tell apart what shares a cell by that. A list ascends by sphere, so
 that sums over it do not depend on when it was made. An element with more than `NEIGHBOURS` neighbours (a large sphere
-among small ones) is `CROWDED`: it looks through the cells in every step.
+among small ones) is `FULL`: it looks through the cells in every step.
 """
 
 import warp as wp
@@ -17,8 +17,8 @@ from otwarp.kernels.drivers.grid_data import GridData, NeighbourData, body_pose_
 NEIGHBOURS = 24
 """Neighbours that a list can hold."""
 
-CROWDED = wp.constant(-1)
-"""Count of a list that could not hold them."""
+FULL = wp.constant(-1)
+"""Count of a list that could not hold all neighbours."""
 
 _FARTHEST_CELL = wp.constant(1.0e9)
 _NO_SPHERE = wp.constant(2147483647)
@@ -285,7 +285,7 @@ def make_list(f: Features) -> wp.Kernel:
                             one = wp.vec2i(n.start[key], n.finish[key])
                             found = search(model, state, grid, world, i, centre, far, one, found)
                 if found > wp.static(NEIGHBOURS):
-                    found = CROWDED
+                    found = FULL
         n.count[i] = found
         if wp.static(bool(f.obstacles)):
             near = int(0)
@@ -307,15 +307,15 @@ def make_list(f: Features) -> wp.Kernel:
     return list_neighbours
 
 
-def next_crowded_term(f: Features) -> wp.Function:
-    """`(model, state, grid, world, i, last) -> j`: for a CROWDED element the next one it touches; -1 at the end.
+def next_in_cells_term(f: Features) -> wp.Function:
+    """`(model, state, grid, world, i, last) -> j`: for a FULL element the next one it touches; -1 at the end.
 
     Start with `last` = -1. The cells are those of the last lists; nothing has left their surroundings since.
     """
     element, name, apart, item = element_term(f), name_term(f), apart_term(f), cell_item_term(f)
 
     @wp.func
-    def next_crowded(model: ModelData, state: StateData, grid: GridData, world: int, i: int, last: int) -> int:
+    def next_in_cells(model: ModelData, state: StateData, grid: GridData, world: int, i: int, last: int) -> int:
         """Touching element of the smallest name above that of `last`, by a search of the 27 cells around."""
         n = grid.near
         own = element(model, state, grid, world, i)
@@ -339,28 +339,28 @@ def next_crowded_term(f: Features) -> wp.Function:
                         least = called
         return best
 
-    return next_crowded
+    return next_in_cells
 
 
 @wp.func
-def watch_move(n: NeighbourData, i: int, centre: wp.vec3):
+def check_moved(n: NeighbourData, i: int, centre: wp.vec3):
     """Mark all lists as stale when element i, now at `centre` [µm], has moved by more than half the skin."""
     away = centre - n.reference[i]
     if 4.0 * wp.length_sq(away) > n.skin * n.skin:
         n.stale[0] = 1
 
 
-def make_watch(f: Features) -> wp.Kernel:
+def make_check(f: Features) -> wp.Kernel:
     """Kernel over (world, share of its elements): ask for new lists if the state was changed from outside."""
     element = element_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def watch(model: ModelData, state: StateData, grid: GridData, size: int):
+    def check(model: ModelData, state: StateData, grid: GridData, size: int):
         """Mark all lists as stale if one of the `size` elements of a share has moved by more than half the skin."""
         world, share = wp.tid()
         first = world * grid.near.elements
         for i in range(first + share * size, first + wp.min((share + 1) * size, grid.near.elements)):
             e = element(model, state, grid, world, i)
-            watch_move(grid.near, i, wp.vec3(e[0], e[1], e[2]))
+            check_moved(grid.near, i, wp.vec3(e[0], e[1], e[2]))
 
-    return watch
+    return check

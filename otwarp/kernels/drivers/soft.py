@@ -15,11 +15,12 @@ from otwarp.kernels.contact.curvature import relative_radius_term
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, world_row
+from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_data import GridData
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term
-from otwarp.kernels.drivers.neighbours import CROWDED, next_crowded_term, watch_move
+from otwarp.kernels.drivers.neighbours import FULL, check_moved, next_in_cells_term
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
 
@@ -92,7 +93,7 @@ def soft_walls_term(f: Features) -> wp.Function:
 def soft_contacts_term(f: Features) -> wp.Function:
     """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` on the sphere in slot i, body a."""
     walls = soft_walls_term(f) if f.obstacles else None
-    next_crowded = next_crowded_term(f) if f.pairs else None
+    next_in_cells = next_in_cells_term(f) if f.pairs else None
 
     @wp.func
     def soft_contacts(
@@ -108,13 +109,13 @@ def soft_contacts_term(f: Features) -> wp.Function:
                 one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
                 total.force += one.force
                 total.load += one.load
-            if count == CROWDED:
-                j = next_crowded(model, state, grid, world, i, -1)
+            if count == FULL:
+                j = next_in_cells(model, state, grid, world, i, -1)
                 while j >= 0:
                     one = soft_pair(model, readout, grid, world, a, here, j, step)
                     total.force += one.force
                     total.load += one.load
-                    j = next_crowded(model, state, grid, world, i, j)
+                    j = next_in_cells(model, state, grid, world, i, j)
         if wp.static(bool(f.obstacles)):
             if n.walled[i] != 0:
                 one = walls(model, readout, grid, world, a, here, step)
@@ -129,7 +130,7 @@ def step_slot_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, grid, world, i, block, k)`: one step of the sphere in slot i."""
     grid_move = grid_move_term(f)
     contacts = soft_contacts_term(f)
-    note_escapes = escape_term(f) if f.escapes else None
+    record_escapes = escape_term(f) if f.escapes else None
 
     @wp.func
     def step_slot(
@@ -144,7 +145,7 @@ def step_slot_term(f: Features) -> wp.Function:
         pose = Pose(wp.vec3(here[0], here[1], here[2]), wp.quat_identity())
         move, _drift = grid_move(model, control, state, grid, world, b, pose, block, k)
         touch = contacts(model, state, readout, grid, world, i, b, here, step)
-        scale = wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+        scale = step_over_viscosity(model, world)
         moved = pose.position + move.linear + (scale * model.body.translation[model.body.shape[b]]) * touch.force
         if not finite(moved):
             raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
@@ -155,11 +156,11 @@ def step_slot_term(f: Features) -> wp.Function:
             if readout.fault[world, b] != 0:
                 moved = pose.position
         grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
-        watch_move(grid.near, i, moved)
+        check_moved(grid.near, i, moved)
         if wp.static(f.escapes):
             arrived = Pose(moved, pose.rotation)
             time = wp.float64(step + wp.int64(1)) * model.time_step
-            note_escapes(model, control, state, readout, world, b, pose, arrived, step + wp.int64(1), time)
+            record_escapes(model, control, state, readout, world, b, pose, arrived, step + wp.int64(1), time)
         if step + wp.int64(1) == grid.until[0]:
             readout.contact_force[world, b] = touch.force
             readout.contact_load[world, b] = touch.load

@@ -80,7 +80,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
     monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
     start_monitors, look = start_monitors_term(f), look_term(f)
-    note_escapes = escape_term(f) if f.escapes and not monitor else None
+    record_escapes = escape_term(f) if f.escapes and not monitor else None
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
@@ -120,7 +120,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
             if wp.static(f.escapes and not monitor):
                 before = Pose(position, wp.quat_identity())
                 pose = Pose(moved, wp.quat_identity())
-                note_escapes(
+                record_escapes(
                     model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
                 )
             position = moved
@@ -138,7 +138,7 @@ def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
     constants_of, dynamics = body_dynamics(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
-    note_escapes = escape_term(f) if f.escapes else None
+    record_escapes = escape_term(f) if f.escapes else None
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def body_step(
@@ -177,7 +177,7 @@ def make_body_step(f: Features) -> wp.Kernel:
                 if leeway <= 0.0:
                     arrival = step + wp.int64(1)
                     later = time + model.time_step
-                    leeway = note_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
+                    leeway = record_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 

@@ -132,7 +132,7 @@ def all_good(
 
 def take_moves_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, body, step)`: arrive at `step`."""
-    note_escapes = escape_term(f) if f.escapes else None
+    record_escapes = escape_term(f) if f.escapes else None
 
     @wp.func
     def take_moves(
@@ -160,7 +160,7 @@ def take_moves_term(f: Features) -> wp.Function:
             if wp.static(f.escapes):
                 time = wp.float64(step) * model.time_step
                 pose = Pose(position[b], rotation[b])
-                note_escapes(model, control, state, readout, world, b, before, pose, step, time)
+                record_escapes(model, control, state, readout, world, b, before, pose, step, time)
 
     return take_moves
 

@@ -7,6 +7,7 @@ import warp as wp
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.functions import function_from_text
+from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.types import (
     BeadConstants,
     ControlData,
@@ -95,8 +96,8 @@ def force_input(model: ModelData, world: int, b: int, pose: Pose, radius: float,
     known.radius = radius
     known.time = wp.float32(time)
     known.exact_time = time
-    known.thermal_energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
-    known.viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
+    known.thermal_energy = thermal_energy_of(model, world)
+    known.viscosity = viscosity_of(model, world)
     known.world = world
     known.body = b
     return known

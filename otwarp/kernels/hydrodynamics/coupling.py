@@ -47,8 +47,9 @@ from otwarp.kernels.bodies.rigid import (
     twist,
 )
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, vec6, world_row
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, vec6
 from otwarp.kernels.forces.total import body_total
 
 COUPLED = ("heun", "eulerMaruyama")
@@ -106,17 +107,11 @@ def pair_mobility(way: wp.vec3, a: float, b: float) -> wp.mat33:
 
 
 @wp.func
-def step_over(model: ModelData, world: int) -> float:
-    """dt/η [µm²/pN] of a world: what turns a mobility at unit viscosity into a move per force."""
-    return wp.float32(model.time_step) / model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
-
-
-@wp.func
 def fill_pairs(
     model: ModelData, world: int, bodies: int, position: wp.array(dtype=wp.vec3), pair: wp.array(dtype=wp.mat33)
 ):
     """Write P dt/η of all pairs below the diagonal of the triangle `pair` [µm/pN]; the diagonal is left alone."""
-    scale = step_over(model, world)
+    scale = step_over_viscosity(model, world)
     for i in range(bodies):
         a = model.coupling.radius[model.body.shape[i]]
         for j in range(i):
@@ -219,7 +214,7 @@ def fill_root_term(f: Features) -> wp.Function:
     ):
         """Cholesky factor of (R_tt)⁻¹ and P, times dt/η [µm/pN], in blocks."""
         bodies = int(wp.static(f.bodies))
-        scale = step_over(model, world)
+        scale = step_over_viscosity(model, world)
         for i in range(bodies):
             for j in range(i):
                 root[block_at(i, j)] = pair[block_at(i, j)]
@@ -248,9 +243,9 @@ def shake_term(f: Features) -> wp.Function:
     ):
         """Add rotations, the translations that go with them, and the translations given them [µm, rad]."""
         bodies = int(wp.static(f.bodies))
-        energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+        energy = thermal_energy_of(model, world)
         spread = wp.sqrt(2.0 * energy)
-        turning = wp.sqrt(2.0 * energy * step_over(model, world))
+        turning = wp.sqrt(2.0 * energy * step_over_viscosity(model, world))
         for j in range(bodies):
             xi = wp.vec3(0.0)
             if wp.static(f.spheres):

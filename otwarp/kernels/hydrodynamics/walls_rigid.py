@@ -26,6 +26,7 @@ from otwarp.kernels.bodies.flow import FLOW_TERMS
 from otwarp.kernels.bodies.rigid import angular_part, flow_velocity_term, linear_part, rigid_dynamics, twist
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.types import (
     ControlData,
     ModelData,
@@ -36,7 +37,6 @@ from otwarp.kernels.core.types import (
     WallData,
     mat66,
     vec6,
-    world_row,
 )
 from otwarp.kernels.forces.total import body_total
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess
@@ -281,12 +281,6 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
     seven_deviates = more_deviates_term(f)[1]
 
     @wp.func
-    def step_over_viscosity(model: ModelData, world: int) -> float:
-        """dt/η [µm²/pN] of a world: what turns a mobility at unit viscosity into a move per force."""
-        viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
-        return wp.float32(model.time_step) / viscosity
-
-    @wp.func
     def drift(
         model: ModelData,
         control: ControlData,
@@ -315,7 +309,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
         kick = vec6()
         if wp.static(f.brownian):
             xi, seventh = seven_deviates(model.seed, step, world, b)
-            energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+            energy = thermal_energy_of(model, world)
             spread = wp.sqrt(2.0 * energy * step_over_viscosity(model, world))
             root = root_of(model.walls, model.body.shape[b], b, pose)
             move = noise_of(model.walls, b, pose, root, spread, xi, seventh)

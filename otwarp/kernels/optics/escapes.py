@@ -9,6 +9,7 @@ as flat). Without this, escapes come late by O(√dt).
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.random import Stream, noise_words, uniform
 from otwarp.kernels.core.roots import reciprocal_root, square_root
 from otwarp.kernels.core.types import (
@@ -43,11 +44,11 @@ def crossed(
 
 
 def escape_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: note the first step of a loss.
+    """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: record when spheres are lost.
 
     `step` and `time` are those of the arrival at `pose`, from `before`. A focus with a speed limit counts as where it
-    has come to, at both ends of the step. As long as no point of the body has moved by
-    the leeway [µm], nothing can be lost.
+    has come to, at both ends of the step. As long as no point of the body has moved by the leeway [µm], nothing can be
+    lost.
     """
     trap_command = trap_command_term(f)
 
@@ -58,7 +59,7 @@ def escape_term(f: Features) -> wp.Function:
         return wp.length_sq(held - anchor_of(model, trap, command))
 
     @wp.func
-    def note_escapes(
+    def record_escapes(
         model: ModelData,
         control: ControlData,
         state: StateData,
@@ -98,14 +99,14 @@ def escape_term(f: Features) -> wp.Function:
                     leeway = 0.0
         return leeway
 
-    return note_escapes
+    return record_escapes
 
 
 @wp.func
 def spread2(model: ModelData, world: int, trap: int) -> float:
     """Variance of the thermal displacement of a held sphere along one axis in one step [µm²]."""
-    viscosity = model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
-    energy = model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
+    viscosity = viscosity_of(model, world)
+    energy = thermal_energy_of(model, world)
     return 2.0 * energy * model.traps.held_mobility[trap] / viscosity * wp.float32(model.time_step)
 
 

@@ -1,6 +1,6 @@
 """Tabulated optical forces: interpolation on nested (ρ, z) grids.
 
-What the grids and layers are, and why two dimensions hold the whole field, is told in `otwarp.optics.table`, whose
+What the grids and layers are, and why two dimensions hold the whole field, is described in `otwarp.optics.table`, whose
 `ForceTable.force` is the float64 twin of what is here.
 """
 

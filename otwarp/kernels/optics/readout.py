@@ -7,7 +7,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
-from otwarp.kernels.optics.trap_wrench import trap_command_term
+from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import trap_force_term
 
 
@@ -47,10 +47,9 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
         """Force [pN] in world axes of one trap, its focus and power in c, on trapped sphere i of body b."""
         s = model.body.trapped[i]
-        anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
         x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
         law = prepare(model.traps, world, trap, s[3], model.body.trapped_kind[i])
-        return c[3] * trap_force(model.traps, law, x - anchor)
+        return c[3] * trap_force(model.traps, law, x - anchor_of(model, trap, c))
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
@@ -67,8 +66,8 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         distance = wp.float32(wp.nan)
         held = model.traps.held_body[trap]
         if held >= 0:
-            anchor = wp.vec3(c[0], c[1], c[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
-            distance = wp.length(sphere_position(model, state, world, held, model.traps.held_offset[trap]) - anchor)
+            place = sphere_position(model, state, world, held, model.traps.held_offset[trap])
+            distance = wp.length(place - anchor_of(model, trap, c))
         out.distance[world, trap] = distance
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -125,7 +125,7 @@ _LIMITS = {
     "adhesion": "approach under adhesion",
     "turning": "turning of rigid bodies by flow and weight",
 }
-"""What the user is told when a time of `_motions` decides the step."""
+"""What is reported when a time of `_motions` decides the step."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def _step_limits(
     motions: Mapping[str, float | None],
     wall: float | None,
 ) -> dict[str, float]:
-    """Longest step [s] that each of what limits it allows, by what the user is told of it.
+    """Longest step [s] that each of what limits it allows, by what is reported of it.
 
     Args:
         rate: Fastest relaxation near the equilibria of the traps [1/s].

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.kernels.drivers.neighbours import CROWDED, NEIGHBOURS
+from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS
 from otwarp.scene import Scene
 from otwarp.simulation.grid_scratch import choose_cells
 from otwarp.simulation.grid_stepper import GridStepper
@@ -33,7 +33,7 @@ def grid_stepper(sim: Simulation) -> GridStepper:
 
 
 def listed(sim: Simulation) -> list[dict[int, list[int]]]:
-    """Per world the neighbours of every sphere (numbered as in the scene), in the order of its list; -1: crowded."""
+    """Per world the neighbours of every sphere (numbered as in the scene), in the order of its list; -1: full."""
     near = grid_stepper(sim).scratch.near
     count, neighbour = near.count.numpy(), near.neighbour.numpy()
     elements, worlds = near.elements, sim.model.worlds
@@ -47,7 +47,7 @@ def listed(sim: Simulation) -> list[dict[int, list[int]]]:
         for e in range(elements):
             i = w * elements + e
             entries = [neighbour[i * near.stride + k * near.pitch] - w * elements for k in range(max(count[i], 0))]
-            lists[int(names[w, e])] = [CROWDED] if count[i] == CROWDED else [int(names[w, j]) for j in entries]
+            lists[int(names[w, e])] = [FULL] if count[i] == FULL else [int(names[w, j]) for j in entries]
         out.append(lists)
     return out
 
@@ -125,7 +125,7 @@ def test_a_sphere_with_too_many_neighbours_looks_through_the_cells(soft, device)
     assert sim.model.features.soft_contacts == soft
     sim.step()
     lists = listed(sim)[0]
-    assert lists[0] == [CROWDED]
+    assert lists[0] == [FULL]
     assert NEIGHBOURS < 60
     assert all(0 in lists[e] for e in range(1, 61))
     load = sim.readout.contact_load.numpy()[0]
