@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import rotate
 
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
@@ -16,14 +17,14 @@ def surface_points(obstacle: dict[str, Any]) -> np.ndarray:
     size, shape = np.array(obstacle["size"]), obstacle["shape"]
     if shape == "box":
         return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    if shape in ("cylinder", "capsule", "sphere"):
+    if shape == "sphere" or SHAPES[shape].round:
         ring = size[0] * np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.zeros(len(CIRCLE))], axis=1)
-        half = 0.0 if shape == "sphere" else size[1]
-        ends = [(-half, 0.0), (half, 0.0)]
-        if shape != "cylinder":
-            # round ends: circles of latitude
-            tilt = np.linspace(0.0, 0.5 * np.pi, 7)
-            ends = [(s * (half + size[0] * np.sin(a)), a) for a in tilt for s in (-1.0, 1.0)]
+        half, top = 0.0 if shape == "sphere" else size[1], SHAPES[shape].top
+        if top is not None:
+            return np.concatenate([k * ring + [0.0, 0.0, z] for k, z in ((1.0, -half), (top, half))])
+        # round ends: circles of latitude
+        tilt = np.linspace(0.0, 0.5 * np.pi, 7)
+        ends = [(s * (half + size[0] * np.sin(a)), a) for a in tilt for s in (-1.0, 1.0)]
         return np.concatenate([ring * np.cos(a) + [0.0, 0.0, z] for z, a in ends])
     return np.array(obstacle.get("vertices", [])).reshape(-1, 3)
 

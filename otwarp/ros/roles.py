@@ -13,6 +13,7 @@ from otwarp.haptics.core.config import PAIRINGS
 from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
 from otwarp.scene import Obstacle, Scene
+from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import conjugate, rotate
 from otwarp.teleop.core import HANDS, LiveFrame
 
@@ -117,25 +118,8 @@ def surface_distance(obstacle: Obstacle, pose: Pose, points: np.ndarray) -> np.n
     """
     place, turn = pose
     p = rotate(conjugate(np.array(turn)), points - np.array(place))
-    size = np.array(obstacle.size)
-    if obstacle.shape == "plane":
-        return p[:, 2]
-    if obstacle.shape == "sphere":
-        return np.linalg.norm(p, axis=1) - size[0]
-    if obstacle.shape == "capsule":
-        along = np.clip(p[:, 2], -size[1], size[1])
-        return np.linalg.norm(p - along[:, None] * np.array([0.0, 0.0, 1.0]), axis=1) - size[0]
-    if obstacle.shape == "box":
-        return _outside(np.abs(p) - size)
-    if obstacle.shape == "cylinder":
-        across = np.hypot(p[:, 0], p[:, 1]) - size[0]
-        return _outside(np.stack([across, np.abs(p[:, 2]) - size[1]], axis=1))
-    return np.full(len(p), np.inf)
-
-
-def _outside(beyond: np.ndarray) -> np.ndarray:
-    """Distance from how far a point is beyond each pair of faces (negative: within)."""
-    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+    distance = SHAPES[obstacle.shape].distance
+    return np.full(len(p), np.inf) if distance is None else distance(p, np.array(obstacle.size))
 
 
 def _cell(scene: Scene, robots: tuple[int, int]) -> int | None:

@@ -9,6 +9,7 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | room | what it is | open first |
 |---|---|---|
 | `description`, `track`, `scene` | plain frozen dataclasses in µm, s, pN, mW, K: neither USD nor Warp | `description` |
+| `obstacle_shapes` | the table of shapes: prim, distance, outline | `obstacle_shapes` |
 | `transforms`, `meshes` | rigid transforms and triangle meshes, NumPy | `transforms` |
 | `vocabulary` | the one table of `ot:` attributes, which all the rest follows | `vocabulary/__init__` |
 | `schema` | the USD schema files, written from the table | `schema/generate` |

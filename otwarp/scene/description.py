@@ -211,7 +211,7 @@ class Obstacle(ByValue):
 
     Attributes:
         prim: Path of its prim.
-        shape: plane, box, sphere, cylinder, capsule or mesh.
+        shape: plane, box, sphere, cylinder, capsule or mesh: a row of `obstacle_shapes.SHAPES`.
         position: Track of its origin, (n, 3) µm.
         orientation: Track of its rotation, (n, 4) quaternions, same times as `position`. The local +Z axis is the
             normal of a plane and the axis of a cylinder or capsule (other USD axes are folded into the rotation).
@@ -223,7 +223,7 @@ class Obstacle(ByValue):
     """
 
     prim: str
-    shape: Literal["plane", "box", "sphere", "cylinder", "capsule", "mesh"]
+    shape: str
     position: Track
     orientation: Track
     size: Vec3 = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""docs/extending.md, done: each walk's blocks make files of a copy of the package, and its tests hold there."""
+"""The walks of docs/extending.md, taken in a copy of the package: blocks make its files, and their tests hold there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from tests.documents import ROOT
 
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGES = [(ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("extending.md", "haptics_devices_own.md")]
 PLACE = r"new file|at the end|(?:behind|before|instead of): [^\n]*"
 BLOCK = re.compile(rf"^```py\n# (\S+), ({PLACE})\n(.*?)^```$", re.M | re.S)
 """A block of code that says where it goes, and beside which line of that file."""
@@ -45,13 +45,16 @@ class Block(NamedTuple):
 
 
 WALKS = {
-    title: body for title, body in re.findall(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S) if "```py" in body
+    title: body
+    for page in PAGES
+    for title, body in re.findall(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", page, re.M | re.S)
+    if "```py" in body
 }
 
 
-def test_the_page_walks_through_what_can_be_added():
-    assert [title.split(": ")[0] for title in WALKS] == [f"{n}" for n in range(1, len(WALKS) + 1)]
-    assert PAGE.count("```py\n") == sum(len(BLOCK.findall(body)) for body in WALKS.values()), "a block without a place"
+def test_every_block_has_its_place():
+    written = sum(page.count("```py\n") for page in PAGES)
+    assert written == sum(len(BLOCK.findall(body)) for body in WALKS.values())
 
 
 @pytest.mark.parametrize("title", WALKS)

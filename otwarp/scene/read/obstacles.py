@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Obstacle
 from otwarp.scene.meshes import fan
+from otwarp.scene.obstacle_shapes import ROUND
 from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.motion import motion
 from otwarp.scene.read.source import Source, track, vec3
@@ -39,8 +40,7 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     readers = {
         "Cube": _box,
         "Sphere": _sphere,
-        "Cylinder": _round,
-        "Capsule": _round,
+        **dict.fromkeys(ROUND, _round),
         "Plane": _plane,
         "Mesh": _mesh,
     }
@@ -50,7 +50,7 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     times, positions, rotations, scales = motion(source, prim)
     if np.abs(scales - scales[0]).max() > _CONSTANT * np.abs(scales[0]).max():
         raise source.bad(prim, "xformOp:scale", "(time samples that change it)", "constant in time")
-    axis = str(prim.GetAttribute("axis").Get()) if kind in ("Cylinder", "Capsule", "Plane") else "Z"
+    axis = str(prim.GetAttribute("axis").Get()) if kind in (*ROUND, "Plane") else "Z"
     fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
     turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
     obstacle = Obstacle(
@@ -85,11 +85,11 @@ def _sphere(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dic
 
 def _round(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
     radius, half = round_size(source, prim, scale, axis)
-    return {"shape": "capsule" if prim.IsA(UsdGeom.Capsule) else "cylinder", "size": (radius, half, 0.0)}
+    return {"shape": ROUND[str(prim.GetTypeName())], "size": (radius, half, 0.0)}
 
 
 def round_size(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> tuple[float, float]:
-    """Radius and half height (of the straight part) of a Capsule or Cylinder under `scale` [µm].
+    """Radius and half height (of the straight part) of a solid about an axis under `scale` [µm].
 
     Raises:
         InputError: A scale that makes it something else.
@@ -100,7 +100,7 @@ def round_size(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> 
     uneven = np.ptp(np.abs(scale) if capsule else across) > _CONSTANT * across.max()
     if uneven:
         shown = ", ".join(f"{s / source.unit:g}" for s in scale)
-        allowed = "uniform on a capsule" if capsule else "equal across the axis of a cylinder"
+        allowed = "uniform on a capsule" if capsule else f"equal across the axis of a {str(prim.GetTypeName()).lower()}"
         raise source.bad(prim, "xformOp:scale", f"({shown})", allowed)
     radius = source.geometry(prim, "radius") * float(across[0])
     half = source.geometry(prim, "height", positive=not capsule) / 2 * float(abs(scale[along]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from otwarp.scene.description import Body, Obstacle, Rod, Sphere
 from otwarp.scene.meshes import inside_mesh, nearest_distance
+from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import bad
 
@@ -147,20 +148,6 @@ def signed_distance(obstacle: Obstacle, points: np.ndarray, reach: np.ndarray | 
 
     `reach` is there so that all shapes are asked alike; these distances are exact everywhere.
     """
-    local = _local(obstacle, points)
-    across, along = np.hypot(local[:, 0], local[:, 1]), local[:, 2]
-    radius, half = obstacle.size[0], obstacle.size[1]
-    if obstacle.shape == "plane":
-        return along
-    if obstacle.shape == "sphere":
-        return np.linalg.norm(local, axis=1) - radius
-    if obstacle.shape == "capsule":
-        return np.hypot(across, along - np.clip(along, -half, half)) - radius
-    if obstacle.shape == "cylinder":
-        return _corner(np.stack([across - radius, np.abs(along) - half], axis=1))
-    return _corner(np.abs(local) - np.array(obstacle.size))
-
-
-def _corner(excess: np.ndarray) -> np.ndarray:
-    """Distance from a box given how far each coordinate lies beyond it."""
-    return np.linalg.norm(np.maximum(excess, 0.0), axis=1) + np.minimum(excess.max(axis=1), 0.0)
+    distance = SHAPES[obstacle.shape].distance
+    assert distance is not None, "meshes have `mesh_distance`"
+    return distance(_local(obstacle, points), np.array(obstacle.size))

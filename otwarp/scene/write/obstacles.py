@@ -1,4 +1,4 @@
-"""Authors an obstacle as a USD collider: plane, cube, sphere, cylinder, capsule or mesh."""
+"""Authors an obstacle as a USD collider."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Obstacle
+from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.poses import author_tracks
 
@@ -57,7 +58,6 @@ def _shapes(obstacle: Obstacle) -> dict[str, tuple[type, dict[str, Any]]]:
         "plane": (UsdGeom.Plane, up | {"Width": PLANE_WIDTH, "Length": PLANE_WIDTH, "DoubleSided": True}),
         "box": (UsdGeom.Cube, {"Size": 2.0}),
         "sphere": (UsdGeom.Sphere, radius),
-        "cylinder": (UsdGeom.Cylinder, up | radius | height),
-        "capsule": (UsdGeom.Capsule, up | radius | height),
+        **{name: (getattr(UsdGeom, s.usd), up | radius | height) for name, s in SHAPES.items() if s.round},
         "mesh": (UsdGeom.Mesh, mesh),
     }

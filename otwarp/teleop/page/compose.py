@@ -14,6 +14,7 @@ import numpy as np
 
 from otwarp.scene import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
+from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
 from otwarp.teleop.core import vec3
 from otwarp.teleop.page.protocol import (
@@ -144,8 +145,9 @@ def _obstacle(o: Obstacle) -> tuple[int, tuple[float, float, float], tuple[float
         return BOX, o.size, (0.0, 0.0), None
     if o.shape == "sphere":
         return SPHERE, (a, a, a), (0.0, 0.0), None
-    if o.shape == "cylinder":
-        return TUBE, (a, a, b), (1.0, 0.0), None
+    top = SHAPES[o.shape].top
+    if top is not None:
+        return TUBE, (a, a, b), (top, 0.0), None
     if o.shape == "capsule":
         return CAPSULE, (a, a, a), (b / a, 0.0), None
     if o.shape == "mesh":
