@@ -170,15 +170,9 @@ def rigid_stiffness_term(f: Features) -> wp.Function:
 
     @wp.func
     def stiffness(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> mat66:
+    ) -> mat66:  # fmt: skip
         """Sum over `FORCES` [pN/µm, pN, pN·µm]; the constants of the body are not needed."""
         return of_forces(model, control, state, world, b, pose, time)
 
@@ -193,15 +187,9 @@ def rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> vec6:
+    ) -> vec6:  # fmt: skip
         """M (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
         load = wrench(model, control, state, body, world, b, pose, time)
         move = mobility(body, pose, twist(load.force, load.torque))

@@ -51,13 +51,9 @@ def carry_gives(contacts: wp.array(dtype=Contact), count: int, pair: wp.array(dt
 
 @wp.func
 def carry_bodies(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    bodies: int,
-    sign: float,
-    pair: wp.array(dtype=wp.mat33),
+    contacts: wp.array(dtype=Contact), count: int, bodies: int, sign: float, pair: wp.array(dtype=wp.mat33),
     linear: wp.array(dtype=wp.vec3),
-):
+):  # fmt: skip
     """Add to the moves [µm] what the contact forces carry along (`sign` 1), or take it back (−1)."""
     for i in range(count):
         c = contacts[i]
@@ -67,19 +63,11 @@ def carry_bodies(
 
 @wp.func
 def solve_coupled_contacts(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    bodies: int,
-    pair: wp.array(dtype=wp.mat33),
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    matrix: wp.array(dtype=float),
-    free: wp.array(dtype=float),
-    right: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
+    contacts: wp.array(dtype=Contact), count: int, bodies: int, pair: wp.array(dtype=wp.mat33),
+    linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), matrix: wp.array(dtype=float),
+    free: wp.array(dtype=float), right: wp.array(dtype=float), pivot: wp.array(dtype=float), order: wp.array(dtype=int),
     on: wp.array(dtype=int),
-) -> float:
+) -> float:  # fmt: skip
     """Largest error left in a gap [µm], as `solve.solve_contacts`; `pair` as `coupling.fill_pairs` left it."""
     held = prepare(contacts, count, linear, angular, free, on)
     worst = float(0.0)

@@ -255,20 +255,9 @@ def pair_contacts_term(f: Features) -> wp.Function:
 
     @wp.func
     def pair_contacts(
-        model: ModelData,
-        readout: ReadoutData,
-        world: int,
-        a: int,
-        b: int,
-        pose_a: Pose,
-        pose_b: Pose,
-        move_a: Move,
-        move_b: Move,
-        pushed: float,
-        contacts: wp.array(dtype=Contact),
-        count: int,
-        step: wp.int64,
-    ) -> int:
+        model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move,
+        move_b: Move, pushed: float, contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
         """New count; tests bounding spheres, then element against body, then element against element."""
         reach = pair_reach(model.contact, a, b) + pushed
         far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
@@ -366,18 +355,9 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
 
     @wp.func
     def obstacle_contacts(
-        model: ModelData,
-        readout: ReadoutData,
-        world: int,
-        a: int,
-        pose: Pose,
-        move: Move,
-        pushed: float,
-        contacts: wp.array(dtype=Contact),
-        count: int,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> int:
+        model: ModelData, readout: ReadoutData, world: int, a: int, pose: Pose, move: Move, pushed: float,
+        contacts: wp.array(dtype=Contact), count: int, step: wp.int64, time: wp.float64,
+    ) -> int:  # fmt: skip
         """New count; tests the bounding sphere, then the true shape, then element by element."""
         travel = free_travel(model, a, move)
         for o in range(model.obstacles.shape.shape[0]):

@@ -71,13 +71,9 @@ def opening_by_loads(contacts: wp.array(dtype=Contact), count: int, matrix: wp.a
 
 @wp.func
 def factorise(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    pressed: int,
-    matrix: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
-):
+    contacts: wp.array(dtype=Contact), count: int, pressed: int, matrix: wp.array(dtype=float),
+    pivot: wp.array(dtype=float), order: wp.array(dtype=int),
+):  # fmt: skip
     """L D Lᵀ of 1/k + G [µm/pN] for the `pressed` contacts in `order`; L is kept below the diagonal, D in `pivot`."""
     for r in range(pressed):
         i = order[r]
@@ -97,14 +93,9 @@ def factorise(
 
 @wp.func
 def solve_pressed(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    pressed: int,
-    matrix: wp.array(dtype=float),
-    right: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
-):
+    contacts: wp.array(dtype=Contact), count: int, pressed: int, matrix: wp.array(dtype=float),
+    right: wp.array(dtype=float), pivot: wp.array(dtype=float), order: wp.array(dtype=int),
+):  # fmt: skip
     """Loads [pN] of the `pressed` contacts in `order` from right-hand sides `right` [µm], which are overwritten."""
     factorise(contacts, count, pressed, matrix, pivot, order)
     for r in range(pressed):
@@ -159,13 +150,9 @@ def swap(contacts: wp.array(dtype=Contact), free: wp.array(dtype=float), on: wp.
 
 @wp.func
 def prepare(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    free: wp.array(dtype=float),
-    on: wp.array(dtype=int),
-) -> int:
+    contacts: wp.array(dtype=Contact), count: int, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
+    free: wp.array(dtype=float), on: wp.array(dtype=int),
+) -> int:  # fmt: skip
     """Fill in the lines and the free openings; at first those are pressed that would be alone.
 
     Returns how many take part: they are moved to the front. The others are gaps that stay open if nothing pushes.
@@ -198,13 +185,9 @@ def couple(contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype
 
 @wp.func
 def share_excursions(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    matrix: wp.array(dtype=float),
-    free: wp.array(dtype=float),
-    own: wp.array(dtype=float),
-    on: wp.array(dtype=int),
-):
+    contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: wp.array(dtype=float),
+    own: wp.array(dtype=float), on: wp.array(dtype=int),
+):  # fmt: skip
     """Set the least loads [pN] that keep the excursions of all contacts out together; `own` is scratch."""
     several = int(0)
     for i in range(count):
@@ -228,15 +211,9 @@ def share_excursions(
 
 @wp.func
 def solve_lines(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    matrix: wp.array(dtype=float),
-    free: wp.array(dtype=float),
-    right: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
-    on: wp.array(dtype=int),
-) -> float:
+    contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: wp.array(dtype=float),
+    right: wp.array(dtype=float), pivot: wp.array(dtype=float), order: wp.array(dtype=int), on: wp.array(dtype=int),
+) -> float:  # fmt: skip
     """Loads of contacts that follow their lines; the largest error left in a gap [µm], 0 unless the rounds ran out."""
     worst = float(0.0)
     for round in range(ROUNDS):
@@ -299,12 +276,9 @@ def follow_law(
 
 @wp.func
 def apply_loads(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    sign: float,
-    linear: wp.array(dtype=wp.vec3),
+    contacts: wp.array(dtype=Contact), count: int, sign: float, linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
-):
+):  # fmt: skip
     """Add to the moves [µm, rad] of the bodies what the contact forces move (`sign` 1), or take it back (−1)."""
     for i in range(count):
         c = contacts[i]
@@ -318,14 +292,9 @@ def apply_loads(
 
 @wp.func
 def press_closed(
-    contacts: wp.array(dtype=Contact),
-    held: int,
-    count: int,
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    free: wp.array(dtype=float),
-    on: wp.array(dtype=int),
-) -> int:
+    contacts: wp.array(dtype=Contact), held: int, count: int, linear: wp.array(dtype=wp.vec3),
+    angular: wp.array(dtype=wp.vec3), free: wp.array(dtype=float), on: wp.array(dtype=int),
+) -> int:  # fmt: skip
     """Press the gaps behind the first `held` contacts that the others pushed closed; their number."""
     more = int(0)
     for i in range(held, count):
@@ -339,15 +308,9 @@ def press_closed(
 
 @wp.func
 def solve_law(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    matrix: wp.array(dtype=float),
-    free: wp.array(dtype=float),
-    right: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
-    on: wp.array(dtype=int),
-) -> float:
+    contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: wp.array(dtype=float),
+    right: wp.array(dtype=float), pivot: wp.array(dtype=float), order: wp.array(dtype=int), on: wp.array(dtype=int),
+) -> float:  # fmt: skip
     """Loads of contacts that follow their force laws, by lines and then tangents; the largest error of a gap [µm]."""
     worst = float(0.0)
     for _ in range(LAW_ROUNDS):
@@ -362,17 +325,10 @@ def solve_law(
 
 @wp.func
 def solve_contacts(
-    contacts: wp.array(dtype=Contact),
-    count: int,
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    matrix: wp.array(dtype=float),
-    free: wp.array(dtype=float),
-    right: wp.array(dtype=float),
-    pivot: wp.array(dtype=float),
-    order: wp.array(dtype=int),
-    on: wp.array(dtype=int),
-) -> float:
+    contacts: wp.array(dtype=Contact), count: int, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
+    matrix: wp.array(dtype=float), free: wp.array(dtype=float), right: wp.array(dtype=float),
+    pivot: wp.array(dtype=float), order: wp.array(dtype=int), on: wp.array(dtype=int),
+) -> float:  # fmt: skip
     """Write the loads of one step, and add what they move to the free moves of the bodies [µm, rad].
 
     `linear` and `angular` are these moves; the last six arrays are scratch, `matrix` of count² numbers. The contacts

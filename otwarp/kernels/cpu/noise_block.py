@@ -174,12 +174,7 @@ def noise_block_term(noise: str, count: int) -> wp.Function:
 
     @wp.func_native(block_source(noise, count))
     def noise_block(
-        buffer: wp.array(dtype=wp.float32),
-        at: int,
-        seed: wp.uint32,
-        first: wp.int64,
-        world: int,
-        body: int,
+        buffer: wp.array(dtype=wp.float32), at: int, seed: wp.uint32, first: wp.int64, world: int, body: int
     ):
         """Write 16 steps of `count` deviates of mean 0 and variance 1, in the vector registers of a CPU."""
         ...

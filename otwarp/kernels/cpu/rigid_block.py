@@ -74,20 +74,10 @@ LAY_OUT_SPHERES = """
 
 @wp.func_native(LAY_OUT_SPHERES + _KEEP.replace("AIMS", str(AIMS)).replace("SPHERES", str(SPHERES)))
 def keep(
-    buffer: wp.array(dtype=wp.float32),
-    at: int,
-    translation: vec6,
-    coupling: vec6,
-    rotation: vec6,
-    translation_root: vec6,
-    coupling_root: wp.mat33,
-    rotation_root: vec6,
-    aims: wp.mat44,
-    reaches: wp.vec4,
-    trapped: wp.array(dtype=wp.vec4),
-    begin: int,
-    end: int,
-) -> wp.uint64:
+    buffer: wp.array(dtype=wp.float32), at: int, translation: vec6, coupling: vec6, rotation: vec6,
+    translation_root: vec6, coupling_root: wp.mat33, rotation_root: vec6, aims: wp.mat44, reaches: wp.vec4,
+    trapped: wp.array(dtype=wp.vec4), begin: int, end: int,
+) -> wp.uint64:  # fmt: skip
     """Lay out the constants of a body from `buffer[at]` on; returns their address."""
     ...
 

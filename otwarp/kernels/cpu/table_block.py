@@ -237,23 +237,12 @@ def table_wrench_term(traps: int, layers: int, upright: bool) -> wp.Function:
 
     @wp.func_native(source)
     def table_wrench(
-        spheres: wp.uint64,
-        aims: wp.uint64,
-        position: wp.vec3,
-        turn: wp.mat33,
-        trapped: wp.array(dtype=wp.vec4),
-        trapped_kind: wp.array(dtype=wp.int32),
-        begin: int,
-        end: int,
-        axis: wp.array(dtype=wp.vec3),
-        side: wp.array(dtype=wp.vec3),
-        equilibrium: wp.array(dtype=wp.float32),
-        table: wp.array2d(dtype=wp.int32),
-        finest: wp.array2d(dtype=GridLevel),
-        node: wp.array(dtype=wp.vec3),
-        level_start: wp.array(dtype=wp.int32),
+        spheres: wp.uint64, aims: wp.uint64, position: wp.vec3, turn: wp.mat33, trapped: wp.array(dtype=wp.vec4),
+        trapped_kind: wp.array(dtype=wp.int32), begin: int, end: int, axis: wp.array(dtype=wp.vec3),
+        side: wp.array(dtype=wp.vec3), equilibrium: wp.array(dtype=wp.float32), table: wp.array2d(dtype=wp.int32),
+        finest: wp.array2d(dtype=GridLevel), node: wp.array(dtype=wp.vec3), level_start: wp.array(dtype=wp.int32),
         level: wp.array(dtype=GridLevel),
-    ) -> vec6:
+    ) -> vec6:  # fmt: skip
         """Force [pN] and torque about `position` [pN·µm] in world axes, in the vector registers of a CPU."""
         ...
 

@@ -47,14 +47,9 @@ def body_block_term(noise: str) -> wp.Function:
 
     @wp.func_native(source)
     def body_block(
-        buffer: wp.array(dtype=wp.float32),
-        seed: wp.uint32,
-        first: wp.int64,
-        world: int,
-        bodies: wp.array2d(dtype=wp.int32),
-        at: int,
-        count: int,
-    ):
+        buffer: wp.array(dtype=wp.float32), seed: wp.uint32, first: wp.int64, world: int,
+        bodies: wp.array2d(dtype=wp.int32), at: int, count: int,
+    ):  # fmt: skip
         """Write three deviates of mean 0 and variance 1 for each of `count` bodies, in a CPU's vector registers."""
         ...
 

@@ -49,15 +49,9 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
     def bead_lanes(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        first_world: int,
-        first_step: wp.int64,
-        steps: int,
-        worlds: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
+        first_step: wp.int64, steps: int, worlds: int,
+    ):  # fmt: skip
         """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` spheres a thread."""
         before = wp.tid() * GROUP
         bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)

@@ -53,14 +53,9 @@ def deviates_term(f: Features) -> wp.Function:
 
     @wp.func
     def of_rigid(
-        model: ModelData,
-        body: RigidConstants,
-        buffer: wp.array(dtype=wp.float32),
-        at: int,
-        first: wp.int64,
-        world: int,
-        b: int,
-    ) -> RigidConstants:
+        model: ModelData, body: RigidConstants, buffer: wp.array(dtype=wp.float32), at: int, first: wp.int64,
+        world: int, b: int,
+    ) -> RigidConstants:  # fmt: skip
         """The constants with the address of a freshly drawn block of six deviates per step."""
         draw_six(buffer, at, model.seed, first, world, b)
         body.deviates = address_of(buffer, at)
@@ -69,14 +64,9 @@ def deviates_term(f: Features) -> wp.Function:
 
     @wp.func
     def of_either(
-        model: ModelData,
-        body: BodyConstants,
-        buffer: wp.array(dtype=wp.float32),
-        at: int,
-        first: wp.int64,
-        world: int,
+        model: ModelData, body: BodyConstants, buffer: wp.array(dtype=wp.float32), at: int, first: wp.int64, world: int,
         b: int,
-    ) -> BodyConstants:
+    ) -> BodyConstants:  # fmt: skip
         """The constants with the address of a fresh block: six deviates per step for a rigid body, else three."""
         if body.turns != 0:
             draw_six(buffer, at, model.seed, first, world, b)
@@ -140,15 +130,9 @@ def make_body_lanes(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
     def body_lanes(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        first_world: int,
-        first_step: wp.int64,
-        steps: int,
-        worlds: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
+        first_step: wp.int64, steps: int, worlds: int,
+    ):  # fmt: skip
         """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` bodies a thread."""
         before = wp.tid() * GROUP
         bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
@@ -196,17 +180,9 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
 
     @wp.func
     def advance(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        lanes: wp.array(dtype=lane_type),
-        g: int,
-        world: int,
-        b: int,
-        first: wp.int64,
-        k: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
+        lanes: wp.array(dtype=lane_type), g: int, world: int, b: int, first: wp.int64, k: int,
+    ):  # fmt: skip
         """Step k of lane g: move, and record escapes once the leeway [µm] is used up."""
         if k < lanes[g].until:
             step = first + wp.int64(k)

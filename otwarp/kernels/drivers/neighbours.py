@@ -141,12 +141,9 @@ def bound_cells(
 
 @wp.kernel(enable_backward=False)
 def permute_slots(
-    item: wp.array(dtype=wp.int32),
-    row: wp.array(dtype=wp.int32),
-    turn: wp.array(dtype=wp.int32),
-    place: wp.array2d(dtype=wp.vec4),
-    order: wp.array2d(dtype=wp.int32),
-):
+    item: wp.array(dtype=wp.int32), row: wp.array(dtype=wp.int32), turn: wp.array(dtype=wp.int32),
+    place: wp.array2d(dtype=wp.vec4), order: wp.array2d(dtype=wp.int32),
+):  # fmt: skip
     """Copy one body's place and index into the slot that the sort gives it."""
     i = wp.tid()
     source = item[i]

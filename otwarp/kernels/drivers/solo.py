@@ -85,14 +85,9 @@ def make_bead_step(f: Features) -> wp.Kernel:
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def bead_step(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        first_world: int,
-        first_step: wp.int64,
-        steps: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
+        first_step: wp.int64, steps: int,
+    ):  # fmt: skip
         """Take `steps` steps from `first_step` for the worlds from `first_world` on, one sphere a thread."""
         world = first_world + wp.tid()
         b = int(0)
@@ -142,14 +137,9 @@ def make_body_step(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def body_step(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        first_world: int,
-        first_step: wp.int64,
-        steps: int,
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
+        first_step: wp.int64, steps: int,
+    ):  # fmt: skip
         """Take `steps` steps from `first_step` for the worlds from `first_world` on, one body a thread."""
         world = first_world + wp.tid()
         b = int(0)

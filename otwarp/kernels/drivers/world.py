@@ -45,15 +45,9 @@ def find_contacts_term(f: Features) -> wp.Function:
 
     @wp.func
     def find_contacts(
-        model: ModelData,
-        readout: ReadoutData,
-        world: int,
-        body: BodyRoom,
-        room: ContactRoom,
-        carry: CarryRoom,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> int:
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
+        step: wp.int64, time: wp.float64,
+    ) -> int:  # fmt: skip
         """Number of contacts of all bodies with obstacles and with each other, listed in `room`."""
         position = body.position
         rotation = body.rotation
@@ -113,13 +107,7 @@ def report_contacts(readout: ReadoutData, world: int, bodies: int, contacts: wp.
 
 
 @wp.func
-def all_good(
-    readout: ReadoutData,
-    world: int,
-    bodies: int,
-    body: BodyRoom,
-    step: wp.int64,
-) -> bool:
+def all_good(readout: ReadoutData, world: int, bodies: int, body: BodyRoom, step: wp.int64) -> bool:
     """Whether the step may be taken: every move is finite and no body of the world has a fault."""
     good = bool(True)
     for b in range(bodies):
@@ -136,14 +124,9 @@ def take_moves_term(f: Features) -> wp.Function:
 
     @wp.func
     def take_moves(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        world: int,
-        body: BodyRoom,
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
         step: wp.int64,
-    ):
+    ):  # fmt: skip
         """Move and turn all bodies by their moves [µm, rad], and record escapes."""
         position = body.position
         rotation = body.rotation

@@ -13,15 +13,10 @@ def make_force_probe(f: Features, index: int) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe(
-        model: ModelData,
-        b: int,
-        world: wp.array(dtype=wp.int32),
-        position: wp.array(dtype=wp.vec3),
-        rotation: wp.array(dtype=wp.quat),
-        time: wp.array(dtype=wp.float64),
-        force: wp.array(dtype=wp.vec3),
+        model: ModelData, b: int, world: wp.array(dtype=wp.int32), position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), time: wp.array(dtype=wp.float64), force: wp.array(dtype=wp.vec3),
         torque: wp.array(dtype=wp.vec3),
-    ):
+    ):  # fmt: skip
         """Write force [pN] and torque [pN·µm] in situation n: world, position [µm], rotation and time [s]."""
         n = wp.tid()
         value = wrench(model, world[n], b, Pose(position[n], rotation[n]), time[n])

@@ -36,12 +36,9 @@ def make_force_readout(f: Features) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_body(
-        model: ModelData,
-        state: StateData,
-        time: wp.float64,
-        force: wp.array3d(dtype=wp.vec3),
+        model: ModelData, state: StateData, time: wp.float64, force: wp.array3d(dtype=wp.vec3),
         torque: wp.array3d(dtype=wp.vec3),
-    ):
+    ):  # fmt: skip
         """Write (W, F, B) forces [pN] and torques about the centre of diffusion [pN·µm] in world axes."""
         world, b = wp.tid()
         pose = Pose(state.position[world, b], wp.quat_identity())

@@ -206,12 +206,9 @@ def fill_root_term(f: Features) -> wp.Function:
 
     @wp.func
     def fill_root(
-        model: ModelData,
-        world: int,
-        rotation: wp.array(dtype=wp.quat),
-        pair: wp.array(dtype=wp.mat33),
+        model: ModelData, world: int, rotation: wp.array(dtype=wp.quat), pair: wp.array(dtype=wp.mat33),
         root: wp.array(dtype=wp.mat33),
-    ):
+    ):  # fmt: skip
         """Cholesky factor of (R_tt)⁻¹ and P, times dt/η [µm/pN], in blocks."""
         bodies = int(wp.static(f.bodies))
         scale = step_over_viscosity(model, world)
@@ -234,13 +231,9 @@ def shake_term(f: Features) -> wp.Function:
 
     @wp.func
     def shake(
-        model: ModelData,
-        world: int,
-        rotation: wp.array(dtype=wp.quat),
-        root: wp.array(dtype=wp.mat33),
-        step: wp.int64,
+        model: ModelData, world: int, rotation: wp.array(dtype=wp.quat), root: wp.array(dtype=wp.mat33), step: wp.int64,
         move: wp.array(dtype=vec6),
-    ):
+    ):  # fmt: skip
         """Add rotations, the translations that go with them, and the translations given them [µm, rad]."""
         bodies = int(wp.static(f.bodies))
         energy = thermal_energy_of(model, world)
@@ -315,17 +308,10 @@ def coupled_drift_term(f: Features) -> wp.Function:
 
     @wp.func
     def coupled_drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        world: int,
-        position: wp.array(dtype=wp.vec3),
-        rotation: wp.array(dtype=wp.quat),
-        time: wp.float64,
-        pair: wp.array(dtype=wp.mat33),
-        force: wp.array(dtype=wp.vec3),
-        drift: wp.array(dtype=vec6),
-    ):
+        model: ModelData, control: ControlData, state: StateData, world: int, position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), time: wp.float64, pair: wp.array(dtype=wp.mat33),
+        force: wp.array(dtype=wp.vec3), drift: wp.array(dtype=vec6),
+    ):  # fmt: skip
         """Drift of each body by its own load and the flow, plus what all others carry it along [µm, rad]."""
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):

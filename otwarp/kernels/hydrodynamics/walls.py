@@ -249,15 +249,9 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        bead: BeadConstants,
-        world: int,
-        b: int,
-        position: wp.vec3,
-        time: wp.float64,
-    ) -> wp.vec3:
+        model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
+        position: wp.vec3, time: wp.float64,
+    ) -> wp.vec3:  # fmt: skip
         """μ(x) F dt + flow [µm] with the hindered mobility, F the sum over `FORCES`."""
         radius = model.walls.sphere[model.walls.start[b]][3]
         mobility = mobility_of(model.walls, position, radius)

@@ -282,15 +282,9 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def drift(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> vec6:
+    ) -> vec6:  # fmt: skip
         """M(x) (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
         root = root_of(model.walls, model.body.shape[b], b, pose)
         load = wrench(model, control, state, body, world, b, pose, time)

@@ -174,16 +174,9 @@ def whole_step(scheme: Integrator, d: Dynamics) -> wp.Function:
 
     @wp.func
     def move_freely(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> d.move:
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ) -> d.move:  # fmt: skip
         """Move of one step [µm, or µm and rad]: prediction, and correction if the scheme has one."""
         move, drift = predict(model, control, state, constants, world, b, pose, step, time)
         if wp.static(correct is not None):

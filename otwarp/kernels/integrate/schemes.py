@@ -18,16 +18,9 @@ def predict_euler_maruyama(d: Dynamics) -> wp.Function:
 
     @wp.func
     def predict(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ):
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
         """Move of Euler–Maruyama's step, and its drift a dt [µm, or µm and rad]."""
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         return drift + noise_of(model, constants, world, b, pose, step), drift
@@ -41,16 +34,9 @@ def predict_leimkuhler_matthews(d: Dynamics) -> wp.Function:
 
     @wp.func
     def predict(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ):
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
         """Move with the noise of this step and the next, and its drift a dt [µm, or µm and rad]."""
         drift = drift_of(model, control, state, constants, world, b, pose, time)
         noise = noise_of(model, constants, world, b, pose, step)
@@ -66,18 +52,9 @@ def correct_heun(d: Dynamics) -> wp.Function:
 
     @wp.func
     def correct(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        drift: d.move,
-        moved: d.move,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> d.move:
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, drift: d.move, moved: d.move, step: wp.int64, time: wp.float64,
+    ) -> d.move:  # fmt: skip
         """Half of what the drift changes [µm, rad] from the start of the step to its end."""
         there = shifted(pose, moved)
         later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
@@ -117,16 +94,9 @@ def predict_exponential(d: Dynamics) -> wp.Function:
 
     @wp.func
     def predict(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ):
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ):  # fmt: skip
         """Move of the first stage, and its drift a dt [µm, or µm and rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         drift = drift_of(model, control, state, constants, world, b, pose, time)
@@ -144,18 +114,9 @@ def correct_exponential(d: Dynamics) -> wp.Function:
 
     @wp.func
     def correct(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        drift: d.move,
-        moved: d.move,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> d.move:
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, drift: d.move, moved: d.move, step: wp.int64, time: wp.float64,
+    ) -> d.move:  # fmt: skip
         """φ₂(−Z) times the residual drift at the end of the step [µm, rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         there = shifted(pose, moved)
@@ -174,16 +135,9 @@ def exponential_at_once(d: Dynamics) -> wp.Function:
 
     @wp.func
     def move_freely(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> d.move:
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ) -> d.move:  # fmt: skip
         """Move of one step with both stages [µm, or µm and rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         drift = drift_of(model, control, state, constants, world, b, pose, time)
@@ -206,16 +160,9 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
 
     @wp.func
     def move_freely(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        constants: d.constants,
-        world: int,
-        b: int,
-        pose: d.pose,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> d.move:
+        model: ModelData, control: ControlData, state: StateData, constants: d.constants, world: int, b: int,
+        pose: d.pose, step: wp.int64, time: wp.float64,
+    ) -> d.move:  # fmt: skip
         """Move of one step with both stages [µm, or µm and rad]."""
         move = noise_of(model, constants, world, b, pose, step)
         first = d.move()

@@ -60,17 +60,9 @@ def escape_term(f: Features) -> wp.Function:
 
     @wp.func
     def record_escapes(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        readout: ReadoutData,
-        world: int,
-        b: int,
-        before: Pose,
-        pose: Pose,
-        step: wp.int64,
-        time: wp.float64,
-    ) -> float:
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int,
+        before: Pose, pose: Pose, step: wp.int64, time: wp.float64,
+    ) -> float:  # fmt: skip
         """Record the escapes of body b in this step; returns the leeway [µm], inf where no trap holds it."""
         leeway = float(wp.inf)
         for trap in range(model.traps.axis.shape[0]):
@@ -140,17 +132,9 @@ def monitor_term(f: Features) -> wp.Function:
 
     @wp.func
     def monitored(
-        model: ModelData,
-        bead: BeadConstants,
-        monitor: EscapeMonitor,
-        law: TrapConstants,
-        command: wp.vec4,
-        world: int,
-        trap: int,
-        position: wp.vec3,
-        first: wp.int64,
-        taken: int,
-    ) -> EscapeMonitor:
+        model: ModelData, bead: BeadConstants, monitor: EscapeMonitor, law: TrapConstants, command: wp.vec4, world: int,
+        trap: int, position: wp.vec3, first: wp.int64, taken: int,
+    ) -> EscapeMonitor:  # fmt: skip
         """The monitor after a look at `position` [µm]: lost if out of reach of a lit trap, now or in between."""
         # the same displacement as the force of the step needs, so that it is computed once
         away2 = wp.length_sq(position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis))

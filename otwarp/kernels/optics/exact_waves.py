@@ -46,17 +46,9 @@ def last_bessel_order(x: wp.float64) -> int:
 
 @wp.func
 def start_waves(
-    data: ExactData,
-    offset: int,
-    nodes: int,
-    room: int,
-    k_rho: wp.float64,
-    k_z: wp.float64,
-    top: int,
-    start: wp.array(dtype=wp.int32),
-    inverse: wp.array(dtype=wp.float64),
-    wave: wp.array(dtype=wp.vec2d),
-):
+    data: ExactData, offset: int, nodes: int, room: int, k_rho: wp.float64, k_z: wp.float64, top: int,
+    start: wp.array(dtype=wp.int32), inverse: wp.array(dtype=wp.float64), wave: wp.array(dtype=wp.vec2d),
+):  # fmt: skip
     """Put G_{top+1} and G_top, or the first order of G that does not vanish, into slots j mod 3 of `wave`.
 
     Miller's downward recurrence, normalised with 1 = J₀ + 2 Σ J_2k (Gautschi 1967, doi:10.1137/1009002); `start`
@@ -152,36 +144,17 @@ with the same loop in Python. Rows begin at multiples of 128 bytes. CUDA contrac
 
 @wp.func_native(SUM_ROW)
 def sum_row(
-    table: wp.array(dtype=wp.float64),
-    wave: wp.array(dtype=wp.vec2d),
-    entry: wp.int64,
-    at_a: int,
-    at_b: int,
-    low: int,
-    high: int,
-    count: int,
-    sign: wp.float64,
-    n: int,
-    a: wp.array(dtype=wp.vec2d),
-    b: wp.array(dtype=wp.vec2d),
-):
+    table: wp.array(dtype=wp.float64), wave: wp.array(dtype=wp.vec2d), entry: wp.int64, at_a: int, at_b: int, low: int,
+    high: int, count: int, sign: wp.float64, n: int, a: wp.array(dtype=wp.vec2d), b: wp.array(dtype=wp.vec2d),
+):  # fmt: skip
     """A and B of one row, into `a` and `b` from index `n` on: Σ over `count` nodes from `entry` of the table on."""
 
 
 @wp.func
 def sum_waves(
-    data: ExactData,
-    rule: int,
-    nodes: int,
-    m: int,
-    begin: int,
-    low: int,
-    high: int,
-    wave: wp.array(dtype=wp.vec2d),
-    now: int,
-    a: wp.array(dtype=wp.vec2d),
-    b: wp.array(dtype=wp.vec2d),
-):
+    data: ExactData, rule: int, nodes: int, m: int, begin: int, low: int, high: int, wave: wp.array(dtype=wp.vec2d),
+    now: int, a: wp.array(dtype=wp.vec2d), b: wp.array(dtype=wp.vec2d),
+):  # fmt: skip
     """A_n and B_n of one m for all n, into `a` and `b` from `now` on; their waves start at `low` and `high`."""
     across = wp.abs(m)
     lowest = wp.max(across, 1)

@@ -100,15 +100,9 @@ def aim_term(f: Features) -> wp.Function:
 
     @wp.func
     def aim(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        world: int,
-        b: int,
-        pose: Pose,
-        trap: int,
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, trap: int,
         time: wp.float64,
-    ) -> Aim:
+    ) -> Aim:  # fmt: skip
         """Equilibrium point [µm], power [mW] and squared reach [µm²], which is 0 if the trap is dark or too far."""
         command = trap_command(model, control, state, world, trap, time)
         anchor = anchor_of(model, trap, command)
@@ -189,15 +183,9 @@ def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
 
     @wp.func
     def blocked_wrench(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> Wrench:
+    ) -> Wrench:  # fmt: skip
         """Force [pN] and torque [pN·µm] of all traps by `table_block`, from aims that are kept or made now."""
         at = body.kept + wp.static(wp.uint64(4 * AIMS))
         if wp.static(not aims_are_kept):
@@ -240,15 +228,9 @@ def trap_wrench_term(f: Features) -> wp.Function:
 
     @wp.func
     def trap_wrench(
-        model: ModelData,
-        control: ControlData,
-        state: StateData,
-        body: RigidConstants,
-        world: int,
-        b: int,
-        pose: Pose,
+        model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
-    ) -> Wrench:
+    ) -> Wrench:  # fmt: skip
         """Force [pN] and torque [pN·µm] of all traps, sphere by sphere: a sphere takes longer to place than a trap."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
