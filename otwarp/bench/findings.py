@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 from otwarp.errors import InputError
+from otwarp.files import written
 
 if TYPE_CHECKING:
     from otwarp.optics import Beam, Particle
@@ -43,13 +44,8 @@ class Findings:
         Raises:
             InputError: The file cannot be written.
         """
-        part = file.with_name(f".{file.name}.part")
-        try:
+        with written(file, f"--json {file}") as part:
             part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.bench.findings import BeadFindings
-from otwarp.errors import InputError
+from otwarp.files import written
 
 INK = "#20304a"
 """Colour of what belongs to no family."""
@@ -70,12 +70,8 @@ def save_figure(figure: Any, file: Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    part = file.with_name(f".{file.name}.part")
     try:
-        figure.savefig(part, dpi=160, format="png")
-        part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"--plot {file} cannot be written: {error.strerror}") from error
+        with written(file, f"--plot {file}") as part:
+            figure.savefig(part, dpi=160, format="png")
     finally:
         pyplot().close(figure)

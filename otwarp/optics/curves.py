@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.files import written
 from otwarp.optics.analysis import TrapProperties
 from otwarp.optics.beam import Beam
 from otwarp.optics.fit import trap_region, weak_side
@@ -187,11 +188,6 @@ def save_picture(figure: Any, path: Path) -> None:
     Raises:
         InputError: The file cannot be written, or its name ends in none of `PICTURES`.
     """
-    part = path.with_name(f".{path.name}.part")
     kind = picture_format(path)
-    try:
+    with written(path, f"picture {path}") as part:
         figure.savefig(part, dpi=160, format=kind)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"picture {path} cannot be written: {error.strerror}") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.files import written
 
 POINT_COLUMNS = ("x_um", "y_um", "z_um")
 FORCE_COLUMNS = ("Qx", "Qy", "Qz")
@@ -62,13 +63,7 @@ def write_forces(path: Path, points: np.ndarray, force: np.ndarray) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow([*POINT_COLUMNS, *FORCE_COLUMNS])
-            writer.writerows([[repr(float(v)) for v in (*p, *q)] for p, q in zip(points, force, strict=True)])
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"forces file {path} cannot be written: {error.strerror}") from error
+    with written(path, f"forces file {path}") as part, part.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*POINT_COLUMNS, *FORCE_COLUMNS])
+        writer.writerows([[repr(float(v)) for v in (*p, *q)] for p, q in zip(points, force, strict=True)])

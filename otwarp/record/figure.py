@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.files import written
 from otwarp.record.footprint import outlines
 from otwarp.record.read import Run, read_run
 from otwarp.scene.transforms import rotate
@@ -87,9 +88,8 @@ def draw(folder: str | Path, *, world: int = 0, out: str | Path | None = None) -
             drawer(axes[name], run)
             _letter(axes[name], letter)
             axes[name].set_xlabel("time (s)")
-        part = path.with_name(f".{path.stem}.part.png")
-        figure.savefig(part, facecolor="white")
-    part.replace(path)
+        with written(path) as part:
+            figure.savefig(part, facecolor="white", format="png")
     return path
 
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from otwarp import __version__
+from otwarp.files import written
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf4_internals import abandon
@@ -95,11 +96,10 @@ class NetcdfRecording:
         import netCDF4
 
         self._worlds, self._frames, self._path, self._method = worlds, 0, path, method
-        part = path.with_name(f".{path.name}.part")
-        self._file = netCDF4.Dataset(part, "w", format="NETCDF3_64BIT_OFFSET")
-        with self._writing():
-            self._head(scene, monitor, total_worlds, seed, time_step, frames_per_second)
-        part.replace(path)
+        with written(path) as part:
+            self._file = netCDF4.Dataset(part, "w", format="NETCDF3_64BIT_OFFSET")
+            with self._writing():
+                self._head(scene, monitor, total_worlds, seed, time_step, frames_per_second)
 
     def _head(
         self, scene: Scene, monitor: Monitor, total_worlds: int, seed: int, time_step: float, frames_per_second: float

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp import __version__
+from otwarp.files import written
 from otwarp.record.monitor import DELIVERED, OUTCOMES, Monitor
 from otwarp.record.netcdf import scene_name
 from otwarp.scene import Scene
@@ -19,9 +20,9 @@ LISTED_WORLDS = 16
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write strict JSON beside its destination and put it there as a whole; what is not finite becomes null."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(json.dumps(strict(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    text = json.dumps(strict(data), indent=2, ensure_ascii=False, allow_nan=False)
+    with written(path) as part:
+        part.write_text(text + "\n", encoding="utf-8")
 
 
 def strict(value: Any) -> Any:

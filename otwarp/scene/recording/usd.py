@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 from pxr import Gf, Sdf, Tf, Vt
 
 from otwarp.errors import InputError
+from otwarp.files import written
 from otwarp.scene.read.source import Source, open_stage, usd_reason
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
@@ -241,9 +242,8 @@ class UsdRecording:
         assert found is not None
         text = text[: found.start(1)] + _padded(self._codes[1]) + text[found.end(1) :]
         path = self._folder / "run.usda"
-        part = path.with_name(".run.usda.part")
-        part.write_bytes(text)
-        part.replace(path)
+        with written(path) as part:
+            part.write_bytes(text)
         if self._end is not None:
             os.close(self._end[0])
         self._end = (os.open(path, os.O_WRONLY), found.start(1))
@@ -264,13 +264,11 @@ def _asset(file: Path, folder: Path) -> str:
 
 def _export(layer: Sdf.Layer, path: Path) -> None:
     """Write a layer beside its destination and put it there as a whole."""
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
     if not path.parent.is_dir():  # USD would make it again, without the rest of the run
         raise OSError(f"{path.parent}: was removed during the run")
-    with _on_disk(path):
+    with _on_disk(path), written(path) as part:
         if not layer.Export(str(part)):
             raise OSError(f"{path}: could not be written")
-    part.replace(path)
 
 
 @contextmanager

@@ -1,0 +1,31 @@
+"""Files that appear under their name only when they are whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from otwarp.errors import InputError
+
+
+@contextmanager
+def written(path: Path, what: str = "") -> Iterator[Path]:
+    """A hidden neighbour of `path` with its ending, to write: it takes the name at the end, or goes if that fails.
+
+    Args:
+        path: Where the file will be.
+        what: How an error names it; empty passes an `OSError` on as it is.
+
+    Raises:
+        InputError: `what` cannot be written.
+    """
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        yield part
+        part.replace(path)
+    except BaseException as error:
+        part.unlink(missing_ok=True)
+        if what and isinstance(error, OSError):
+            raise InputError(f"{what} cannot be written: {error.strerror}") from error
+        raise
