@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from otwarp.kernels.core.features import MAX_WORLD_BODIES, Features
 from otwarp.kernels.forces.table import FORCES, active_forces
+from otwarp.kernels.optics.traps import AUTHORED
 
 
 def terms(f: Features) -> list[tuple[str, bool, str]]:
     """(term, compiled in, why) for every optional term; of traps one per kind of model."""
     rows = [*FORCES.values(), *(row for row in active_forces(f) if row not in FORCES.values())]
     forces = [(r.name, r.active(f), r.why(f), r.why_not) for r in rows if r.name != "traps"]
+    traps = [*((k, f"{k} trap") for k in AUTHORED), ("table", "tabulated trap"), ("exact", "exact optical force")]
     yes_no = (
-        ("harmonic trap", any("harmonic" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
-        ("piecewise trap", any("piecewise" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
-        ("tabulated trap", any("table" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
-        ("exact optical force", any("exact" in m for m in f.trap_models), "a trap uses it", "no trap uses it"),
+        *((name, any(kind in m for m in f.trap_models), "a trap uses it", "no trap uses it") for kind, name in traps),
         ("moving traps", f.moving_traps, "traps have time samples", "no trap has time samples"),
         ("trap speed limit", f.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
         ("rotation, 6×6 mobility", f.rigid, "a body has several spheres", "all bodies are lone spheres"),

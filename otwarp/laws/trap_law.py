@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 PER_POWER = ("stiffness", "inverse_square", "offset")
 """Constants of a law that are in proportion to the power."""
 
+MODELS = ("harmonic", "piecewise")
+"""Models of traps (`ot:trap:model`) whose curve is a `TrapLaw`, as `TrapLaw.ratio` has it."""
+
 FIELDS = ("stiffness", "threshold", "inverse_square", "offset", "cutoff")
 """Constants of a law, by which kernels and parameters name them; those along the beam have the prefix `axial_`."""
 

@@ -13,6 +13,7 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.forces.force import Load
+from otwarp.kernels.optics.traps import AUTHORED
 from otwarp.laws.trap_law import FIELDS
 from otwarp.scene import Scene
 from otwarp.simulation.composition import compose
@@ -108,7 +109,7 @@ def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:
         trap = scene.traps[0]
         raise InputError(
             f"parameter {named[0]} does not apply to trap {trap.prim}, whose ot:trap:model is {trap.model}; "
-            "allowed: traps with model harmonic or piecewise"
+            f"allowed: traps with model {' or '.join(AUTHORED)}"
         )
 
 

@@ -12,6 +12,11 @@ from typing import NamedTuple
 
 import pytest
 
+from otwarp.kernels.contact import obstacles
+from otwarp.kernels.integrate.integrators import INTEGRATORS
+from otwarp.kernels.optics.traps import AUTHORED
+from otwarp.laws.trap_law import MODELS
+from otwarp.scene import OPTICAL_MODELS, obstacle_shapes, vocabulary
 from tests.documents import ROOT
 
 PAGES = [(ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("extending.md", "haptics_devices_own.md")]
@@ -52,6 +57,14 @@ WALKS = {
 }
 
 
+def test_the_vocabulary_says_what_the_tables_have():
+    """The scene room imports no kernels, so its words are written out."""
+    assert vocabulary.TRAP["model"].allowed == (*AUTHORED, *OPTICAL_MODELS)
+    assert set(MODELS) <= set(AUTHORED)
+    assert vocabulary.SCENE["settings.integrator"].allowed == tuple(INTEGRATORS)
+    assert obstacle_shapes.SHAPES.keys() == obstacles.SHAPES.keys()
+
+
 def test_every_block_has_its_place():
     written = sum(page.count("```py\n") for page in PAGES)
     assert written == sum(len(BLOCK.findall(body)) for body in WALKS.values())
@@ -61,7 +74,7 @@ def test_every_block_has_its_place():
 def test_a_walk_leads_where_it_says(title: str, tmp_path: Path):
     body = WALKS[title]
     shutil.copytree(ROOT / "otwarp", tmp_path / "otwarp", ignore=shutil.ignore_patterns("__pycache__"))
-    link = re.search(r"^Test: \[.*\]\(\.\./(tests/extending/\w+\.py)\)\.$", body, re.M)
+    link = re.search(r" Test: \[.*\]\(\.\./(tests/extending/\w+\.py)\)\.$", body, re.M)
     assert link, "where its test is"
     for name in ("docs/scene.md", "tests/conftest.py", link[1]):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

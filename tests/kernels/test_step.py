@@ -40,7 +40,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "piecewise": (
         dataclasses.replace(BASE, traps=1, trap_models=("piecewise_isotropic",)),
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
-        ("piecewise_ratio", "piecewise_isotropic"),
+        ("piecewise_ratio",),
     ),
     "split": (
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_split",)),

@@ -1,6 +1,7 @@
 """Authored force laws of a trap: springs and the two-branch law of the paper (eq. 1), in one or two directions.
 
-Each has the three functions of a force model, see `traps`.
+Each has the three functions of a force model, see `traps`. A curve is two functions of the squared distance and its
+constants: `ratio`, f(d)/d [pN/µm per mW], and `curvature`, (df/dd − f/d)/d² [pN/µm³ per mW], as those of eq. 1 are.
 """
 
 import warp as wp
@@ -118,36 +119,9 @@ def harmonic_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -
 
 
 @wp.func
-def piecewise_isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """The paper's eq. 1 [pN per mW], directed to the trap and equal in all directions."""
-    d2 = wp.dot(displacement, displacement)
-    ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-    return -ratio * displacement
-
-
-@wp.func
-def piecewise_split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-    """Eq. 1 with separate curves across and along the beam [pN per mW]; zero beyond the larger cutoff."""
-    z = wp.dot(displacement, law.axis)
-    across = displacement - z * law.axis
-    force = wp.vec3(0.0)
-    if wp.dot(displacement, displacement) < law.reach2:
-        r2 = wp.dot(across, across)
-        f_r = piecewise_ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-        f_z = piecewise_ratio(
-            z * z,
-            law.axial_stiffness,
-            law.axial_threshold2,
-            law.axial_inverse_square,
-            law.axial_offset,
-            law.axial_cutoff2,
-        )
-        force = -f_r * across - (f_z * z) * law.axis
-    return force
-
-
-@wp.func
-def piecewise_curvature(d2: float, threshold2: float, inverse_square: float, offset: float, cutoff2: float) -> float:
+def piecewise_curvature(
+    d2: float, stiffness: float, threshold2: float, inverse_square: float, offset: float, cutoff2: float
+) -> float:
     """(df/dd − f/d)/d² of the piecewise law [pN/µm³ per mW]; zero on its linear branch and beyond the cutoff."""
     curvature = float(0.0)
     if d2 >= threshold2 and d2 < cutoff2:
@@ -177,37 +151,97 @@ def harmonic_split_stiffness(traps: TrapData, law: TrapConstants, displacement: 
     return result
 
 
-@wp.func
-def piecewise_isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """f/d across the displacement and df/dd along it [pN/µm per mW], in world axes."""
-    d2 = wp.dot(displacement, displacement)
-    ratio = piecewise_ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-    curvature = piecewise_curvature(d2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-    return ratio * wp.identity(n=3, dtype=float) + curvature * wp.outer(displacement, displacement)
+def isotropic_term(ratio: wp.Function) -> wp.Function:
+    """`force` of one curve in all directions, from its f(d)/d."""
+
+    @wp.func
+    def isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Directed to the trap, per mW."""
+        d2 = wp.dot(displacement, displacement)
+        f = ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        return -f * displacement
+
+    return isotropic
 
 
-@wp.func
-def piecewise_split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-    """f/d and df/dd of the curve across and of that along the beam [pN/µm per mW], in world axes."""
-    z = wp.dot(displacement, law.axis)
-    across = displacement - z * law.axis
-    result = wp.mat33(0.0)
-    if wp.dot(displacement, displacement) < law.reach2:
-        r2 = wp.dot(across, across)
-        z2 = z * z
-        f_r = piecewise_ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-        c_r = piecewise_curvature(r2, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
-        f_z = piecewise_ratio(
-            z2,
-            law.axial_stiffness,
-            law.axial_threshold2,
-            law.axial_inverse_square,
-            law.axial_offset,
-            law.axial_cutoff2,
-        )
-        c_z = piecewise_curvature(
-            z2, law.axial_threshold2, law.axial_inverse_square, law.axial_offset, law.axial_cutoff2
-        )
-        result = f_r * wp.identity(n=3, dtype=float) + c_r * wp.outer(across, across)
-        result += (f_z + c_z * z2 - f_r) * wp.outer(law.axis, law.axis)
-    return result
+def split_term(ratio: wp.Function) -> wp.Function:
+    """`force` of separate curves across and along the beam, from their f(d)/d."""
+
+    @wp.func
+    def split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
+        """Per mW; zero beyond the larger cutoff."""
+        z = wp.dot(displacement, law.axis)
+        across = displacement - z * law.axis
+        force = wp.vec3(0.0)
+        if wp.dot(displacement, displacement) < law.reach2:
+            r2 = wp.dot(across, across)
+            f_r = ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+            f_z = ratio(
+                z * z,
+                law.axial_stiffness,
+                law.axial_threshold2,
+                law.axial_inverse_square,
+                law.axial_offset,
+                law.axial_cutoff2,
+            )
+            force = -f_r * across - (f_z * z) * law.axis
+        return force
+
+    return split
+
+
+def isotropic_stiffness_term(ratio: wp.Function, curvature: wp.Function) -> wp.Function:
+    """`stiffness` of one curve in all directions, from its f(d)/d and (df/dd − f/d)/d²."""
+
+    @wp.func
+    def isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """f/d across the displacement and df/dd along it."""
+        d2 = wp.dot(displacement, displacement)
+        f = ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        c = curvature(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+        return f * wp.identity(n=3, dtype=float) + c * wp.outer(displacement, displacement)
+
+    return isotropic_stiffness
+
+
+def split_stiffness_term(ratio: wp.Function, curvature: wp.Function) -> wp.Function:
+    """`stiffness` of separate curves across and along the beam."""
+
+    @wp.func
+    def split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
+        """The same of the two curves."""
+        z = wp.dot(displacement, law.axis)
+        across = displacement - z * law.axis
+        result = wp.mat33(0.0)
+        if wp.dot(displacement, displacement) < law.reach2:
+            r2 = wp.dot(across, across)
+            z2 = z * z
+            f_r = ratio(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+            c_r = curvature(r2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
+            f_z = ratio(
+                z2,
+                law.axial_stiffness,
+                law.axial_threshold2,
+                law.axial_inverse_square,
+                law.axial_offset,
+                law.axial_cutoff2,
+            )
+            c_z = curvature(
+                z2,
+                law.axial_stiffness,
+                law.axial_threshold2,
+                law.axial_inverse_square,
+                law.axial_offset,
+                law.axial_cutoff2,
+            )
+            result = f_r * wp.identity(n=3, dtype=float) + c_r * wp.outer(across, across)
+            result += (f_z + c_z * z2 - f_r) * wp.outer(law.axis, law.axis)
+        return result
+
+    return split_stiffness
+
+
+CURVES: dict[str, tuple[int, wp.Function, wp.Function]] = {
+    "piecewise": (2, piecewise_ratio, piecewise_curvature),
+}
+"""Curves by the names of `ot:trap:model`: key of the model of one curve, that of two has the next; ratio; curvature."""

@@ -4,7 +4,7 @@ A force model is three functions: `prepare(traps, world, trap, radius, kind) -> 
 same over a run, `force(traps, law, displacement) -> force per mW` evaluates it, and `stiffness(traps, law,
 displacement) -> mat33 per mW` is the symmetric part of −∂F/∂x there, for the exponential integrator. `displacement` is
 the vector from the trap's equilibrium point to the sphere's centre and `kind` the sphere's optical kind. A new model is
-such a triple and one line of `TRAP_TERMS`.
+such a triple and one line of `TRAP_TERMS`; of a curve, a row of `CURVES` makes two.
 """
 
 import functools
@@ -17,16 +17,17 @@ from otwarp.kernels.core.types import ControlData, TrapConstants, TrapData, worl
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
 from otwarp.kernels.optics.trap_laws import (
+    CURVES,
     beam_frame,
     harmonic_isotropic,
     harmonic_isotropic_stiffness,
     harmonic_split,
     harmonic_split_stiffness,
-    piecewise_isotropic,
-    piecewise_isotropic_stiffness,
-    piecewise_split,
-    piecewise_split_stiffness,
+    isotropic_stiffness_term,
+    isotropic_term,
     prepare_law,
+    split_stiffness_term,
+    split_term,
 )
 
 
@@ -117,6 +118,20 @@ def exact_term(orders: int, nodes: int) -> wp.Function:
     return exact
 
 
+def curve_terms(name: str, key: int, ratio: wp.Function, curvature: wp.Function) -> dict[str, TrapTerm]:
+    """Models of an authored curve by name: of one in all directions, and of one across and one along the beam.
+
+    Args:
+        key: Of the first; the second has the next.
+        ratio, curvature: As `piecewise_ratio` and `piecewise_curvature`, in arguments and units.
+    """
+    one, two = (prepare_law(branches=True, split=split) for split in (False, True))
+    return {
+        f"{name}_isotropic": TrapTerm(key, one, isotropic_term(ratio), isotropic_stiffness_term(ratio, curvature)),
+        f"{name}_split": TrapTerm(key + 1, two, split_term(ratio), split_stiffness_term(ratio, curvature)),
+    }
+
+
 LAYER_NAMES = {1: "", 2: "_polarized", 3: "_vortex"}
 """What the key of a table's term says about its layers."""
 
@@ -134,10 +149,7 @@ TRAP_TERMS: dict[str, TrapTerm] = {
         0, prepare_law(branches=False, split=False), harmonic_isotropic, harmonic_isotropic_stiffness
     ),
     "harmonic_split": TrapTerm(1, prepare_law(branches=False, split=True), harmonic_split, harmonic_split_stiffness),
-    "piecewise_isotropic": TrapTerm(
-        2, prepare_law(branches=True, split=False), piecewise_isotropic, piecewise_isotropic_stiffness
-    ),
-    "piecewise_split": TrapTerm(3, prepare_law(branches=True, split=True), piecewise_split, piecewise_split_stiffness),
+    **{name: term for curve, row in CURVES.items() for name, term in curve_terms(curve, *row).items()},
     **{
         table_name(interpolation, layers, upright): TrapTerm(
             TABLE_KEY + 6 * cubic + 2 * layers + upright,
@@ -151,6 +163,9 @@ TRAP_TERMS: dict[str, TrapTerm] = {
     },
 }
 """Force models by name."""
+
+AUTHORED = tuple(dict.fromkeys(name.rpartition("_")[0] for name in TRAP_TERMS if not name.startswith("table")))
+"""Models that follow authored curves, as `ot:trap:model` calls them."""
 
 EXACT_KEY = 40
 """First key of the exact models, whose terms depend on the room their spheres and reach need."""

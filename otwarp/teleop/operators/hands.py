@@ -21,6 +21,7 @@ from otwarp.haptics.core.fields import from_dict, to_dict
 from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import TableLaw
+from otwarp.laws.trap_law import MODELS
 from otwarp.scene import Scene, description
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.frame import Frame
@@ -178,7 +179,14 @@ def load_config(file: str | Path) -> Mapping[str, Any]:
 
 
 def authored_law(trap: description.Trap, radius: float) -> Law:
-    """A trap's authored law as a sphere of `radius` [µm] feels it."""
+    """A trap's authored law as a sphere of `radius` [µm] feels it.
+
+    Raises:
+        InputError: A model that no operator can feel.
+    """
+    if trap.model not in MODELS:
+        allowed = ", ".join((*MODELS, *description.OPTICAL_MODELS))
+        raise InputError(f"{trap.prim}: ot:trap:model = {trap.model}: on a trap of a hand must be one of {allowed}")
     assert trap.radial is not None, "optical traps have tables"
     axis = vec3(rotate(np.array(trap.orientation), np.array([0.0, 0.0, 1.0])))
     laws = [law.per_mw().for_radius(radius) for law in (trap.radial, trap.axial) if law is not None]
