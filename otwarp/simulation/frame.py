@@ -64,7 +64,7 @@ class Frame:
         return self.position.shape[0]
 
     def copy(self) -> Frame:
-        """The same in arrays of its own: those of a readout on the CPU are the simulation's, which goes on."""
+        """The frame in arrays of its own: on the CPU those of a readout are the simulation's, which goes on."""
         return dataclasses.replace(self, **{name: np.array(getattr(self, name)) for name in SHAPES})
 
     def spheres(self, body: np.ndarray, offset: np.ndarray) -> np.ndarray:

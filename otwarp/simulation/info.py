@@ -40,7 +40,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
 
 
 def _finite(value: float | None) -> float | None:
-    """JSON knows no infinity: None instead."""
+    """The value, or None where it is infinite or nan, which JSON cannot say."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 

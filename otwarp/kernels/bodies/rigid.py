@@ -204,7 +204,10 @@ def rigid_dynamics(f: Features) -> Dynamics:
 
     @wp.func
     def pulled_back(move: vec6, drift: vec6) -> vec6:
-        """Rotation vectors do not add: the inverse of the exponential map's differential, to first order."""
+        """A drift found after `move` as it counts at its start [µm, rad]: inverse differential of the exponential map.
+
+        To first order, for rotation vectors do not add (Iserles et al. 2000, doi:10.1017/S0962492900002154).
+        """
         turn = angular_part(move)
         w = angular_part(drift)
         return twist(linear_part(drift), w - 0.5 * wp.cross(turn, w))

@@ -84,7 +84,11 @@ def capsule_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach:
 
 @wp.func
 def mesh_distance(obstacles: ObstacleData, index: int, point: wp.vec3, reach: float) -> wp.vec4:
-    """Triangle mesh: closed, where the sign comes from the pseudo-normal of the closest feature, or a thin sheet."""
+    """Normal and signed distance [µm] to a triangle mesh: closed, or a thin sheet that has two sides.
+
+    The sign before a closed one is that of the pseudo-normal of the closest feature (Bærentzen & Aanæs 2005,
+    doi:10.1109/TVCG.2005.49).
+    """
     result = wp.vec4(0.0, 0.0, 1.0, FAR)
     mesh = obstacles.mesh[index]
     query = wp.mesh_query_point_sign_normal(mesh, point, reach)

@@ -80,7 +80,7 @@ def bilinear_term(layers: int) -> wp.Function:
 
 @wp.func
 def cubic_weights(t: float) -> wp.vec4:
-    """Uniform cubic B-spline at offset t in a cell, for nodes −1, 0, 1, 2."""
+    """Weights of nodes −1 … 2 at offset t ∈ [0, 1] in a cell: cubic B-spline (Unser 1999, doi:10.1109/79.799930)."""
     s = 1.0 - t
     t2 = t * t
     s2 = s * s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
@@ -85,7 +85,7 @@ def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | No
     return made
 
 
-assert all(option in force.__kwdefaults__ for option in OPTIONS)
+assert set(OPTIONS) <= set(force.__kwdefaults__ or ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class ActiveForces:
 
     @classmethod
     def of(cls, scene: Scene, forces: Sequence[Force], given: Mapping[str, np.ndarray], worlds: int) -> ActiveForces:
-        """Gather them.
+        """Gather the forces of a scene, then the user's, with a value of every parameter for every body.
 
         Args:
             forces: The user's.
@@ -206,7 +206,9 @@ def _places(scene: Scene) -> dict[str, tuple[int, ...]]:
     return places
 
 
-def pack_forces(scene: Scene, moves: list[BodyMobility], active: ActiveForces, device: Place) -> ForceData:
+def pack_forces(
+    scene: Scene, moves: list[BodyMobility], active: ActiveForces, device: Place
+) -> Annotated[Any, ForceData]:
     """The kernels' view: parameters, where they lie, who is acted on, and the spheres if some force needs them."""
     values, layout, first = [np.zeros(0)], [], 0
     for index, law in enumerate(active.laws):

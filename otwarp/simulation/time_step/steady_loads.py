@@ -49,8 +49,9 @@ def weights(scene: Scene, moves: list[BodyMobility] | None = None) -> list[Load]
         return [Load()] * len(scene.bodies)
     loads = []
     for b, body in enumerate(scene.bodies):
-        turns = moves is not None and is_rigid(body)
-        arm = float(np.linalg.norm(union_volume(body)[1] - moves[b].reference)) if turns else 0.0
+        arm = 0.0
+        if moves is not None and is_rigid(body):
+            arm = float(np.linalg.norm(union_volume(body)[1] - moves[b].reference))
         facts = BodyFacts(weight(scene, body), arm)
         first, *rest = (load(facts) for load in rows)
         loads.append(sum(rest, start=first))
@@ -132,7 +133,7 @@ def _measured(
     scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], active: ActiveForces, index: int
 ) -> list[Load]:
     """Loads by the largest force, torque and rate that are seen of one force."""
-    worlds = _telling_worlds(active, index)
+    worlds = _probed_worlds(active, index)
     traps = np.concatenate([np.zeros((0, 3)), *[t.position.values for t in scene.traps]])
     chosen = traps[np.unique(np.linspace(0, len(traps) - 1, MOST_PLACES).astype(int))] if len(traps) else traps
     probe = _Probe(scene, moves, values, active, index)
@@ -159,7 +160,7 @@ def _fastest(jacobian: np.ndarray, move: BodyMobility, turn: np.ndarray) -> floa
     return float(np.linalg.norm(root.T @ jacobian @ root, 2, axis=(1, 2)).max(initial=0.0))
 
 
-def _telling_worlds(active: ActiveForces, index: int) -> np.ndarray:
+def _probed_worlds(active: ActiveForces, index: int) -> np.ndarray:
     """Worlds whose parameters a measurement looks at."""
     rows = [array.reshape(len(array), -1) for array in active.of_law(index).values()]
     count = max((len(r) for r in rows), default=1)
