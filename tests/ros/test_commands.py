@@ -32,8 +32,9 @@ UNIT = 25.0
 GAIN = 0.004
 """Default of --control-gain [scene units per mm]."""
 
-PATIENCE = 60.0
-"""Seconds after which what must happen is called missing; the command itself would end later."""
+PATIENCE = 240.0
+"""Seconds after which what must happen is called missing: kernels may have to be compiled first; the command itself
+would end later."""
 LONGEST = 4 * PATIENCE
 """--duration of a session [s]: beyond all that a test waits for, so that it is SIGINT that ends it."""
 

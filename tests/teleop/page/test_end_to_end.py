@@ -30,7 +30,7 @@ STEPS, PAUSE = 6, 250
 """Moves of a drag, and milliseconds after each: a leap, and a trap may lose what it holds."""
 PICKED = 2.0
 """Pixels by which a drag may differ from the way of the mouse, which takes the arrow by the middle of a pixel."""
-PATIENCE = 60_000
+PATIENCE = 240_000
 """Milliseconds after which something that must happen is called missing."""
 
 

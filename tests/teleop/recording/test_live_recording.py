@@ -31,7 +31,7 @@ class Script:
 
     def __init__(self, *steps):
         self.steps, self.live, self.complaints = list(steps), None, []
-        self.end = time.monotonic() + 60.0
+        self.end = time.monotonic() + 300.0  # kernels may have to be compiled first
 
     def publish(self, live):
         self.live = live
