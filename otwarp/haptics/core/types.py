@@ -22,8 +22,7 @@ class DeviceInfo:
 
     Attributes:
         name: Which one, as the user named it.
-        kind: `virtual`, `replay`, `mouse`, `spacemouse`, `dualsense`, `inverse3`, `openhaptics`, `forcedimension`,
-            `ros1`.
+        kind: Its row in `otwarp.haptics.devices.KINDS`.
         force: Largest force that it renders [N]; 0 for one that renders none.
         continuous_force: Force that it can hold for ever [N].
         absolute: Whether `DeviceSample.position` is a place of the hand; else it is the integral of a rate.
