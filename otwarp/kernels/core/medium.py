@@ -7,13 +7,13 @@ from otwarp.kernels.core.types import ModelData, world_row
 
 @wp.func
 def thermal_energy_of(model: ModelData, world: int) -> float:
-    """k_B·T [pN·µm]."""
+    """Thermal energy k_B·T of a world's liquid [pN·µm]."""
     return model.medium.thermal_energy[world_row(model.medium.thermal_energy.shape[0], world)]
 
 
 @wp.func
 def viscosity_of(model: ModelData, world: int) -> float:
-    """Viscosity η [pN·s/µm²]."""
+    """Dynamic viscosity η of a world's liquid [pN·s/µm² = Pa·s]."""
     return model.medium.viscosity[world_row(model.medium.viscosity.shape[0], world)]
 
 

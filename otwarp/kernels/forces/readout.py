@@ -13,6 +13,8 @@ def make_force_readout(f: Features) -> wp.Kernel:
     terms = [parametric_wrench_term(f, index) for index in range(1, len(f.forces))]
 
     def nth(index: int, before: wp.Function, term: wp.Function) -> wp.Function:
+        """A branch on the index of a force: `term` for this one, `before` for lower ones."""
+
         @wp.func
         def chosen(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64, force: int) -> Wrench:
             """Force [pN] and torque [pN·µm] of the force of this index, or of one before it in the table."""

@@ -32,6 +32,8 @@ def sphere_total(f: Features, what: str) -> wp.Function:
         return nothing()
 
     def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        """The sum of two terms, with the arguments of each."""
+
         @wp.func
         def total(
             model: ModelData, control: ControlData, state: StateData, bead: BeadConstants, world: int, b: int,
@@ -63,6 +65,8 @@ def body_total(f: Features) -> wp.Function:
         return no_wrench()
 
     def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        """The sum of two terms, with the arguments of each."""
+
         @wp.func
         def total(
             model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int,
