@@ -80,7 +80,7 @@ class ResolvedScene:
         held = near.held(scene)
         features = compose(scene, values, optics, device, forces.laws, options)
         check_flow(scene, values)
-        loads = steady_loads(scene, moves, values, forces)
+        loads = steady_loads(scene, moves, values, forces, device)
         return cls(
             scene=scene,
             moves=moves,

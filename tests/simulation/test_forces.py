@@ -193,7 +193,7 @@ def test_it_acts_where_it_is_given_and_costs_nothing_elsewhere(device: str):
     free = Simulation(scene, device=device)
     assert free.model.features.forces == ()
     assert free.readout.body_force.shape == (1, 0, 0)
-    assert free.model.data.forces.value.shape == (0,)
+    assert free.model.data.forces.shape == (0,)
     assert free._step.forces is None
 
 

@@ -260,7 +260,7 @@ class ModelData:
     flow: FlowData
     walls: WallData
     coupling: CouplingData
-    forces: ForceData
+    forces: wp.array(dtype=ForceData)  # (1), (0) without forces that have parameters: the model stays small
 
 
 @wp.struct

@@ -36,14 +36,15 @@ def first_value(forces: ForceData, parameter: int, width: int, world: int, bodie
 @wp.func
 def number_at(model: ModelData, parameter: int, world: int, b: int) -> float:
     """A parameter that is one number, in the unit it was declared with."""
-    return model.forces.value[first_value(model.forces, parameter, 1, world, model.bodies, b)]
+    return model.forces[0].value[first_value(model.forces[0], parameter, 1, world, model.bodies, b)]
 
 
 @wp.func
 def vector_at(model: ModelData, parameter: int, world: int, b: int) -> wp.vec3:
     """A parameter that is a vector, in the unit it was declared with."""
-    i = first_value(model.forces, parameter, 3, world, model.bodies, b)
-    return wp.vec3(model.forces.value[i], model.forces.value[i + 1], model.forces.value[i + 2])
+    i = first_value(model.forces[0], parameter, 3, world, model.bodies, b)
+    values = model.forces[0].value
+    return wp.vec3(values[i], values[i + 1], values[i + 2])
 
 
 @wp.func
@@ -114,8 +115,8 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
     def on_spheres(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64) -> Wrench:
         """Sum over the spheres: force [pN], and torque with its arm about the centre of diffusion [pN·µm]."""
         total = no_wrench()
-        for i in range(model.forces.sphere_start[b], model.forces.sphere_start[b + 1]):
-            sphere = model.forces.sphere[i]
+        for i in range(model.forces[0].sphere_start[b], model.forces[0].sphere_start[b + 1]):
+            sphere = model.forces[0].sphere[i]
             arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
             there = Pose(pose.position + arm, pose.rotation)
             one = valued(model, world, b, force_input(model, world, b, there, sphere[3], time))
@@ -127,7 +128,7 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
     def wrench(model: ModelData, world: int, b: int, pose: Pose, time: wp.float64) -> Wrench:
         """Force [pN] and torque [pN·µm]; 0 on a body that the force does not act on."""
         total = no_wrench()
-        if model.forces.layout[wp.static(acting) + wp.static(index) * model.bodies + b] != 0:
+        if model.forces[0].layout[wp.static(acting) + wp.static(index) * model.bodies + b] != 0:
             if wp.static(by_sphere):
                 total = on_spheres(model, world, b, pose, time)
             else:

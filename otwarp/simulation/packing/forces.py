@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.body_forces.body_force import OPTIONS, BodyForce, Bound
+from otwarp.kernels.body_forces.body_force import BodyForce, Bound
 from otwarp.kernels.core.types import ForceData
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
@@ -83,9 +83,6 @@ def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | No
         return Force(BodyForce.of(function, units, acts_on=acts_on, slope=slope, load=load), {})
 
     return made
-
-
-assert set(OPTIONS) <= set(force.__kwdefaults__ or ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,8 +205,15 @@ def _places(scene: Scene) -> dict[str, tuple[int, ...]]:
 
 def pack_forces(
     scene: Scene, moves: list[BodyMobility], active: ActiveForces, device: Place
-) -> Annotated[Any, ForceData]:
-    """The kernels' view: parameters, where they lie, who is acted on, and the spheres if some force needs them."""
+) -> tuple[wp.array, list[Any]]:
+    """The kernels' view: parameters, where they lie, who is acted on, and the spheres if some force needs them.
+
+    Returns:
+        `ModelData.forces`, and what it refers to by address, to be kept alive; both empty without such forces.
+    """
+    kind = device.typed(ForceData)
+    if not active.laws:
+        return wp.empty(0, dtype=kind, device=device.device), []
     values, layout, first = [np.zeros(0)], [], 0
     for index, law in enumerate(active.laws):
         for p in law.parameters:
@@ -217,7 +221,7 @@ def pack_forces(
             values.append(array.ravel())
             layout += [first, len(array)]
             first += array.size
-    data = device.typed(ForceData)()
+    data = kind()
     data.value = device_array(np.concatenate(values), wp.float32, device)
     data.layout = device_array([*layout, *active.acts.ravel().astype(int)], wp.int32, device)
     starts, spheres = [], [np.zeros((0, 4))]
@@ -228,4 +232,4 @@ def pack_forces(
             starts.append(starts[-1] + len(body.spheres))
     data.sphere_start = device_array(starts, wp.int32, device)
     data.sphere = device_array(np.concatenate(spheres), wp.vec4, device)
-    return data
+    return wp.array([data], dtype=kind, device=device.device), [data]

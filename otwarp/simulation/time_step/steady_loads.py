@@ -68,7 +68,11 @@ def resting_loads(scene: Scene) -> list[Load]:
 
 
 def steady_loads(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], active: ActiveForces
+    scene: Scene,
+    moves: list[BodyMobility],
+    values: Mapping[str, np.ndarray],
+    active: ActiveForces,
+    device: wp.Device,
 ) -> list[Load]:
     """Loads of all bodies by all forces but traps.
 
@@ -76,6 +80,7 @@ def steady_loads(
         moves: Mobilities of the bodies.
         values: The `(1|W, …)` parameters of the scene.
         active: The forces with parameters.
+        device: Where forces are measured that state no bounds.
 
     Returns:
         Bounds per body; of measured forces the largest values that were seen.
@@ -84,7 +89,7 @@ def steady_loads(
     for index, law in enumerate(active.laws):
         more = _stated(active, index, moves, scene)
         if law.slope is None or law.load is None:
-            seen = _measured(scene, moves, values, active, index)
+            seen = _measured(scene, moves, values, active, index, device)
             more = [
                 Load(
                     torque=s.torque if law.load is None else m.torque,
@@ -130,13 +135,18 @@ def _bound(bound: Bound | None, values: Mapping[str, np.ndarray], bodies: int) -
 
 
 def _measured(
-    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], active: ActiveForces, index: int
+    scene: Scene,
+    moves: list[BodyMobility],
+    values: Mapping[str, np.ndarray],
+    active: ActiveForces,
+    index: int,
+    device: wp.Device,
 ) -> list[Load]:
     """Loads by the largest force, torque and rate that are seen of one force."""
     worlds = _probed_worlds(active, index)
     traps = np.concatenate([np.zeros((0, 3)), *[t.position.values for t in scene.traps]])
     chosen = traps[np.unique(np.linspace(0, len(traps) - 1, MOST_PLACES).astype(int))] if len(traps) else traps
-    probe = _Probe(scene, moves, values, active, index)
+    probe = _Probe(scene, moves, values, active, index, Place(device, "float64"))
     loads = []
     for b, (body, move) in enumerate(zip(scene.bodies, moves, strict=True)):
         if not active.acts[index, b]:
@@ -170,7 +180,7 @@ def _probed_worlds(active: ActiveForces, index: int) -> np.ndarray:
 
 
 class _Probe:
-    """One force, evaluated in float64 on the CPU wherever it is asked."""
+    """One force, evaluated in float64 wherever it is asked."""
 
     def __init__(
         self,
@@ -179,14 +189,14 @@ class _Probe:
         values: Mapping[str, np.ndarray],
         active: ActiveForces,
         index: int,
+        place: Place,
     ):
-        place = Place("cpu", "float64")
-        self.scene = scene
+        self.scene, self.place = scene, place
         self.index = index
         data = place.typed(ModelData)()
         data.bodies = len(scene.bodies)
         data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
-        data.forces = pack_forces(scene, moves, active, place)
+        data.forces, self.kept = pack_forces(scene, moves, active, place)
         reach = [
             max(float(np.linalg.norm(np.array(s.offset) - m.reference)) + s.radius for s in body.spheres)
             for body, m in zip(scene.bodies, moves, strict=True)
@@ -224,16 +234,16 @@ class _Probe:
         self, b: int, world: np.ndarray, position: np.ndarray, rotation: np.ndarray, time: np.ndarray
     ) -> np.ndarray:
         """(n, 6) force and torque of body b in n situations."""
-        place = Place("cpu", "float64")
+        place = self.place
         inputs = [
-            device_array(world, wp.int32, "cpu"),
+            device_array(world, wp.int32, place),
             device_array(position, wp.vec3, place),
             device_array(rotation, wp.quat, place),
-            device_array(time, wp.float64, "cpu"),
+            device_array(time, wp.float64, place),
         ]
-        force, torque = (wp.zeros(len(world), dtype=wp.vec3d, device="cpu") for _ in range(2))
+        force, torque = (wp.zeros(len(world), dtype=wp.vec3d, device=place.device) for _ in range(2))
         wp.launch(
-            self.kernel, dim=len(world), inputs=[self.data, b, *inputs], outputs=[force, torque], device="cpu"
+            self.kernel, dim=len(world), inputs=[self.data, b, *inputs], outputs=[force, torque], device=place.device
         )  # fmt: skip
         return np.hstack([force.numpy(), torque.numpy()])
 
