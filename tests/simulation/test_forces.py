@@ -231,7 +231,7 @@ def test_an_authored_force_is_the_same_as_a_users(tmp_path, device: str):
     assert sim.model.features.integrator == "eulerMaruyama"  # it depends on no place: one stage is exact
     sim.step(10)
     np.testing.assert_allclose(sim.state.position.numpy()[:, 0, 1], 0.01 / drag(1.0) * np.array([0.25, 0.5]), rtol=1e-5)
-    about = describe(scene, device="cpu")
+    about = describe(scene, device=device)
     assert about["forces"][0]["parameters"]["force"] == {
         "unit": "pN",
         "low": [0.0, 0.25, 0.0],
@@ -291,9 +291,9 @@ def test_what_is_no_force_is_refused(text: str, units: dict[str, str], words: st
         ([spring(stiffness=[1.0, 2.0, 3.0])], {}, "spring_stiffness has shape (3,)"),
     ],
 )
-def test_bad_values_are_refused_before_anything_is_compiled(forces: list, parameters: dict, words: str):
+def test_bad_values_are_refused_before_anything_is_compiled(forces: list, parameters: dict, words: str, device: str):
     with pytest.raises(InputError) as error:
-        Simulation(DRIVERS["solo"], device="cpu", forces=forces, parameters=parameters)
+        Simulation(DRIVERS["solo"], device=device, forces=forces, parameters=parameters)
     assert words in str(error.value)
 
 
