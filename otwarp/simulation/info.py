@@ -32,7 +32,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
         data.flow,
         data.walls,
         data.coupling,
-        *model.parameters,
+        *model.force_data,
     ):
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
     arrays.append(data.traps.tables.node)

@@ -58,7 +58,7 @@ class Model:
         scales: Time scales and the time step.
         data: The kernels' view.
         meshes: Obstacle meshes, kept alive for the kernels.
-        parameters: `ForceData` of the forces with parameters, likewise.
+        force_data: `ForceData` of the forces with parameters, likewise; at most one.
     """
 
     scene: Scene
@@ -80,7 +80,7 @@ class Model:
     scales: TimeScales
     data: Annotated[Any, ModelData]
     meshes: list[wp.Mesh]
-    parameters: list[Any]
+    force_data: list[Any]
 
     @property
     def time_step(self) -> float:
@@ -117,7 +117,7 @@ class Model:
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
         scales = _time_scales(known, from_scene=options.time_step is None and scene.file is not None)
         features = _stepped_features(known, scales.time_step)
-        data, meshes, parameters = _pack(known, features, scales.time_step, seed, Place(place, options.precision))
+        data, meshes, force_data = _pack(known, features, scales.time_step, seed, Place(place, options.precision))
         return cls(
             scene=known.scene,
             authored=scene,
@@ -138,7 +138,7 @@ class Model:
             scales=scales,
             data=data,
             meshes=meshes,
-            parameters=parameters,
+            force_data=force_data,
         )
 
     @property
@@ -211,12 +211,12 @@ def _pack(
     data.flow = pack_flow(scene, values["flow_speed"], values["flow_shear_rate"], place)
     data.walls = pack_walls(scene, moves, hydrodynamic_walls(scene), place)
     data.coupling = pack_coupling(scene, moves, features.coupling, place)
-    data.forces, parameters = pack_forces(scene, moves, known.forces, place)
+    data.forces, force_data = pack_forces(scene, moves, known.forces, place)
     held = _held_spheres(scene, known.held, moves)
     data.traps = pack_traps(scene, values, held, known.held_range, optics, place)
     data.time_step = wp.float64(time_step)
     data.seed = wp.uint32(seed)
-    return data, meshes, parameters
+    return data, meshes, force_data
 
 
 def _held_spheres(scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]) -> list[HeldSphere]:
