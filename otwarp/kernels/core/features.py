@@ -37,7 +37,8 @@ class Features:
         spheres, rigid: There are lone spheres; there are bodies with rotation.
         brownian, gravity: Whether the terms act.
         flow: Profile of the background flow, or None.
-        forces: Forces with parameters per body, `kernels.forces.body_force.BodyForce` each: the scene's and the user's.
+        forces: Forces with parameters per body, the scene's and the user's; `kernels.body_forces.body_force.BodyForce`
+            each.
         obstacles: Shapes of obstacles that something can hit.
         moving_obstacles: Some of them move.
         pairs: Bodies can touch each other.

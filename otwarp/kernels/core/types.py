@@ -26,7 +26,7 @@ class MediumData:
 class TrapData:
     """Constants of the traps; forces are per mW of trap power."""
 
-    model: wp.array(dtype=wp.int32)  # (T) key of kernels.traps.TRAP_TERMS
+    model: wp.array(dtype=wp.int32)  # (T) key of kernels.optics.traps.TRAP_TERMS
     axis: wp.array(dtype=wp.vec3)  # (T) beam direction
     side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
     table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
@@ -173,7 +173,7 @@ class ContactData:
 class ObstacleData:
     """Constants and key frames of the obstacles."""
 
-    shape: wp.array(dtype=wp.int32)  # (O) key of kernels.obstacles.SHAPES
+    shape: wp.array(dtype=wp.int32)  # (O) key of kernels.contact.obstacles.SHAPES
     size: wp.array(dtype=wp.vec3)  # (O) [µm]
     mesh: wp.array(dtype=wp.uint64)  # (O) wp.Mesh id or 0
     sheet: wp.array(dtype=wp.int32)  # (O) 1: a mesh that is not closed, solid from both sides
@@ -288,7 +288,7 @@ class ReadoutData:
     contact_force: wp.array2d(dtype=wp.vec3)  # (W, B) net contact force [pN]
     contact_load: wp.array2d(dtype=wp.float32)  # (W, B) sum of the normal forces [pN]
     escape_step: wp.array2d(dtype=wp.int64)  # (W, T) first step at which the held sphere was out of reach, or -1
-    fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.faults, 0 good
+    fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.core.faults, 0 good
     fault_step: wp.array2d(dtype=wp.int64)  # (W, B)
     fault_count: wp.array(dtype=wp.int32)  # (1) not 0: some body has a fault
 

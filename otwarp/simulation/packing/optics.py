@@ -141,7 +141,7 @@ class TrapOptics:
         return table, polarization_azimuth(table.beam)
 
     def term_name(self, scene: Scene, trap: int) -> str:
-        """Key of the trap's force model, as `kernels.traps.trap_term` knows it."""
+        """Key of the trap's force model, as `kernels.optics.traps.trap_term` knows it."""
         entry = scene.traps[trap]
         if not self._optical(trap):
             # without a sphere to act on, any term serves
