@@ -18,7 +18,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
-from otwarp.scene import Scene
+from otwarp.scene import Body, Scene
 from otwarp.simulation.packing.forces import Force
 
 if TYPE_CHECKING:
@@ -27,12 +27,28 @@ if TYPE_CHECKING:
 FORMAT = 1
 """Version of the file format."""
 
+YOUNGER: dict[type, dict[str, Any]] = {Body: {"forces": {}}}
+"""Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
+does not use them has the digest that it had before."""
+
 
 def scene_digest(scene: Scene) -> str:
     """Content hash of everything a scene says but the length of the run, which may be extended."""
     scene = dataclasses.replace(scene, file=None, settings=dataclasses.replace(scene.settings, duration=0.0))
     with np.printoptions(threshold=2**31, floatmode="unique"):
-        return hashlib.sha256(repr(scene).encode()).hexdigest()
+        return hashlib.sha256(_canonical(scene).encode()).hexdigest()
+
+
+def _canonical(item: object) -> str:
+    """As `repr`, but for fields of `YOUNGER` at their default, which older checkpoints could not have."""
+    if isinstance(item, tuple):
+        return f"({', '.join(map(_canonical, item))}{',' if len(item) == 1 else ''})"
+    if not dataclasses.is_dataclass(item) or isinstance(item, type):
+        return repr(item)
+    younger = YOUNGER.get(type(item), {})
+    values = {f.name: getattr(item, f.name) for f in dataclasses.fields(item) if f.repr}
+    said = {k: v for k, v in values.items() if k not in younger or v != younger[k]}
+    return f"{type(item).__qualname__}({', '.join(f'{k}={_canonical(v)}' for k, v in said.items())})"
 
 
 def _arrays(sim: Simulation) -> dict[str, wp.array]:
@@ -180,10 +196,12 @@ def restore(
         if stored.get(f"control.{name}", np.zeros(())).shape[:1] == (sim.model.worlds,):
             sim.control.widen(name)
     for name, array in _arrays(sim).items():
+        # what this simulation does not use may be younger than the file
+        if not array.size:
+            continue
         if name not in stored or stored[name].shape[: array.ndim] != array.shape:
             raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} is missing or misshapen")
-        if array.size:
-            array.assign(stored[name])
+        array.assign(stored[name])
     sim.state.step = about["step"]
     sim.state.time = about["step"] * sim.time_step
     return sim

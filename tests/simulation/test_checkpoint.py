@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -13,9 +14,13 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene, SceneBuilder
+from otwarp.simulation.checkpoint import scene_digest
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 from tests.simulation.test_determinism import touching_scene
+
+OLD = Path(__file__).parent / "data" / "bead_before_forces.npz"
+"""A checkpoint of format 1 from before bodies could have forces; its scene lies beside it."""
 
 CONTINUE = """
 import sys
@@ -100,6 +105,30 @@ def test_good_checkpoint_restores(saved):
     assert sim.state.step == 5
     assert isinstance(sim.state.position, wp.array)
     assert not list(saved.parent.glob("*.tmp"))
+
+
+def test_a_checkpoint_from_before_bodies_had_forces_goes_on(device):
+    """In what steps of it are to the last bit processors differ, so that only where it starts is compared."""
+    with np.load(OLD) as file:
+        stored = dict(file)
+    assert not any("body_force" in name for name in stored)
+    sim = Simulation.restore(OLD, scene=Scene.load(OLD.with_suffix(".usda")), device=device)
+    assert sim.state.step == json.loads(str(stored["about"]))["step"] == 5
+    np.testing.assert_array_equal(sim.state.position.numpy(), stored["state.position"])
+    sim.step(3)
+    assert sim.state.step == 8
+    moved = sim.state.position.numpy() - stored["state.position"]
+    assert np.all(np.isfinite(moved))
+    assert np.any(moved != 0)
+
+
+def test_forces_of_a_scene_count_where_it_has_some():
+    """Without any a scene is the one that older checkpoints know."""
+    scene = Scene.load(OLD.with_suffix(".usda"))
+    (bead,) = scene.bodies
+    pushed = dataclasses.replace(scene, bodies=(dataclasses.replace(bead, forces={"external_force": (1.0, 0.0, 0.0)}),))
+    with np.load(OLD) as file:
+        assert scene_digest(scene) == json.loads(str(file["about"]))["digest"] != scene_digest(pushed)
 
 
 @pytest.mark.parametrize("cut", [0, 10, 0.5, 0.98])
