@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ class Method:
         driver: Which form of the step ran: `solo`, `world` or `grid`.
         device: Warp's name of the device, `cpu`, `cuda:0`, …
         device_name: What kind of device that was.
+        forces: Forces with parameters per body that acted, the scene's and the user's: name → digest
+            (`otwarp.kernels.body_forces.body_force.BodyForce`). Files of runs without any do not mention them.
     """
 
     precision: str
@@ -36,6 +39,7 @@ class Method:
     driver: str
     device: str
     device_name: str
+    forces: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @classmethod
     def of(cls, model: Model) -> Method:
@@ -51,17 +55,26 @@ class Method:
             driver=f.driver,
             device=str(model.device.alias),
             device_name=str(model.device.name),
+            forces={law.name: law.digest for law in model.forces.laws},
         )
 
     @classmethod
     def read(cls, attributes: Mapping[str, Any]) -> Method | None:
         """From the attributes of a file, as `attributes` made them; None if it does not say."""
-        fields = dataclasses.fields(cls)
+        fields = [f for f in dataclasses.fields(cls) if f.name != "forces"]
         if not all(field.name in attributes for field in fields):
             return None
         values: dict[str, Any] = {f.name: (bool if f.type == "bool" else str)(attributes[f.name]) for f in fields}
-        return cls(**values)
+        return cls(**values, forces=json.loads(attributes.get("forces", "{}")))
+
+    def facts(self) -> dict[str, Any]:
+        """As a summary says it."""
+        said = dataclasses.asdict(self)
+        return said if self.forces else {k: v for k, v in said.items() if k != "forces"}
 
     def attributes(self) -> dict[str, str | int]:
-        """As attributes of a file: netCDF-3 knows no booleans, 0 and 1 stand for them."""
-        return {k: int(v) if isinstance(v, bool) else v for k, v in dataclasses.asdict(self).items()}
+        """As attributes of a file: netCDF-3 knows no booleans, 0 and 1 stand for them; forces are JSON."""
+        said = self.facts()
+        if self.forces:
+            said["forces"] = json.dumps(said["forces"])
+        return {k: int(v) if isinstance(v, bool) else v for k, v in said.items()}

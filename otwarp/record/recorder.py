@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import tempfile
 import time as clock
@@ -253,7 +252,7 @@ class Recorder:
             "recorded_worlds": self._recorded,
             "seed": self.seed,
             "time_step_s": self.time_step,
-            "method": None if self.method is None else dataclasses.asdict(self.method),
+            "method": None if self.method is None else self.method.facts(),
             "steps": self._last.step,
             "frames": self._frames,
             "duration_s": self._last.time - self._first_time,

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 import xarray as xr
 from pxr import Usd, UsdGeom
 
+import otwarp as ot
 from otwarp.record.capacity import frame_bytes, most_worlds
 from otwarp.record.method import Method
 from otwarp.record.netcdf import check_size
@@ -95,13 +97,29 @@ METHOD = Method(
 )
 
 
-def test_what_a_file_says_is_read_back(scene: Scene, tmp_path: Path) -> None:
+PUSHED = dataclasses.replace(METHOD, forces={"push": "0a" * 32, "spring": "1b" * 32})
+
+
+@ot.force(strength="pN")
+def push(body: ot.ForceInput, strength: float):
+    return wp.vec3(strength, 0.0, 0.0)
+
+
+def test_files_of_runs_without_forces_do_not_mention_them() -> None:
+    """They are what they were before there were any."""
+    assert "forces" not in METHOD.facts() | METHOD.attributes()
+    assert Method.read(METHOD.attributes()) == METHOD
+    assert METHOD.forces == {}
+
+
+@pytest.mark.parametrize("method", [METHOD, PUSHED], ids=["without forces", "with forces"])
+def test_what_a_file_says_is_read_back(method: Method, scene: Scene, tmp_path: Path) -> None:
     options = {"frames_per_second": RATE, "held": HELD, "time_step": 1e-3, "figure": False, "usd_world": None}
-    with Recorder(scene, tmp_path / "run", method=METHOD, **options) as out:
+    with Recorder(scene, tmp_path / "run", method=method, **options) as out:
         out.write(frame(scene, 0))
     run = read_run(tmp_path / "run" / "run.nc")
-    assert (run.method, run.time_step) == (METHOD, 1e-3)
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["method"] == dataclasses.asdict(METHOD)
+    assert (run.method, run.time_step) == (method, 1e-3)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["method"] == method.facts()
     with Recorder(scene, tmp_path / "silent", **options) as out:
         out.write(frame(scene, 0))
     assert read_run(tmp_path / "silent" / "run.nc").method is None
@@ -128,7 +146,7 @@ def test_a_run_says_how_it_was_made(options: dict, expected: dict, device: str, 
     assert said["device_name"]
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["method"] == said
     method = read_run(tmp_path / "run" / "run.nc").method
-    assert method is not None and dataclasses.asdict(method) == said
+    assert method is not None and method.facts() == said
     with xr.open_dataset(tmp_path / "run" / "run.nc") as data:
         assert (data.attrs["precision"], data.attrs["time_step"]) == (said["precision"], 1e-3)
 
@@ -137,3 +155,18 @@ def test_a_run_says_which_integrator_served_and_that_bodies_were_coupled(scene: 
     settings = dataclasses.replace(scene.settings, coupling=True, brownian=False, integrator="exponential")
     method = Method.of(Model.build(dataclasses.replace(scene, settings=settings), device=device))
     assert (method.coupling, method.driver, method.integrator, method.noise) == (True, "world", "heun", "none")
+
+
+def test_a_run_says_which_forces_acted(device: str, tmp_path: Path) -> None:
+    """The user's, and those that bodies of the scene author."""
+    scene = Scene.load(SCENES / "single_bead.usda", duration=0.02)
+    options = StepOptions(time_step=0.001, forces=(push(strength=2.0),))
+    summary = record_run(scene, tmp_path / "run", device=device, options=options)
+    assert summary["method"]["forces"] == {"push": push.law.digest}
+    method = read_run(tmp_path / "run" / "run.nc").method
+    assert method is not None
+    assert method.forces == {"push": push.law.digest}
+    (bead,) = scene.bodies
+    authored = dataclasses.replace(bead, forces={"external_force": (1.0, 0.0, 0.0)})
+    model = Model.build(dataclasses.replace(scene, bodies=(authored,)), device=device)
+    assert list(Method.of(model).forces.values()) == [law.digest for law in model.forces.laws] != []
