@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -11,10 +13,13 @@ import warp as wp
 import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobility
+from otwarp.kernels.core.functions import function_from_text
+from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Medium, Scene, SceneBuilder, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
 from tests.simulation.setups import FIVE, VISCOSITY, drag, harmonic, robot, sphere_body
 
@@ -300,3 +305,94 @@ def test_bad_values_are_refused_before_anything_is_compiled(forces: list, parame
 def test_an_unknown_parameter_of_a_force_is_refused():
     with pytest.raises(InputError, match="parameter 'pull' is unknown; allowed: push"):
         constant(pull=1.0)
+
+
+SCRIPT = """
+import otwarp as ot, warp as wp
+AMPLITUDE = (1.5, 2.5)
+
+def half(x):
+    return 0.5 * x
+
+@wp.func
+def helper(x: float) -> float:
+    return x * wp.static(half(AMPLITUDE[0]))
+
+@ot.force(a="pN")
+def push(body: ot.ForceInput, a: float):
+    return wp.vec3(helper(a), 0.0, 0.0)
+
+print(push.law.digest)
+"""
+
+
+def test_a_digest_is_the_same_in_every_process_and_changes_with_what_is_used(tmp_path):
+    digests = []
+    for name, text in (
+        ("one", SCRIPT),
+        ("same", SCRIPT),
+        ("constant", SCRIPT.replace("(1.5,", "(1.6,")),
+        ("function", SCRIPT.replace("0.5 * x", "0.4 * x")),
+    ):
+        file = tmp_path / f"{name}.py"
+        file.write_text(text)
+        done = subprocess.run([sys.executable, file], capture_output=True, text=True, check=True)
+        digests.append(done.stdout.split()[-1])
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+
+
+stiffness, body = 1e6, Medium()
+"""Globals with the names of a force's arguments, as a notebook has them; they mean nothing to it."""
+
+
+@pytest.mark.parametrize("precision", ROUNDING)
+def test_arguments_hide_globals_of_their_names_and_warp_may_have_another(precision: str, device: str):
+    import warp as w
+
+    @ot.force(stiffness="pN/µm")
+    def pull(body: ot.ForceInput, stiffness: float):
+        scale = 2.0
+        scale = scale * stiffness
+        return scale * body.radius * w.vec3(1.0, 0.0, 0.0)
+
+    sim = Simulation(quiet(sphere_body("B")), device=device, precision=precision, forces=[pull(stiffness=0.5)])
+    assert sim.readout.body_force.numpy()[0, 0, 0, 0] == pytest.approx(1.0, rel=ROUNDING[precision])
+    assert sim.model.loads[0].force == pytest.approx(1.0)
+
+
+def test_names_that_two_parameters_would_have_are_refused():
+    def made_force(name: str, argument: str) -> Force:
+        text = f"def {name}(body: ot.ForceInput, {argument}: float):\n    return wp.vec3({argument}, 0.0, 0.0)\n"
+        return ot.force(**{argument: "pN"})(function_from_text(name, text, {"ot": ot, "wp": wp}))
+
+    pairs = [[made_force("a", "b_c")(b_c=1.0), made_force("a_b", "c")(c=1.0)], [made_force("trap", "power")(power=1.0)]]
+    for forces in pairs:
+        with pytest.raises(InputError, match="as another parameter is"):
+            Simulation(DRIVERS["solo"], device="cpu", forces=forces)
+
+
+def test_a_stated_load_does_not_hide_a_torque(device: str):
+    @ot.force(strength="pN·µm", slope=0.0, load=0.0)
+    def motor(body: ot.ForceInput, strength: float) -> ot.Wrench:
+        return ot.Wrench(wp.vec3(0.0), wp.vec3(0.0, 0.0, strength))
+
+    sim = Simulation(Scene(bodies=(robot("R"),)), device=device, forces=[motor(strength=50.0)])
+    assert sim.model.loads[0].torque == pytest.approx(50.0)
+    assert sim.model.scales.turning is not None
+
+
+def test_an_oscillation_is_seen_whatever_its_frequency(device: str):
+    for frequency in (4.0, 100.0):
+        sim = Simulation(Scene(bodies=(sphere_body("B"),)), device=device, forces=[shaken(frequency=frequency)])
+        assert 0.9 * AMPLITUDE < sim.model.loads[0].force <= AMPLITUDE * (1.0 + 1e-6)
+
+
+def test_forces_of_a_scene_that_state_nothing_count_for_the_budget(monkeypatch):
+    """As ours would if it stated no bounds: 0.25 pN are measured."""
+    row = FORCES["external"]
+    unbounded = dataclasses.replace(row.parametric, load=None, slope=None)
+    monkeypatch.setitem(FORCES, "external", dataclasses.replace(row, parametric=unbounded))
+    bead = dataclasses.replace(sphere_body("B"), forces={"external_force": (0.0, 0.25, 0.0)})
+    (load,) = resting_loads(Scene(bodies=(bead,)))
+    assert load.force == pytest.approx(0.25)

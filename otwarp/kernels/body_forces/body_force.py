@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import doubled_function, names_in, source_of
+from otwarp.kernels.core.functions import doubled_function, full_source
 from otwarp.kernels.core.types import ForceInput, Wrench
 
 Bound = float | Callable[..., Any]
@@ -98,7 +98,7 @@ class BodyForce:
             known = ", ".join(p.name for p in parameters) or "none, it has no parameters"
             raise InputError(f"force {name}: unit of {unknown[0]!r}, which is no argument of it; allowed: {known}")
         turns = signature.return_annotation is Wrench
-        text = repr((name, parameters, acts_on, turns, source_of(function), names_in(function)))
+        text = repr((name, parameters, acts_on, turns, full_source(function)))
         return cls(
             name=name,
             parameters=parameters,

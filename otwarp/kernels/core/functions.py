@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import functools
+import hashlib
 import inspect
 import itertools
 import linecache
+import math
 import textwrap
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.precision import SINGLE, Doubler, in_double, in_warp, typed, types_module, wp_name
+from otwarp.kernels.core.precision import SINGLE, Doubler, in_double, in_warp, typed, types_module
 
 _counter = itertools.count()
 
@@ -30,62 +34,6 @@ def function_from_text(name: str, text: str, namespace: dict[str, Any]) -> Calla
     namespace.setdefault("__name__", "otwarp.made")
     exec(compile(text, file, "exec"), namespace)
     return namespace[name]
-
-
-class _FunctionDoubler(Doubler):
-    """Rewrites one function from outside this package; `known` are the names that it sees."""
-
-    def __init__(self, known: dict[str, Any]):
-        super().__init__(cast(ModuleType, SimpleNamespace(**known)))
-        self.known, self.on_device = known, True
-        self.replaced: dict[str, Any] = {}
-
-    def visit_Module(self, node: ast.Module) -> ast.Module:
-        """No imports are needed: the names are given."""
-        self.generic_visit(node)
-        return node
-
-    def visit_arguments(self, node: ast.arguments) -> ast.arguments:
-        """Defaults are for people: the step passes every argument."""
-        node.defaults = []
-        self.generic_visit(node)
-        return node
-
-    def _value(self, node: ast.expr) -> Any:
-        """What a name, or a chain of attributes of one, stands for; None if that is not known."""
-        if isinstance(node, ast.Name):
-            return self.known.get(node.id)
-        return getattr(self._value(node.value), node.attr, None) if isinstance(node, ast.Attribute) else None
-
-    def _replacement(self, node: ast.expr) -> ast.expr | None:
-        """A name for the float64 twin of a struct, or of a function made by `wp.func`; None for anything else."""
-        value = self._value(node)
-        twin = None
-        if isinstance(value, wp.Function) and not value.is_builtin():
-            twin = doubled_function(value.func)
-        elif isinstance(value, type(types_module().ModelData)) and value.cls.__module__.startswith(f"{SINGLE}."):
-            twin = typed(value, "float64")
-        if twin is None:
-            return None
-        name = f"double_{len(self.replaced)}"
-        self.replaced[name] = twin
-        return ast.Name(name, ast.Load())
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
-        """Structs and functions first, then types."""
-        value = self._value(node)
-        if isinstance(value, float) and wp_name(node) == "":
-            return in_warp("float64", ast.Constant(value))
-        return self._replacement(node) or super().visit_Attribute(node)
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:
-        """Structs and functions first, then constants."""
-        return self._replacement(node) or super().visit_Name(node)
-
-
-def seen_names(function: Callable[..., Any]) -> dict[str, Any]:
-    """Globals of a Python function, and what it closes over."""
-    return {**function.__globals__, **inspect.getclosurevars(function).nonlocals}
 
 
 def source_of(function: Callable[..., Any]) -> str:
@@ -106,17 +54,150 @@ def source_of(function: Callable[..., Any]) -> str:
     return ast.unparse(definition)
 
 
-def names_in(function: Callable[..., Any]) -> list[tuple[str, str]]:
-    """What decides a function's results besides its own source: constants by name, and the sources of functions."""
-    known = seen_names(function)
-    found = []
-    for node in ast.walk(ast.parse(source_of(function))):
-        value = _FunctionDoubler(known)._value(node) if isinstance(node, ast.Name | ast.Attribute) else None
+def outer_names(function: Callable[..., Any]) -> dict[str, Any]:
+    """What the names stand for that a function uses and does not define: globals, and what it closes over."""
+    nodes = list(ast.walk(ast.parse(source_of(function))))
+    own = {n.arg for n in nodes if isinstance(n, ast.arg)}
+    own |= {n.id for n in nodes if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)}
+    used = {n.id for n in nodes if isinstance(n, ast.Name)} - own
+    seen = {**function.__globals__, **inspect.getclosurevars(function).nonlocals}
+    return {name: seen[name] for name in used if name in seen}
+
+
+class _Outer(ast.NodeVisitor):
+    """Collects what a function takes from outside, by how it writes it: `AMPLITUDE`, `np.pi`, `wp.sin`."""
+
+    def __init__(self, known: dict[str, Any]):
+        self.known = known
+        self.found: dict[str, Any] = {}
+
+    def value(self, node: ast.expr) -> Any:
+        """What a name, or a chain of attributes of one, stands for; None if that is not known."""
+        if isinstance(node, ast.Name):
+            return self.known.get(node.id)
+        return getattr(self.value(node.value), node.attr, None) if isinstance(node, ast.Attribute) else None
+
+    def visit_Attribute(self, node: ast.Attribute) -> None:
+        """A whole chain, if its first name comes from outside."""
+        value = self.value(node)
+        if value is None:
+            self.generic_visit(node)
+        else:
+            self.found[ast.unparse(node)] = value
+
+    def visit_Name(self, node: ast.Name) -> None:
+        """A name from outside."""
+        if node.id in self.known:
+            self.found[node.id] = self.known[node.id]
+
+
+def described(value: Any, where: str) -> str:
+    """A text that is equal, in any process, for values that act alike in a kernel.
+
+    Raises:
+        InputError: There is none for a value of this kind; `where` says who uses it.
+    """
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value)
+    if isinstance(value, tuple | list):
+        return f"({', '.join(described(item, where) for item in value)})"
+    if isinstance(value, wp.Function):
+        return f"warp.{value.key}" if value.is_builtin() else full_source(value.func)
+    if isinstance(value, type(types_module().ModelData)):
+        fields = [f"{name}: {described(var.type, where)}" for name, var in value.vars.items()]
+        return f"{value.cls.__module__}.{value.cls.__qualname__}({', '.join(fields)})"
+    if isinstance(value, wp.array):  # the type of a struct's field
+        return f"array{value.ndim}({described(value.dtype, where)})"
+    if isinstance(value, np.ndarray | np.generic):
+        array = np.asarray(value)
+        return f"{array.dtype}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+    if isinstance(value, type | ModuleType):
+        return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', value.__name__)}"
+    if inspect.isbuiltin(value) or getattr(builtins, getattr(value, "__name__", ""), None) is value:
+        return f"{value.__module__}.{value.__qualname__}"
+    if inspect.isfunction(value):
+        library = (value.__module__ or "").partition(".")[0] in ("warp", "numpy", "math")
+        return f"{value.__module__}.{value.__qualname__}" if library else full_source(value)
+    if hasattr(type(value), "_wp_scalar_type_") or isinstance(value, wp.float64 | wp.float32 | wp.int32 | wp.int64):
+        return f"{type(value).__qualname__}{value}"
+    raise InputError(
+        f"{where}, a {type(value).__qualname__}, which cannot be told from another one; "
+        "allowed: numbers, texts, tuples, arrays, functions, and types and structs of Warp"
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def full_source(function: Callable[..., Any]) -> str:
+    """Source of a function, and of all that it takes from outside.
+
+    Raises:
+        InputError: It uses something of which no source can be given.
+    """
+    outer = _Outer(outer_names(function))
+    outer.visit(ast.parse(source_of(function)))
+    name = function.__name__
+    more = [f"{k} = {described(v, f'function {name} uses {k}')}" for k, v in sorted(outer.found.items())]
+    return "\n".join([source_of(function), *more])
+
+
+class _FunctionDoubler(Doubler):
+    """Rewrites one function from outside this package; `known` are the names that it takes from outside."""
+
+    def __init__(self, known: dict[str, Any]):
+        super().__init__(cast(ModuleType, SimpleNamespace(**known)))
+        self.outer, self.on_device = _Outer(known), True
+        self.replaced: dict[str, Any] = {}
+
+    def visit_Module(self, node: ast.Module) -> ast.Module:
+        """No imports are needed: the names are given."""
+        self.generic_visit(node)
+        return node
+
+    def visit_arguments(self, node: ast.arguments) -> ast.arguments:
+        """Defaults are for people: the step passes every argument."""
+        node.defaults = []
+        self.generic_visit(node)
+        return node
+
+    def _replacement(self, node: ast.expr) -> ast.expr | None:
+        """What stands for the float64 twin of a struct, a type, or a function made by `wp.func`; None for the rest."""
+        value, twin = self.outer.value(node), None
         if isinstance(value, wp.Function) and not value.is_builtin():
-            found.append((value.key, source_of(value.func) + repr(names_in(value.func))))
-        elif isinstance(value, int | float) or type(value).__module__.startswith("warp"):
-            found.append((ast.unparse(node), repr(value)))
-    return sorted(set(found))
+            twin = doubled_function(value.func)
+        elif isinstance(value, type(types_module().ModelData)):
+            # a struct from outside has one precision, its own
+            twin = typed(value, "float64") if value.cls.__module__.startswith(f"{SINGLE}.") else None
+        elif isinstance(value, type) and typed(value, "float64") is not value:
+            twin = typed(value, "float64")
+        if twin is None:
+            return None
+        name = f"double_{len(self.replaced)}"
+        self.replaced[name] = twin
+        return ast.Name(name, ast.Load())
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        """Structs, types and functions first, then constants."""
+        value = self.outer.value(node)
+        if isinstance(value, float):
+            return in_warp("float64", ast.Constant(value) if math.isfinite(value) else node)
+        return self._replacement(node) or super().visit_Attribute(node)
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        """Structs, types and functions first, then constants."""
+        if self.outer.value(node) is wp:
+            return ast.Name("wp", node.ctx)
+        return self._replacement(node) or super().visit_Name(node)
+
+
+class _WarpByItsName(ast.NodeTransformer):
+    """Calls Warp `wp`, whatever a function calls it."""
+
+    def __init__(self, known: dict[str, Any]):
+        self.known = known
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        """The module alone."""
+        return ast.Name("wp", node.ctx) if self.known.get(node.id) is wp else node
 
 
 @functools.lru_cache(maxsize=256)
@@ -125,8 +206,9 @@ def doubled_function(function: Callable[..., Any]) -> wp.Function:
 
     Other functions that it calls are doubled, too.
     """
-    known = seen_names(function)
+    known = {**outer_names(function), "wp": wp}
+    tree = _WarpByItsName(known).visit(ast.parse(source_of(function)))
     doubler = _FunctionDoubler(known)
-    tree = ast.fix_missing_locations(doubler.visit(ast.parse(source_of(function))))
-    names = {**known, "wp": wp, "in_double": in_double, **doubler.replaced}
-    return wp.func(function_from_text(function.__name__, ast.unparse(tree) + "\n", names))
+    text = ast.unparse(ast.fix_missing_locations(doubler.visit(tree)))
+    names = {**known, "in_double": in_double, **doubler.replaced}
+    return wp.func(function_from_text(function.__name__, text + "\n", names))

@@ -17,7 +17,7 @@ from otwarp.kernels.core.types import ForceData
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
 from otwarp.simulation.packing.arrays import Place, device_array
-from otwarp.simulation.packing.parameters import Parameter, expand, scene_values
+from otwarp.simulation.packing.parameters import PARAMETERS, Parameter, expand, scene_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +64,9 @@ def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | No
         acts_on: `body`: at each body's centre of diffusion; `spheres`: at the centre of each sphere, so that it turns
             rigid bodies, too.
         slope: Bound of how fast the force changes with place, as the norm of its gradient [pN/µm]: a number, or a NumPy
-            function of the parameters by name. It limits the time step. None: measured where bodies start and traps go.
-        load: Bound of the force [pN], likewise.
+            function of the parameters by name. It limits the time step. None: measured where bodies start and traps go
+            (at fewer places where bodies are many), at 24 moments.
+        load: Bound of the force [pN], likewise. Torques of a `Wrench` are always measured.
         units: Unit of each parameter by its name, "1" for a pure number.
 
     Raises:
@@ -80,7 +81,8 @@ def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | No
     """
 
     def made(function: Callable[..., Any]) -> Force:
-        return Force(BodyForce.of(function, units, acts_on=acts_on, slope=slope, load=load), {})
+        plain = function.func if isinstance(function, wp.Function) and function.func else function
+        return Force(BodyForce.of(plain, units, acts_on=acts_on, slope=slope, load=load), {})
 
     return made
 
@@ -146,13 +148,23 @@ class ActiveForces:
 
 
 def user_parameters(forces: Sequence[Force]) -> dict[str, Parameter]:
-    """What `Simulation(parameters=...)` accepts for the user's forces, by full name."""
-    return {
-        f.law.full_name(p.name): Parameter("bodies", width=p.width, unit=p.unit)
-        for f in forces
-        if isinstance(f, Force)
-        for p in f.law.parameters
-    }
+    """What `Simulation(parameters=...)` accepts for the user's forces, by full name.
+
+    Raises:
+        InputError: Two parameters would have one name, or one that the scene's vocabulary has.
+    """
+    known: dict[str, Parameter] = {}
+    laws = {f.law.name: f.law for f in forces if isinstance(f, Force)}
+    for law in laws.values():
+        for p in law.parameters:
+            name = law.full_name(p.name)
+            if name in PARAMETERS or name in known:
+                raise InputError(
+                    f"force {law.name}: parameter {p.name} would be called {name}, as another parameter is; "
+                    "allowed: another name of the function or of its argument"
+                )
+            known[name] = Parameter("bodies", width=p.width, unit=p.unit)
+    return known
 
 
 def _values(

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import doubled_function, function_from_text, names_in, source_of
+from otwarp.kernels.core.functions import doubled_function, full_source, function_from_text, source_of
 
 TENTH = 0.1
 
@@ -44,9 +44,25 @@ def test_source_is_the_definition_alone():
 
 
 def test_constants_and_called_functions_decide_results():
-    named = dict(names_in(scaled))
-    assert named["TENTH"] == repr(TENTH)
-    assert "return x / 3.0" in named[third.key]
+    text = full_source(scaled)
+    assert f"TENTH = {TENTH!r}" in text
+    assert "return x / 3.0" in text
+
+
+class Unknown:
+    pass
+
+
+THING = Unknown()
+
+
+def uses_a_thing(x: float) -> float:
+    return x if THING else 2.0 * x
+
+
+def test_what_cannot_be_told_from_another_is_refused():
+    with pytest.raises(InputError, match="uses_a_thing uses THING, a Unknown"):
+        full_source(uses_a_thing)
 
 
 def test_the_twin_of_a_function_calculates_in_float64(device):

@@ -16,9 +16,16 @@ def probe(model: Model, index: int, b: int, world: np.ndarray, time: np.ndarray)
     """Force and torque of force `index` on body b at `places`."""
     position, rotation = places(len(world))
     device = str(model.device)
-    inputs = on_device(device, (world, int), (position, wp.vec3), (rotation, wp.quat), (time, wp.float64))
+    inputs = on_device(
+        device,
+        (np.full(len(world), b), int),
+        (world, int),
+        (position, wp.vec3),
+        (rotation, wp.quat),
+        (time, wp.float64),
+    )
     kernel = make_force_probe(model.features, index)
-    return evaluate(kernel, len(world), [model.data, b, *inputs], [wp.vec3, wp.vec3], device)
+    return evaluate(kernel, len(world), [model.data, *inputs], [wp.vec3, wp.vec3], device)
 
 
 def test_worlds_times_and_spheres(device):
