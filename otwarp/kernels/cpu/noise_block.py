@@ -11,6 +11,7 @@ machine has it; Warp's cache tells machines apart by their features. On CUDA the
 """
 
 import functools
+from typing import Literal
 
 import warp as wp
 
@@ -39,9 +40,9 @@ _PHILOX = """
         const wide8 low = 0xFFFFFFFFull;
 #pragma clang loop unroll(full)
         for (int k = 0; k < 16; k += 8) {
-            wide8 step = (unsigned long long)first + (unsigned long long)k + lane;
+            LANE_NAMESwide8 step = LANE_STEP;
             wide8 c0 = step & low, c1 = step >> 32;
-            wide8 c2 = (unsigned long long)(unsigned int)world, c3 = (unsigned long long)(unsigned int)body;
+            wide8 c2 = (unsigned long long)(unsigned int)world, c3 = LANE_BODY;
             unsigned int k0 = seed, k1 = stream;
 #pragma clang loop unroll(full)
             for (int round = 0; round < 10; ++round) {
@@ -144,14 +145,38 @@ _SIX_GAUSSIAN = """
 """
 
 
-def block_source(noise: str, count: int) -> str:
-    """C++ of the block function of `count` deviates per step."""
-    source = _CPU_ONLY + "    float* to = buffer.data + at;\n" + _PHILOX
+_LANES = {
+    "steps": {
+        "LANE_ROOM": "buffer.data + at",
+        "LANE_NAMES": "",
+        "LANE_STEP": "(unsigned long long)first + (unsigned long long)k + lane",
+        "LANE_BODY": "(unsigned long long)(unsigned int)body",
+    },
+    "bodies": {
+        "LANE_ROOM": "buffer.data",
+        "LANE_NAMES": """wide8 names;
+            for (int l = 0; l < 8; ++l) {
+                const int one = k + l < count ? k + l : count - 1;
+                names[l] = (unsigned long long)(unsigned int)bodies.data[at + one];
+            }
+            """,
+        "LANE_STEP": "(unsigned long long)first + 0 * lane",
+        "LANE_BODY": "names",
+    },
+}
+"""What the 16 lanes of a block are: steps of one body, or bodies in one step."""
+
+
+def block_source(noise: str, count: int, lanes: Literal["steps", "bodies"] = "steps") -> str:
+    """C++ of the block function of `count` deviates per lane, a key of `_LANES`."""
+    source = _CPU_ONLY + "    float* to = LANE_ROOM;\n" + _PHILOX
     if noise == "gaussian":
         source += _GAUSSIAN.format(n=32) + (_GAUSSIAN.format(n=16) if count == 6 else "")
         source += _THREE_GAUSSIAN + (_SIX_GAUSSIAN if count == 6 else "")
     else:
         source += "    philox(BROWNIAN_A);\n" + _WEAK.replace("DEVIATE", _DEVIATES[noise])
+    for name, text in _LANES[lanes].items():
+        source = source.replace(name, text)
     names = {"UPPER": _UPPER, "LOWER": _LOWER, "POINT": POINT, "STEP": STEP, "COUNT": count}
     for name, value in names.items():
         source = source.replace(name, repr(getattr(value, "value", value)))

@@ -29,23 +29,8 @@ def body_block_term(noise: str) -> wp.Function:
     Args:
         noise: One of `NOISES`.
     """
-    source = block_source(noise, 3).replace("buffer.data + at", "buffer.data")
-    steps = "(unsigned long long)first + (unsigned long long)k + lane"
-    body = "c3 = (unsigned long long)(unsigned int)body;"
-    assert source.count(steps) == 1
-    assert source.count(body) == 1
-    source = source.replace(steps, "(unsigned long long)first + 0 * lane").replace(body, "c3 = names;")
-    source = source.replace(
-        "wide8 step =",
-        """wide8 names;
-            for (int l = 0; l < 8; ++l) {
-                const int one = k + l < count ? k + l : count - 1;
-                names[l] = (unsigned long long)(unsigned int)bodies.data[at + one];
-            }
-            wide8 step =""",
-    )
 
-    @wp.func_native(source)
+    @wp.func_native(block_source(noise, 3, "bodies"))
     def body_block(
         buffer: wp.array(dtype=wp.float32), seed: wp.uint32, first: wp.int64, world: int,
         bodies: wp.array2d(dtype=wp.int32), at: int, count: int,
