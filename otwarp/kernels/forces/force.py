@@ -43,7 +43,7 @@ class Load:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Force:
+class ForceRow:
     """A row of `FORCES`. What a force does not have is None.
 
     Attributes:

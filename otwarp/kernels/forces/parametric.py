@@ -139,7 +139,7 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
 
 
 def parametric_on_sphere(f: Features, index: int) -> wp.Function:
-    """Force `index` on a lone sphere, as `Force.on_sphere`."""
+    """Force `index` on a lone sphere, as `ForceRow.on_sphere`."""
     wrench = parametric_wrench_term(f, index)
 
     @wp.func
@@ -154,7 +154,7 @@ def parametric_on_sphere(f: Features, index: int) -> wp.Function:
 
 
 def parametric_on_body(f: Features, index: int) -> wp.Function:
-    """Force `index` on a rigid body, as `Force.on_body`."""
+    """Force `index` on a rigid body, as `ForceRow.on_body`."""
     wrench = parametric_wrench_term(f, index)
 
     @wp.func

@@ -3,20 +3,20 @@
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.body_forces.external import EXTERNAL
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.forces.force import Force
+from otwarp.kernels.forces.force import ForceRow
 from otwarp.kernels.forces.gravity import weight_load, weight_of_body, weight_of_sphere
 from otwarp.kernels.forces.parametric import parametric_on_body, parametric_on_sphere
 from otwarp.kernels.forces.traps import traps_on_sphere
 from otwarp.kernels.optics.trap_wrench import trap_wrench_term, wrench_stiffness_term
 
 
-def parametric(force: BodyForce, why: str, why_not: str, *, name: str = "", local: bool = True) -> Force:
-    """The row of a force with parameters per body; what it does not say is as in `Force`."""
+def parametric(force: BodyForce, why: str, why_not: str, *, name: str = "", local: bool = True) -> ForceRow:
+    """The row of a force with parameters per body; what it does not say is as in `ForceRow`."""
 
     def index_in(f: Features) -> int:
         return f.forces.index(force)
 
-    return Force(
+    return ForceRow(
         name=name or force.name,
         active=lambda f: force in f.forces,
         why=lambda f: why,
@@ -28,8 +28,8 @@ def parametric(force: BodyForce, why: str, why_not: str, *, name: str = "", loca
     )
 
 
-FORCES: dict[str, Force] = {
-    "traps": Force(
+FORCES: dict[str, ForceRow] = {
+    "traps": ForceRow(
         name="traps",
         active=lambda f: bool(f.trap_models),
         why=lambda f: "models: " + ", ".join(f.trap_models),
@@ -39,7 +39,7 @@ FORCES: dict[str, Force] = {
         sphere_stiffness=lambda f: traps_on_sphere(f, "stiffness"),
         body_stiffness=wrench_stiffness_term,
     ),
-    "gravity": Force(
+    "gravity": ForceRow(
         name="gravity",
         active=lambda f: f.gravity,
         why=lambda f: "ot:scene:gravity",
@@ -60,7 +60,7 @@ FORCES: dict[str, Force] = {
 """Built-in forces by name. Contact is no row: it is solved after each stage, with what it needs of both bodies."""
 
 
-def active_forces(f: Features) -> list[Force]:
+def active_forces(f: Features) -> list[ForceRow]:
     """Rows of a step: the built-in ones that it has, then the user's."""
     known = [row.parametric for row in FORCES.values()]
     rows = [row for row in FORCES.values() if row.active(f)]
