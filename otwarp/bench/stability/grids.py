@@ -55,6 +55,7 @@ def product(
     """Cells of a measurement over two of its arguments, each given by name and values."""
 
     def cells(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
+        """(row, column, measurement) of every cell."""
         for row in rows[1]:
             for column in columns[1]:
                 yield text(row), text(column), partial(measure, effort, **{rows[0]: row, columns[0]: column})

@@ -117,6 +117,7 @@ def _force(law: str, sim: Simulation) -> Callable[[np.ndarray], np.ndarray]:
         return lambda x: -STIFFNESS * x
 
     def piecewise(x: np.ndarray) -> np.ndarray:
+        """Force of `CURVE` at x (3,) from the focus [pN]."""
         d = float(np.linalg.norm(x))
         if d >= CURVE.cutoff or d == 0.0:
             return np.zeros(3)

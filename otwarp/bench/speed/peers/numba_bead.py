@@ -27,6 +27,7 @@ class Peer:
 
         @numba.njit(fastmath=True)
         def run(position, centre, relaxation, kick, steps, rng):
+            """Euler–Maruyama steps of beads (n, 3) in a spring, in place."""
             for i in range(position.shape[0]):
                 x, y, z = position[i, 0], position[i, 1], position[i, 2]
                 for _ in range(steps):
