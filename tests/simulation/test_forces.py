@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,76 +11,38 @@ import warp as wp
 import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.hydrodynamics import body_mobility
-from otwarp.kernels.core.functions import function_from_text
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Medium, Scene, SceneBuilder, Settings
 from otwarp.simulation.info import describe
-from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
-from tests.simulation.setups import FIVE, VISCOSITY, drag, harmonic, robot, sphere_body
-
-ROUNDING = {"float32": 3e-6, "float64": 1e-12}
-"""Relative error of a displacement after some steps of rounding."""
-
-SLOPE = 1.7
-"""Stiffness of the linear force [pN/µm]."""
-
-
-@ot.force(push="pN")
-def constant(body: ot.ForceInput, push: wp.vec3):
-    return push
-
-
-@ot.force(stiffness="pN/µm", centre="µm")
-def spring(body: ot.ForceInput, stiffness: float, centre: wp.vec3 = (0.0, 0.0, 0.0)):
-    return -stiffness * (body.position - centre)
-
-
-@ot.force(acts_on="spheres", per_radius="pN/µm")
-def by_size(body: ot.ForceInput, per_radius: float):
-    return wp.vec3(0.0, 0.0, per_radius * body.radius)
-
-
-@ot.force(strength="pN·µm")
-def turning(body: ot.ForceInput, strength: float) -> ot.Wrench:
-    return ot.Wrench(wp.vec3(0.0), wp.vec3(0.0, 0.0, strength))
-
-
-AMPLITUDE = 0.7
-
-
-@wp.func
-def wave(time: float, frequency: float) -> float:
-    return AMPLITUDE * wp.sin(6.283185307179586 * frequency * time)
-
-
-@ot.force(frequency="Hz", acts_on="body")
-def shaken(body: ot.ForceInput, frequency: float):
-    """Calls another function, which uses a constant."""
-    return wp.vec3(wave(body.time, frequency), 0.0, 0.0)
-
-
-def quiet(*bodies: Body, **settings) -> Scene:
-    return Scene(bodies=bodies, settings=Settings(brownian=False, time_step=1e-4, **settings))
-
-
-def colliding(n: int) -> tuple[Body, ...]:
-    """Beads that could touch, far apart."""
-    return tuple(sphere_body(f"B{i}", (6.0 * i, 0.0, 0.0), collides=True) for i in range(n))
-
-
-DRIVERS = {
-    "solo": quiet(sphere_body("B0")),
-    "world": quiet(*colliding(2)),
-    "coupled": dataclasses.replace(
-        quiet(sphere_body("B0"), sphere_body("B1", (4000.0, 0.0, 0.0))),
-        settings=Settings(brownian=False, time_step=1e-4, coupling=True),
-    ),
-    "grid": quiet(*colliding(30)),
-    "rigid": quiet(robot("B0")),
-}
+from tests.simulation.crowds import SOFT_STEP, crowd, jumbled
+from tests.simulation.forces import (
+    AMPLITUDE,
+    DRIVERS,
+    ROUNDING,
+    SLOPE,
+    by_size,
+    colliding,
+    constant,
+    quiet,
+    shaken,
+    spring,
+    tether,
+    turning,
+)
+from tests.simulation.setups import (
+    FIVE,
+    POWER,
+    STIFFNESS,
+    VISCOSITY,
+    drag,
+    harmonic,
+    obstacle,
+    robot,
+    sphere_body,
+)
 
 
 @pytest.mark.parametrize(
@@ -146,6 +106,77 @@ def test_a_spring_of_the_users_is_a_spring_of_a_trap(device: str):
     for sim in (trapped, pulled):
         sim.step(200)
     np.testing.assert_allclose(pulled.state.position.numpy(), trapped.state.position.numpy(), atol=2e-5)
+
+
+TILTED = (0.0, 0.2, 0.0, 0.96**0.5)
+"""Turn about y, by 23°."""
+CENTRE = (0.3, -0.2, 2.0)
+"""Where the springs of `HELD` pull to [µm]."""
+STEP = Settings(time_step=5e-5, integrator="eulerMaruyama")
+FLOOR = dataclasses.replace(obstacle("Floor", "plane", (0.0, 0.0, 0.0)), hydrodynamic=True)
+SOFT_BEADS = crowd(jumbled(30), trapped=2, temperature=Medium.temperature)
+HELD = {
+    "sphere at a plane": Scene(bodies=(sphere_body("B", (0.0, 0.0, 1.2)),), obstacles=(FLOOR,), settings=STEP),
+    "robot at a plane": Scene(bodies=(robot("B", (0.0, 0.0, 2.5), TILTED),), obstacles=(FLOOR,), settings=STEP),
+    "coupled robots": Scene(
+        bodies=(robot("B0"), robot("B1", (0.0, 2.5, 0.0), TILTED)), settings=dataclasses.replace(STEP, coupling=True)
+    ),
+    "soft beads": dataclasses.replace(SOFT_BEADS, settings=dataclasses.replace(STEP, time_step=SOFT_STEP)),
+}
+"""Scenes whose spheres a spring holds, of a trap or of the user."""
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_springs_at_spheres_are_a_trap_wherever_mobility_comes_from(name: str, device: str):
+    """The same noisy path as in a harmonic trap that acts on the same spheres, torques and contacts included."""
+    scene, power = HELD[name], 0.1 if name == "soft beads" else 20.0
+    trap = harmonic("T", CENTRE, power=power)
+    acts = {body.prim: STIFFNESS / POWER * power for body in scene.bodies if body.spheres[0].trapped}
+    how = {"worlds": 2, "seed": 3, "device": device}
+    trapped = Simulation(dataclasses.replace(scene, traps=(trap,)), **how)
+    pulled = Simulation(scene, forces=[tether(stiffness=acts, centre=CENTRE)], **how)
+    assert pulled.model.features.soft_contacts == (name == "soft beads")
+    for sim in (trapped, pulled):
+        sim.step(100)
+    for kept in ("position", "orientation"):
+        found, expected = (getattr(sim.state, kept).numpy() for sim in (pulled, trapped))
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_two_forces_add_in_double_precision(first: int, device: str):
+    """The Euler scheme's own x ← x + μ dt (F − k (x − c)), world by world, in whatever order the forces are given."""
+    push, stiffness = np.array([[0.1, 0.0, -0.3], [0.7, -0.2, 0.0]]), np.array([1.3, 2.6])
+    forces = [constant, spring(centre=CENTRE)]
+    sim = Simulation(
+        quiet(sphere_body("B"), integrator="eulerMaruyama"),
+        worlds=2,
+        device=device,
+        precision="float64",
+        forces=[forces[first], forces[1 - first]],
+        parameters={"constant_push": push[:, None], "spring_stiffness": stiffness[:, None]},
+    )
+    sim.step(40)
+    place = np.zeros((2, 3))
+    for _ in range(40):
+        place += 1e-4 / drag(1.0) * (push - stiffness[:, None] * (place - CENTRE))
+    np.testing.assert_allclose(sim.state.position.numpy()[:, 0], place, rtol=ROUNDING["float64"])
+    both = [push, -stiffness[:, None] * (place - CENTRE)]
+    found = sim.readout.body_force.numpy()[:, :, 0]
+    np.testing.assert_allclose(found, np.stack([both[first], both[1 - first]], axis=1), rtol=1e-10)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_instances_are_named_together_by_their_prim_and_singly_by_their_index(order: int, device: str):
+    """One that is named itself has its own value, whether it is named before its prim or after it."""
+    cells = [dataclasses.replace(sphere_body("Cells", (5.0 * i, 0.0, 0.0)), instance=i) for i in range(3)]
+    push = {"/World/Cells": (0.0, 0.0, 1.0), "/World/Cells[1]": (0.0, 0.0, -2.0)}
+    given = dict(list(push.items())[::order])
+    scene = quiet(*cells, sphere_body("Other", (0.0, 5.0, 0.0)))
+    sim = Simulation(scene, device=device, forces=[constant(push=given)])
+    sim.step(10)
+    moved = sim.state.position.numpy()[0, :, 2] * drag(1.0) / 1e-3
+    np.testing.assert_allclose(moved, [1.0, -2.0, 1.0, 0.0], rtol=10 * ROUNDING["float32"])
 
 
 def test_a_stated_slope_takes_the_place_of_the_measured_one(device: str):
@@ -253,123 +284,6 @@ def test_a_steady_force_shortens_the_step_of_what_collides(device: str):
     ]  # fmt: skip
     assert steps[0] == pytest.approx(0.1 * drag(1.0) / 1e3, rel=1e-9)
     assert steps[1] == pytest.approx(0.5 * steps[0], rel=1e-9)
-
-
-def made(text: str, **units: str) -> Force:
-    """A force of a function from text, as a user would type it."""
-    from otwarp.kernels.core.functions import function_from_text
-
-    return ot.force(**units)(function_from_text("f", text, {"ot": ot, "wp": wp}))
-
-
-@pytest.mark.parametrize(
-    ("text", "units", "words"),
-    [
-        ("def f(body, a: float):\n    return wp.vec3(a)\n", {"a": "pN"}, "first argument must be annotated"),
-        ("def f(body: ot.ForceInput, a):\n    return wp.vec3(a)\n", {"a": "pN"}, "argument a is annotated as"),
-        ("def f(body: ot.ForceInput, a: float):\n    return wp.vec3(a)\n", {}, "argument a has no unit"),
-        ("def f(body: ot.ForceInput):\n    return wp.vec3(0.0)\n", {"b": "pN"}, "unit of 'b', which is no argument"),
-        ("def f(body: ot.ForceInput, slope: float):\n    return wp.vec3(slope)\n", {}, "argument slope must be"),
-        (
-            "def f(body: ot.ForceInput, a: wp.vec3 = (1.0, 2.0)):\n    return a\n",
-            {"a": "pN"},
-            "has the default (1.0, 2.0); allowed: 3 finite numbers",
-        ),
-    ],
-)
-def test_what_is_no_force_is_refused(text: str, units: dict[str, str], words: str):
-    with pytest.raises(InputError) as error:
-        made(text, **units)
-    assert words in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("forces", "parameters", "words"),
-    [
-        ([constant], {}, "force constant: parameter push has no value"),
-        ([constant(push={"/World/x": (1, 0, 0)})], {}, "has a value for /World/x; allowed: bodies, /World/B0"),
-        ([constant(push={"/World/B0": 1.0})], {}, "push of /World/B0 is 1.0; allowed: 3 numbers"),
-        ([spring(stiffness=np.nan)], {}, "parameter spring_stiffness has the value nan"),
-        ([spring(stiffness=1.0), spring(stiffness=2.0)], {}, "forces has spring twice"),
-        ([constant.law.function], {}, "allowed: functions decorated with otwarp.force"),
-        ([spring(stiffness=1.0)], {"spring_push": 1.0}, "parameter 'spring_push' is unknown"),
-        ([spring(stiffness=[1.0, 2.0, 3.0])], {}, "spring_stiffness has shape (3,)"),
-    ],
-)
-def test_bad_values_are_refused_before_anything_is_compiled(forces: list, parameters: dict, words: str, device: str):
-    with pytest.raises(InputError) as error:
-        Simulation(DRIVERS["solo"], device=device, forces=forces, parameters=parameters)
-    assert words in str(error.value)
-
-
-def test_an_unknown_parameter_of_a_force_is_refused():
-    with pytest.raises(InputError, match="parameter 'pull' is unknown; allowed: push"):
-        constant(pull=1.0)
-
-
-SCRIPT = """
-import otwarp as ot, warp as wp
-AMPLITUDE = (1.5, 2.5)
-
-def half(x):
-    return 0.5 * x
-
-@wp.func
-def helper(x: float) -> float:
-    return x * wp.static(half(AMPLITUDE[0]))
-
-@ot.force(a="pN")
-def push(body: ot.ForceInput, a: float):
-    return wp.vec3(helper(a), 0.0, 0.0)
-
-print(push.law.digest)
-"""
-
-
-def test_a_digest_is_the_same_in_every_process_and_changes_with_what_is_used(tmp_path):
-    digests = []
-    for name, text in (
-        ("one", SCRIPT),
-        ("same", SCRIPT),
-        ("constant", SCRIPT.replace("(1.5,", "(1.6,")),
-        ("function", SCRIPT.replace("0.5 * x", "0.4 * x")),
-    ):
-        file = tmp_path / f"{name}.py"
-        file.write_text(text)
-        done = subprocess.run([sys.executable, file], capture_output=True, text=True, check=True)
-        digests.append(done.stdout.split()[-1])
-    assert digests[0] == digests[1]
-    assert len(set(digests)) == 3
-
-
-stiffness, body = 1e6, Medium()
-"""Globals with the names of a force's arguments, as a notebook has them; they mean nothing to it."""
-
-
-@pytest.mark.parametrize("precision", ROUNDING)
-def test_arguments_hide_globals_of_their_names_and_warp_may_have_another(precision: str, device: str):
-    import warp as w
-
-    @ot.force(stiffness="pN/µm")
-    def pull(body: ot.ForceInput, stiffness: float):
-        scale = 2.0
-        scale = scale * stiffness
-        return scale * body.radius * w.vec3(1.0, 0.0, 0.0)
-
-    sim = Simulation(quiet(sphere_body("B")), device=device, precision=precision, forces=[pull(stiffness=0.5)])
-    assert sim.readout.body_force.numpy()[0, 0, 0, 0] == pytest.approx(1.0, rel=ROUNDING[precision])
-    assert sim.model.loads[0].force == pytest.approx(1.0)
-
-
-def test_names_that_two_parameters_would_have_are_refused():
-    def made_force(name: str, argument: str) -> Force:
-        text = f"def {name}(body: ot.ForceInput, {argument}: float):\n    return wp.vec3({argument}, 0.0, 0.0)\n"
-        return ot.force(**{argument: "pN"})(function_from_text(name, text, {"ot": ot, "wp": wp}))
-
-    pairs = [[made_force("a", "b_c")(b_c=1.0), made_force("a_b", "c")(c=1.0)], [made_force("trap", "power")(power=1.0)]]
-    for forces in pairs:
-        with pytest.raises(InputError, match="as another parameter is"):
-            Simulation(DRIVERS["solo"], device="cpu", forces=forces)
 
 
 def test_a_stated_load_does_not_hide_a_torque(device: str):

@@ -26,7 +26,7 @@ class Force:
 
     Called with parameters it gives the same force with these values; each is one number (or vector) for all bodies, a
     mapping from prims of bodies to such, or an array `(1|W, B)` or `(1|W, B, 3)`. With a mapping the force acts on the
-    bodies that are named alone.
+    bodies that are named alone; `/World/Cells` names all instances of a prim, `/World/Cells[2]` one, which goes first.
 
     Attributes:
         law: What it is.
@@ -188,7 +188,8 @@ def _values(
                 known = ", ".join(list(places)[:8]) + (" …" if len(places) > 8 else "")
                 raise InputError(f"{where} has a value for {unknown[0]}; allowed: bodies, {known}")
             rows = np.zeros((bodies, 3) if p.width == 3 else bodies)
-            for prim, value in given.items():
+            # what an instance is given for itself goes before what its prim is given for all
+            for prim, value in sorted(given.items(), key=lambda item: -len(places[item[0]])):
                 numbers = np.asarray(value, dtype=float)
                 if numbers.shape != rows.shape[1:]:
                     raise InputError(f"{where} of {prim} is {value!r}; allowed: {p.width} number{'s' * (p.width > 1)}")
