@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = ("otwarp.hydrodynamics", "otwarp.optics")
+PACKAGES = ("otwarp", "otwarp.hydrodynamics", "otwarp.optics")
 
 
 @pytest.mark.parametrize("package", PACKAGES)

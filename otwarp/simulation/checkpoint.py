@@ -19,7 +19,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Scene
-from otwarp.simulation.packing.forces import Force
+from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
     from otwarp.simulation.simulation import Simulation

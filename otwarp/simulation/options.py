@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from otwarp.scene import Scene
-    from otwarp.simulation.packing.forces import Force
+    from otwarp.simulation.user_forces import Force
 
 
 @dataclass(frozen=True, kw_only=True)

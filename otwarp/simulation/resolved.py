@@ -19,13 +19,14 @@ from otwarp.scene import Scene
 from otwarp.simulation.composition import compose
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import mobilities
-from otwarp.simulation.packing.forces import ActiveForces, user_parameters
+from otwarp.simulation.packing.forces import ActiveForces
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.parameters import expand_all, scene_values
 from otwarp.simulation.packing.traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.packing.walls import check_flow
 from otwarp.simulation.time_step.relaxation import Neighbours, TrapRelaxation
 from otwarp.simulation.time_step.steady_loads import steady_loads
+from otwarp.simulation.user_forces import user_parameters
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,9 +18,9 @@ from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arrays import host_type
-from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
+from otwarp.simulation.user_forces import Force
 
 
 class Simulation:

@@ -9,12 +9,11 @@ import warp as wp
 
 from otwarp.haptics.force.table import TableLaw
 from otwarp.kernels.core.precision import kernel_module, typed
-from otwarp.kernels.core.table_data import BLEND as KERNELS_BLEND
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 from otwarp.kernels.core.types import Aim, vec6
 from otwarp.kernels.cpu.rigid_block import FEW_SPHERES
 from otwarp.kernels.cpu.table_block import table_wrench_term
-from otwarp.laws.table import BLEND, STENCILS
+from otwarp.laws.table import STENCILS
 from otwarp.optics import ForceTable
 from otwarp.optics.table import major_axis
 from otwarp.simulation.packing.arrays import Place
@@ -150,10 +149,6 @@ def test_vectors_of_a_cpu():
         out = wp.zeros_like(place)
         wp.launch(probe, dim=len(place), inputs=[setting, data, layers, place, out], device="cpu")
         check(out.numpy(), "bilinear", layers, ROUNDING)
-
-
-def test_blend_is_that_of_the_kernels():
-    assert float(KERNELS_BLEND) == BLEND
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)

@@ -13,8 +13,8 @@ import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.kernels.core.functions import function_from_text
 from otwarp.scene import Medium
-from otwarp.simulation.packing.forces import Force
 from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.user_forces import Force
 from tests.simulation.forces import DRIVERS, ROUNDING, constant, quiet, spring
 from tests.simulation.setups import sphere_body
 

@@ -78,6 +78,7 @@ def _steps(measure: Callable[..., Deviation], rows: tuple[str, Sequence[Any]]) -
     """Cells of a measurement with arguments `factor` and `stable`, over these time steps."""
 
     def cells(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
+        """Row, column and measurement: every row at `CHOSEN` times the chosen step, then `STABLE` times the largest."""
         for row in rows[1]:
             for stable, factors in ((False, CHOSEN), (True, STABLE)):
                 for factor in factors:

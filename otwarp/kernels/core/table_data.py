@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from otwarp.laws.table import BLEND
+
 
 @wp.struct
 class GridLevel:
@@ -26,7 +28,5 @@ class ForceTableData:
     level: wp.array(dtype=GridLevel)  # (L)
 
 
-BLEND = wp.constant(0.8)
-"""As `otwarp.optics.table.BLEND`."""
-
-BLEND_SCALE = wp.constant(1.0 / (1.0 - 0.8 * 0.8))
+BLEND_SCALE = wp.constant(1.0 / (1.0 - BLEND * BLEND))
+"""What makes the blend run from 0 to 1 in squared distance over squared radius."""

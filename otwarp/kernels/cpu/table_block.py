@@ -13,9 +13,10 @@ import functools
 
 import warp as wp
 
-from otwarp.kernels.core.table_data import BLEND, BLEND_SCALE, GridLevel
+from otwarp.kernels.core.table_data import BLEND_SCALE, GridLevel
 from otwarp.kernels.core.types import Aim, vec6
 from otwarp.kernels.cpu.rigid_block import LAY_OUT_SPHERES, VECTORS
+from otwarp.laws.table import BLEND
 
 _LOADS = """
     typedef int ints4 __attribute__((ext_vector_type(4)));
@@ -226,7 +227,7 @@ def table_wrench_term(traps: int, layers: int, upright: bool) -> wp.Function:
     source = VECTORS + _LOADS + LAY_OUT_SPHERES + _INTERPOLATE + _FORCE + _BODY
     for name, value in {
         "BLEND_SCALE": repr(float(BLEND_SCALE)),
-        "BLEND": repr(float(BLEND)),
+        "BLEND": repr(BLEND),
         "LAYERS": str(layers),
         "TRAPS": str(traps),
         "INTO_FRAME": "" if upright else _INTO_FRAME,

@@ -8,7 +8,8 @@ import warp as wp
 
 from otwarp.kernels.core.cells import cell_of, cell_start
 from otwarp.kernels.core.roots import reciprocal_root, square_root
-from otwarp.kernels.core.table_data import BLEND, BLEND_SCALE, ForceTableData, GridLevel
+from otwarp.kernels.core.table_data import BLEND_SCALE, ForceTableData, GridLevel
+from otwarp.laws.table import BLEND
 
 mat32 = wp.types.matrix(shape=(3, 2), dtype=wp.float32)
 

@@ -1,6 +1,6 @@
 """A scene's description and a user's numbers, as the arrays that kernels read.
 
-In: a `Scene`, parameters by name (`parameters`), forces that users write (`forces`). Out: the structs of
+In: a `Scene`, parameters by name (`parameters`), forces (`forces`). Out: the structs of
 `kernels.core.types` on a device, in the precision of a model (`arrays`). `bodies`, `traps`, `walls` and `coupling` pack
 what their names say; `optics` computes the force tables, one for all traps whose beams and spheres are equal.
 """

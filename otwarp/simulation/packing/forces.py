@@ -1,90 +1,25 @@
-"""Forces of a simulation: those that users write, those that a scene authors, and their numbers on the device."""
+"""Forces of a simulation, the scene's own and the user's: what they are, their numbers, and both on the device."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
-from otwarp.kernels.body_forces.body_force import BodyForce, Bound
+from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.types import ForceData
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
 from otwarp.simulation.packing.arrays import Place, device_array
-from otwarp.simulation.packing.parameters import PARAMETERS, Parameter, expand, scene_values
+from otwarp.simulation.packing.parameters import Parameter, expand, scene_values
 
-
-@dataclass(frozen=True, eq=False)
-class Force:
-    """A force to give to a `Simulation`: what a function decorated by `force` becomes.
-
-    Called with parameters it gives the same force with these values; each is one number (or vector) for all bodies, a
-    mapping from prims of bodies to such, or an array `(1|W, B)` or `(1|W, B, 3)`. With a mapping the force acts on the
-    bodies that are named alone; `/World/Cells` names all instances of a prim, `/World/Cells[2]` one, which goes first.
-
-    Attributes:
-        law: What it is.
-        values: Parameters that were given so far.
-        bodies: Names of the bodies it acts on, None for those that its values name, or all.
-    """
-
-    law: BodyForce
-    values: Mapping[str, Any]
-    bodies: tuple[str, ...] | None = None
-
-    def __call__(self, **values: ArrayLike | Mapping[str, ArrayLike]) -> Force:
-        """The same force with these parameters.
-
-        Raises:
-            InputError: A name that is no parameter of it.
-        """
-        names = [p.name for p in self.law.parameters]
-        for name in values:
-            if name not in names:
-                allowed = ", ".join(names) or "none, it has no parameters"
-                raise InputError(f"force {self.law.name}: parameter {name!r} is unknown; allowed: {allowed}")
-        return Force(self.law, {**self.values, **values}, self.bodies)
-
-
-def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | None = None, **units: str) -> Any:
-    """Make a force of a function, to be summed in every step: `Simulation(scene, forces=[...])`.
-
-    The function is Warp code (compiled, for CPU and CUDA, in float32 and float64) with the signature
-    `(body: otwarp.ForceInput, *parameters) -> wp.vec3`, the force in pN in world axes, or `-> otwarp.Wrench`, a force
-    and a torque. A parameter is annotated as `float` or `wp.vec3` and has one value per body, or per world and body:
-    `Simulation(parameters={"<function>_<parameter>": ...})`.
-
-    Args:
-        acts_on: `body`: at each body's centre of diffusion; `spheres`: at the centre of each sphere, so that it turns
-            rigid bodies, too.
-        slope: Bound of how fast the force changes with place, as the norm of its gradient [pN/µm]: a number, or a NumPy
-            function of the parameters by name. It limits the time step. None: measured where bodies start and traps go
-            (at fewer places where bodies are many), at 24 moments.
-        load: Bound of the force [pN], likewise. Torques of a `Wrench` are always measured.
-        units: Unit of each parameter by its name, "1" for a pure number.
-
-    Raises:
-        InputError: The function is no such function.
-
-    Example:
-        >>> import otwarp as ot, warp as wp
-        >>> @ot.force(strength="pN")
-        ... def push(body: ot.ForceInput, strength: float):
-        ...     return wp.vec3(strength, 0.0, 0.0)
-        >>> sim = ot.Simulation(scene, forces=[push(strength={"/World/bead": 3.0})])
-    """
-
-    def made(function: Callable[..., Any]) -> Force:
-        plain = function.func if isinstance(function, wp.Function) and function.func else function
-        return Force(BodyForce.of(plain, units, acts_on=acts_on, slope=slope, load=load), {})
-
-    return made
+if TYPE_CHECKING:
+    from otwarp.simulation.user_forces import Force
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +48,7 @@ class ActiveForces:
             worlds: Independent copies of the scene.
 
         Raises:
-            InputError: Not a force, two of one name, a prim that is no body, or a parameter without a value.
+            InputError: Two of one name, a prim that is no body, or a parameter without a value.
         """
         laws, acts, values = [], [], {}
         authored = scene_values(scene)
@@ -130,8 +65,6 @@ class ActiveForces:
                 values |= {name: given.get(name, authored[name]) for name in names.values()}
         overrides: dict[str, np.ndarray] = {}
         for item in forces:
-            if not isinstance(item, Force):
-                raise InputError(f"forces has {item!r}; allowed: functions decorated with otwarp.force")
             if item.law.name in [law.name for law in laws]:
                 raise InputError(f"forces has {item.law.name} twice; allowed: one force of a name")
             laws.append(item.law)
@@ -145,26 +78,6 @@ class ActiveForces:
         """Parameters of one force by their own names, (1|W, B) or (1|W, B, 3)."""
         law = self.laws[index]
         return {p.name: self.values[law.full_name(p.name)] for p in law.parameters}
-
-
-def user_parameters(forces: Sequence[Force]) -> dict[str, Parameter]:
-    """What `Simulation(parameters=...)` accepts for the user's forces, by full name.
-
-    Raises:
-        InputError: Two parameters would have one name, or one that the scene's vocabulary has.
-    """
-    known: dict[str, Parameter] = {}
-    laws = {f.law.name: f.law for f in forces if isinstance(f, Force)}
-    for law in laws.values():
-        for p in law.parameters:
-            name = law.full_name(p.name)
-            if name in PARAMETERS or name in known:
-                raise InputError(
-                    f"force {law.name}: parameter {p.name} would be called {name}, as another parameter is; "
-                    "allowed: another name of the function or of its argument"
-                )
-            known[name] = Parameter("bodies", width=p.width, unit=p.unit)
-    return known
 
 
 def _values(
