@@ -14,6 +14,8 @@ from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Medium, Scene, SceneBuilder, Settings
 from otwarp.simulation.info import describe
+from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
@@ -188,6 +190,24 @@ def test_a_stated_slope_takes_the_place_of_the_measured_one(device: str):
     sims = [Simulation(bead, device=device, forces=[f(stiffness=SLOPE)]) for f in (spring, stated)]
     assert sims[1].time_step == pytest.approx(sims[0].time_step / 4.0, rel=1e-6)
     assert sims[1].model.loads[0].force == 1.0
+
+
+def test_a_spring_that_is_said_to_be_no_load_has_a_traps_step_at_a_plane(device: str):
+    """By itself the force where the body starts counts, as weight does: nobody knows that it is a spring."""
+
+    @ot.force(stiffness="pN/µm", centre="µm", load=0.0)
+    def held(body: ot.ForceInput, stiffness: float, centre: wp.vec3):
+        return -stiffness * (body.position - centre)
+
+    scene = dataclasses.replace(HELD["sphere at a plane"], settings=Settings())
+    trapped = dataclasses.replace(scene, traps=(harmonic("T", CENTRE),))
+    values = {"stiffness": STIFFNESS, "centre": CENTRE}
+    steps = [
+        Model.build(s, worlds=1, device=wp.get_device(device), options=StepOptions(forces=forces)).time_step
+        for s, forces in ((trapped, ()), (scene, (held(**values),)), (scene, (spring(**values),)))
+    ]
+    assert steps[1] == pytest.approx(steps[0], rel=1e-6)
+    assert steps[2] < steps[0]
 
 
 def test_a_spring_holds_the_thermal_variance(device: str):
