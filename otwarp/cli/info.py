@@ -142,8 +142,14 @@ def _span(parameter: dict[str, Any]) -> str:
     return text if parameter["unit"] == "1" else f"{text} {parameter['unit']}"
 
 
+def _percent(error: float | None) -> str:
+    return f"{100.0 * error:+.2g} %" if error is not None else "unstable"
+
+
 def _scales_table(about: dict[str, Any]) -> Table:
     from rich.table import Table
+
+    from otwarp.simulation.time_step.observables import OBSERVABLES
 
     scales = about["time_scales"]
     table = Table("quantity", "value", title="Time scales", show_header=False)
@@ -160,8 +166,7 @@ def _scales_table(about: dict[str, Any]) -> Table:
         ("time step", f"{_time(scales['time_step'])}  ({scales['chosen_by']})"),
         ("integrator", scales["integrator"] + (f"  ({why})" if (why := about["integrator_reason"]) else "")),
         ("noise", about["noise"]),
-        ("predicted error of stationary variances", f"{100.0 * scales['variance_error']:+.2g} %"),
-        ("predicted error of relaxation rates", f"{100.0 * scales['rate_error']:+.2g} %"),
+        *((f"estimated error of {OBSERVABLES[name]}", _percent(e)) for name, e in scales["errors"].items()),
         ("steps of the run", f"{about['steps']:,}"),
     ):
         table.add_row(name, value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -194,7 +193,8 @@ def describe(
     """
     model = Model.build(scene, worlds=worlds, device=device, options=options)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
-    scales = {k: _finite(v) if not isinstance(v, str) else v for k, v in dataclasses.asdict(model.scales).items()}
+    scales = {k: _finite(v) if not isinstance(v, str | dict) else v for k, v in vars(model.scales).items()}
+    scales["errors"] = {name: _finite(error) for name, error in model.scales.errors.items()}
     return {
         "scene": str(scene.file or scene.root),
         "root": scene.root,

@@ -162,7 +162,7 @@ def _bead(setting: Setting, *, integrator: str = EULER, fast_math: bool = False,
 
     def check() -> float:
         x = sim.state.position.numpy()[:, 0].astype(float) - np.array(PLACE, dtype=np.float32).astype(float)
-        exact = BOLTZMANN * what.medium.temperature / STIFFNESS * (1.0 + sim.model.scales.variance_error)
+        exact = BOLTZMANN * what.medium.temperature / STIFFNESS * (1.0 + sim.model.scales.errors["variance"])
         return float(np.mean(x**2)) / exact
 
     return replace(out, check=check)

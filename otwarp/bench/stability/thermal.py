@@ -141,7 +141,7 @@ def bead_variance(
         return Deviation(error=moved / start - math.exp(-rate * sim.time))
     x = snapshots(sim, rate)[:, :, 0] - np.array(place, dtype=np.float32).astype(float)
     energy = BOLTZMANN * temperature
-    predicted = sim.model.scales.variance_error if commanded is None else 0.0
+    predicted = sim.model.scales.errors["variance"] if commanded is None else 0.0
     return against(np.mean(x**2, axis=(0, 2)), energy / k, predicted=predicted)
 
 
@@ -220,7 +220,7 @@ def robot_equipartition(
     for _ in range(2 * SNAPSHOTS):
         advance(sim, steps_for(APART, modes.rates[-1], sim))
         found.append(modes.shares(sim)[:, -1])
-    return against(np.mean(found, axis=0), 1.0, predicted=sim.model.scales.variance_error)
+    return against(np.mean(found, axis=0), 1.0, predicted=sim.model.scales.errors["variance"])
 
 
 def long_run(effort: Effort, *, steps: int, worlds: int) -> Deviation:
@@ -233,4 +233,4 @@ def long_run(effort: Effort, *, steps: int, worlds: int) -> Deviation:
     for _ in range(max(1, steps // 10 // apart)):
         advance(sim, apart)
         found.append(modes.shares(sim)[:, 3:].mean(axis=1))
-    return against(np.ravel(found), 1.0, predicted=sim.model.scales.variance_error)
+    return against(np.ravel(found), 1.0, predicted=sim.model.scales.errors["variance"])

@@ -2,6 +2,7 @@
 
 In: a `Scene` and what `packing` found of it. Out: `TimeScales`, of which `timescales` (open it first) makes the step.
 
+    observables    what the step may make wrong: an estimated error and a longest step for each, open to new rows
     relaxation     in the traps: which trap acts on which sphere, and the rate that follows from its power
     coupled_rates  faster still, where bodies carry each other along
     speeds         of what neither traps nor noise move: flow, obstacles, weight, adhesion

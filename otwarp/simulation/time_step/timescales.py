@@ -16,6 +16,7 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
+from otwarp.simulation.time_step.observables import Observable, errors, in_springs, near_walls, on_steep_sides
 from otwarp.simulation.time_step.relaxation import TrapRelaxation
 from otwarp.simulation.time_step.speeds import (
     adhesion_speed,
@@ -67,8 +68,8 @@ class TimeScales:
         time_step: Step in use.
         largest_stable: Largest stable step, inf without traps; of coupled bodies where they start.
         integrator: Name of the integrator.
-        variance_error: Predicted relative error of stationary variances, in the stiffest mode.
-        rate_error: Predicted relative error of the rate at which correlations of that mode decay.
+        errors: Estimated relative error of what the step may make wrong, by the names of `OBSERVABLES`; in traps of
+            the stiffest mode.
         chosen_by: What decided the step; never longer than a frame.
     """
 
@@ -83,8 +84,7 @@ class TimeScales:
     time_step: float
     largest_stable: float
     integrator: str
-    variance_error: float
-    rate_error: float
+    errors: dict[str, float]
     chosen_by: str
 
 
@@ -190,8 +190,8 @@ def time_scales(
 ) -> TimeScales:
     """Time scales of a scene and its step; `values` are the `(1|W, …)` parameters of `parameters.PARAMETERS`.
 
-    The step is as long as the integrator's known errors for a spring allow, in the variance and in the decay of
-    correlations of the stiffest mode; those of all others are smaller.
+    The step is as long as every observable of the scene allows: what a spring's variance, correlation and
+    displacement have of known errors in the stiffest mode, smaller in all others, and the other rows of `OBSERVABLES`.
 
     Args:
         integrator: Name of the integrator.
@@ -212,7 +212,8 @@ def time_scales(
     stability = Stability.of(scheme, steepest, powers)
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)
-    limits = _step_limits(scene, scheme, rate, stability, motions, wall)
+    watched = _observables(scene, scheme, rate, stability, wall)
+    limits = _step_limits(scene, scheme, stability, motions, watched)
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]
     if wanted is not None:
@@ -226,37 +227,46 @@ def time_scales(
         time_step=step,
         largest_stable=stability.largest,
         integrator=integrator,
-        variance_error=scheme.variance_error(rate * step) if rate > 0.0 else 0.0,
-        rate_error=scheme.rate_error(rate * step) if rate > 0.0 else 0.0,
+        errors=errors(watched, step),
         chosen_by=chosen_by,
     )
+
+
+def _observables(
+    scene: Scene, scheme: Integrator, rate: float, stability: Stability, wall: float | None
+) -> list[Observable]:
+    """What the step of a scene may make wrong.
+
+    Args:
+        rate: Fastest relaxation near the equilibria of the traps [1/s].
+        wall: As in `TimeScales`.
+    """
+    accuracy, noise, brownian = scene.settings.accuracy, scene.settings.noise, scene.settings.brownian
+    watched = in_springs(scheme, rate, accuracy, noise, brownian=brownian)
+    if stability.rate > rate:
+        watched.append(on_steep_sides(scheme, stability.rate, accuracy, noise))
+    if wall is not None:
+        watched.append(near_walls(WALL_PRODUCT * accuracy * wall, accuracy))
+    return watched
 
 
 def _step_limits(
     scene: Scene,
     scheme: Integrator,
-    rate: float,
     stability: Stability,
     motions: Mapping[str, float | None],
-    wall: float | None,
+    watched: list[Observable],
 ) -> dict[str, float]:
     """Longest step [s] that each of what limits it allows, by what is reported of it.
 
     Args:
-        rate: Fastest relaxation near the equilibria of the traps [1/s].
         motions: As `_motions` gives them.
-        wall: As in `TimeScales`.
+        watched: As `_observables` gives them.
     """
-    accuracy, noise = scene.settings.accuracy, scene.settings.noise
     rim, utmost = stability.rate, stability.utmost
-    steep = scheme.rim_product(accuracy, noise)
     return {
-        "trap relaxation and wanted accuracy": scheme.largest_product(accuracy, noise) / rate
-        if rate > 0.0
-        else math.inf,
-        "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
+        **{row.limit: row.longest for row in sorted(watched, key=lambda row: -row.longest)},
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
-        "motion near hydrodynamic walls and wanted accuracy": WALL_PRODUCT * accuracy * (wall or math.inf),
         "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,
         "frame interval": 1.0 / scene.settings.frames_per_second,
     }

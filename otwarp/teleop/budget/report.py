@@ -40,7 +40,7 @@ class SceneCost:
         driver: Of the step, see `Features`.
         time_step: [s].
         largest_stable: Largest stable step [s].
-        error: Larger of the predicted relative errors of variances and of relaxation rates, in the stiffest mode.
+        error: Largest estimated relative error of what the time step may make wrong.
         chosen_by: What decided the time step.
         step: Wall time of a step [s].
         frame: Wall time of reading out a frame [s].
@@ -131,7 +131,7 @@ def measure_scene(
         driver=sim.model.features.driver,
         time_step=sim.time_step,
         largest_stable=scales.largest_stable,
-        error=max(abs(scales.variance_error), abs(scales.rate_error)),
+        error=max((abs(e) for e in scales.errors.values()), default=0.0),
         chosen_by=scales.chosen_by,
         step=median(m[0] for m in means),
         frame=median(m[1] for m in means),
