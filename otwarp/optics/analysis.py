@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -67,6 +68,7 @@ def axial_equilibria(
     return tuple(sorted(map(float, roots), key=lambda height: abs(height - beam.focus_shift)))
 
 
+@functools.lru_cache(maxsize=64)
 def trap_properties(beam: Beam, sphere: Particle, *, device: str | None = None) -> TrapProperties:
     """Equilibrium, stiffness, escape force and depth of a trap; `device` as in `force`.
 

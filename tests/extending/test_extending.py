@@ -70,24 +70,66 @@ def test_every_block_has_its_place():
     assert written == sum(len(BLOCK.findall(body)) for body in WALKS.values())
 
 
+def copied(folder: Path, *names: str) -> None:
+    """The package, and further files of the repository, in a folder of their own."""
+    shutil.copytree(ROOT / "otwarp", folder / "otwarp", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
+
+
+def blocks(title: str) -> list[Block]:
+    return [Block(*found) for found in BLOCK.findall(WALKS[title])]
+
+
+def its_test(title: str) -> str:
+    """The file that a walk names as its test."""
+    link = re.search(r" Test: \[.*\]\(\.\./(tests/extending/\w+\.py)\)\.$", WALKS[title], re.M)
+    assert link, f"{title}: where its test is"
+    return link[1]
+
+
 @pytest.mark.parametrize("title", WALKS)
-def test_a_walk_leads_where_it_says(title: str, tmp_path: Path):
-    body = WALKS[title]
-    shutil.copytree(ROOT / "otwarp", tmp_path / "otwarp", ignore=shutil.ignore_patterns("__pycache__"))
-    link = re.search(r" Test: \[.*\]\(\.\./(tests/extending/\w+\.py)\)\.$", body, re.M)
-    assert link, "where its test is"
-    for name in ("docs/scene.md", "tests/conftest.py", link[1]):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, tmp_path / name)
-    blocks = [Block(*found) for found in BLOCK.findall(body)]
-    for block in blocks:
+def test_a_walk_touches_the_files_it_says(title: str, tmp_path: Path):
+    copied(tmp_path)
+    for block in blocks(title):
         block.put_into(tmp_path)
-    touched = {block.path for block in blocks if block.path.startswith("otwarp/")}
-    stated = re.search(r"^Files of the package: (\d)", body, re.M)
+    touched = {block.path for block in blocks(title) if block.path.startswith("otwarp/")}
+    stated = re.search(r"^Files of the package: (\d)", WALKS[title], re.M)
     assert stated, "how many files a walk touches"
     assert len(touched) == int(stated[1]), sorted(touched)
-    run = [[sys.executable, "-m", "otwarp.scene.schema"]] if "`make schema`" in body else []
+
+
+PACKAGES = {
+    kept: [title for title in WALKS if kept == (not any(b.path.startswith("otwarp/") for b in blocks(title)))]
+    for kept in (True, False)
+}
+"""The walks that leave the package as it is, and those that change it."""
+
+
+@pytest.mark.parametrize("title", WALKS)
+def test_a_walk_stands_on_its_own(title: str):
+    """What it defines is used by no other that shares its copy, nor by its test: each would lead there alone."""
+    made = set(re.findall(r"^(?:def|class) (\w+)", "\n".join(block.code for block in blocks(title)), re.M))
+    assert made
+    for other in next(titles for titles in PACKAGES.values() if title in titles):
+        if other != title:
+            text = WALKS[other] + (ROOT / its_test(other)).read_text(encoding="utf-8")
+            assert not made & set(re.findall(r"\w+", text)), other
+
+
+@pytest.mark.parametrize("kept", PACKAGES, ids=["as it is", "changed"])
+def test_the_walks_lead_where_they_say(kept: bool, tmp_path: Path):
+    """Those of a copy in one process: each by itself would load and compile anew what they share."""
+    tests = [its_test(title) for title in PACKAGES[kept]]
+    copied(tmp_path, "docs/scene.md", "tests/conftest.py", *tests)
+    for title in PACKAGES[kept]:
+        for block in blocks(title):
+            block.put_into(tmp_path)
+    schema = [["otwarp.scene.schema"]] if any("`make schema`" in WALKS[title] for title in PACKAGES[kept]) else []
     here = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    for command in [*run, [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", link[1]]]:
-        done = subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, f"{title}: {done.stdout[-4000:]}{done.stderr[-2000:]}"
+    for command in [*schema, ["pytest", "-q", "-p", "no:cacheprovider", *tests]]:
+        done = subprocess.run(
+            [sys.executable, "-m", *command], cwd=tmp_path, env=here, capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, f"{command}: {done.stdout[-4000:]}{done.stderr[-2000:]}"

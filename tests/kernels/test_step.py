@@ -103,7 +103,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         ("plane_distance", "ball_distance", "cylinder_distance", "capsule_distance", "mesh_distance"),
     ),
     "moving obstacles": (
-        dataclasses.replace(EVERYTHING, moving_traps=False),
+        EVERYTHING,
         dataclasses.replace(EVERYTHING, moving_traps=False, moving_obstacles=False),
         ("moving_pose", "find_key"),
     ),
@@ -114,7 +114,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         ("cell_key", "sphere_contacts"),
     ),
     "grid moving obstacles": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, moving_traps=False),
+        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, moving_traps=False, moving_obstacles=False),
         ("moving_pose", "find_key"),
     ),

@@ -20,6 +20,9 @@ from otwarp.scene import (
     Trap,
     Vec3,
 )
+from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
+from otwarp.simulation.user_forces import Force
 from otwarp.units import BOLTZMANN
 
 VISCOSITY = 0.00089
@@ -122,11 +125,12 @@ def contact_scene(
 ) -> Scene:
     """Two spheres, two harmonic traps, a floor and a box that moves: every test of contact uses these features.
 
-    A box given by a point creeps by 1 nm in 1000 s, so that it counts as moving and every test shares the kernels.
+    A box given by a point creeps by 1 nm in 1000 s, so that it counts as moving, and traps that are off end far away,
+    so that escapes are looked for: every test shares the kernels.
     """
     if not isinstance(box, Track):
         box = line((0.0, box), (1e3, np.add(box, (1e-3, 0.0, 0.0))))
-    off = (harmonic("TrapA", (0, 0, 0), power=0.0), harmonic("TrapB", (0, 0, 0), power=0.0))
+    off = (harmonic("TrapA", power=0.0, cutoff=1e9), harmonic("TrapB", power=0.0, cutoff=1e9))
     return Scene(
         medium=Medium(temperature=temperature, viscosity=VISCOSITY),
         bodies=(first, second),
@@ -145,3 +149,8 @@ def five_sphere_mobility():
     """Mobility of `FIVE`, from the hydrodynamics room."""
     centres, radii = np.array([o for o, _ in FIVE]), np.array([r for _, r in FIVE])
     return body_mobility(centres, radii, accuracy=Body.mobility_accuracy)
+
+
+def model_with(scene: Scene, force: Force, device: str) -> Model:
+    """What a simulation of the scene with one more force would step, without its kernels."""
+    return Model.build(scene, device=device, options=StepOptions(forces=(force,)))

@@ -182,8 +182,11 @@ def test_a_pushed_bead_stops_at_a_thin_wall(driver, device):
     """
     beads = (neutral("A", (0.0, 0.0, 0.0)), neutral("B", (2.1, 0.0, 0.0), radius=0.6, trapped=False))
     thin = dataclasses.replace(wall("box"), position=Track.constant((4.0, 0.0, 0.0)))
-    sim = Simulation(scene(beads, (trap("T", beads[0].spheres[0], (0, 0, 0)),), (thin,)), device=device)
-    place = drive(sim, np.array([[22.0, 0.0, 0.0]]), 300)
+    pulls = trap("T0", beads[0].spheres[0], (0, 0, 0))
+    # beads that meet have two traps
+    off = dataclasses.replace(trap("T1", beads[0].spheres[0], (0, 0, 0)), power=Track.constant(0.0))
+    sim = Simulation(scene(beads, (pulls, off), (thin,)), device=device)
+    place = drive(sim, np.array([[22.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), 300)
     assert np.all(place[:, :, 0].max(axis=0) < 4.0 - THIN - np.array([1.0, 0.6]) + SEEN)
     assert place[-1, 1, 0] > 4.0 - THIN - 0.6 - SEEN
     assert np.linalg.norm(place[:, 1] - place[:, 0], axis=1).min() > 1.6 - SEEN

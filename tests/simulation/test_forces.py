@@ -41,6 +41,7 @@ from tests.simulation.setups import (
     VISCOSITY,
     drag,
     harmonic,
+    model_with,
     obstacle,
     robot,
     sphere_body,
@@ -187,9 +188,9 @@ def test_a_stated_slope_takes_the_place_of_the_measured_one(device: str):
         return -stiffness * body.position
 
     bead = Scene(bodies=(sphere_body("B", (0.1, 0.0, 0.0)),))
-    sims = [Simulation(bead, device=device, forces=[f(stiffness=SLOPE)]) for f in (spring, stated)]
-    assert sims[1].time_step == pytest.approx(sims[0].time_step / 4.0, rel=1e-6)
-    assert sims[1].model.loads[0].force == 1.0
+    models = [model_with(bead, f(stiffness=SLOPE), device) for f in (spring, stated)]
+    assert models[1].time_step == pytest.approx(models[0].time_step / 4.0, rel=1e-6)
+    assert models[1].loads[0].force == 1.0
 
 
 def test_a_spring_that_is_said_to_be_no_load_has_a_traps_step_at_a_plane(device: str):
@@ -311,15 +312,15 @@ def test_a_stated_load_does_not_hide_a_torque(device: str):
     def motor(body: ot.ForceInput, strength: float) -> ot.Wrench:
         return ot.Wrench(wp.vec3(0.0), wp.vec3(0.0, 0.0, strength))
 
-    sim = Simulation(Scene(bodies=(robot("R"),)), device=device, forces=[motor(strength=50.0)])
-    assert sim.model.loads[0].torque == pytest.approx(50.0)
-    assert sim.model.scales.turning is not None
+    model = model_with(Scene(bodies=(robot("R"),)), motor(strength=50.0), device)
+    assert model.loads[0].torque == pytest.approx(50.0)
+    assert model.scales.turning is not None
 
 
 def test_an_oscillation_is_seen_whatever_its_frequency(device: str):
     for frequency in (4.0, 100.0):
-        sim = Simulation(Scene(bodies=(sphere_body("B"),)), device=device, forces=[shaken(frequency=frequency)])
-        assert 0.9 * AMPLITUDE < sim.model.loads[0].force <= AMPLITUDE * (1.0 + 1e-6)
+        model = model_with(Scene(bodies=(sphere_body("B"),)), shaken(frequency=frequency), device)
+        assert 0.9 * AMPLITUDE < model.loads[0].force <= AMPLITUDE * (1.0 + 1e-6)
 
 
 def test_forces_of_a_scene_that_state_nothing_count_for_the_budget(monkeypatch):

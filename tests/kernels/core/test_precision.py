@@ -37,6 +37,8 @@ from tests.simulation.setups import (
     robot,
     sphere_body,
 )
+from tests.simulation.test_contact_thermal import pairs
+from tests.simulation.test_coupling import coupled, mixed
 
 ROUNDINGS = 40.0
 """Spacings of float32 at the largest coordinate by which paths of a few hundred steps may differ: each step rounds a
@@ -94,10 +96,16 @@ def wall_scene() -> Scene:
 
 
 def coupled_scene() -> Scene:
-    """The pair of cells and a robot above them, which carry each other along."""
-    scene = pair_scene()
-    bodies = (*scene.bodies, robot("Robot", (0.0, 0.0, 14.0)))
-    return dataclasses.replace(scene, bodies=bodies, settings=dataclasses.replace(scene.settings, coupling=True))
+    """A robot and two beads that carry each other along, as far from the origin as the pair of cells."""
+    scene, up = mixed(DT), np.array([0.0, 0.0, 9.0])
+    bodies = tuple(dataclasses.replace(b, position=tuple(up + b.position)) for b in scene.bodies)
+    traps = tuple(dataclasses.replace(t, position=Track.constant(up + t.position.at(0.0))) for t in scene.traps)
+    return dataclasses.replace(scene, bodies=bodies, traps=traps)
+
+
+def coupled_pair() -> Scene:
+    """Two touching beads in one spring that carry each other along."""
+    return coupled(pairs(1), time_step=DT)
 
 
 SCENES = {
@@ -107,6 +115,7 @@ SCENES = {
     "pair": pair_scene,
     "walls": wall_scene,
     "coupled": coupled_scene,
+    "coupled pair": coupled_pair,
 }
 
 

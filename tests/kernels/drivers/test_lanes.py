@@ -69,7 +69,7 @@ SCENES = {
     "two traps": scene(bead(PLACES[0], "a"), bead(PLACES[1], "b"), traps=2),
     "three traps": scene(bead(PLACES[0], "a"), bead(PLACES[2], "b"), traps=3),
     "moving trap": scene(bead(PLACES[0], "a"), moving=True),
-    "rigid": scene(dimer(PLACES[0], "a")),
+    "rigid": scene(dimer(PLACES[0], "a"), traps=3),
     "mixed": scene(dimer(PLACES[0], "a"), bead(PLACES[1], "b"), bead(PLACES[2], "c"), traps=3),
     "free": Scene(bodies=(bead(PLACES[0], "a"),)),
 }

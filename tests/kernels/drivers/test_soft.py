@@ -11,6 +11,7 @@ import warp as wp
 from otwarp.errors import SimulationError
 from otwarp.scene import Scene
 from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from tests.reference.contact import sphere_obstacle, sphere_pair
 from tests.simulation.crowds import SOFT, crowd, jumbled, places
@@ -199,7 +200,7 @@ def test_what_is_not_soft_is_swept(change, device):
         scene = dataclasses.replace(scene, bodies=(pair, *scene.bodies[1:]))
     else:
         scene = dataclasses.replace(scene, bodies=scene.bodies[:4])
-    assert not Simulation(scene, device=device).model.features.soft_contacts
+    assert not Model.build(scene, device=device).features.soft_contacts
 
 
 def test_traps_hold_and_lose_their_sphere_wherever_its_slot_is(device):
