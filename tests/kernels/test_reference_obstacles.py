@@ -150,3 +150,12 @@ def test_rotations_stay_on_the_arc():
     turn = exponential(np.array([0.7, 0.1, 0.0]))
     turned = np.array([multiply(turn, first), multiply(turn, last)])
     np.testing.assert_allclose(interpolate_rotation(times, turned, 0.3), multiply(turn, q), atol=1e-14)
+
+
+def test_faxen_is_the_mean_over_the_surface():
+    """Six points on a sphere integrate quadratic profiles exactly."""
+    channel = FLOWS[2]
+    p, a = np.array([7.0, -3.0, 1.0]), 0.8
+    mean = np.mean([flow_at(channel, p + s * a * e)[0] for s in (-1, 1) for e in np.eye(3)], axis=0)
+    np.testing.assert_allclose(flow_at(channel, p, a)[0], mean, rtol=1e-12)
+    assert flow_at(channel, np.zeros(3), 0.2 * channel.half_height)[0][0] == pytest.approx(0.98667 * 5, rel=1e-5)

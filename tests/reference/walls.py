@@ -54,9 +54,12 @@ def sphere_move(
     return spread * (np.sqrt(across) * normal + np.sqrt(along) * (noise - normal)) + drift * n
 
 
-def sphere_carried(position: np.ndarray, radius: float, walls: Walls, flow: np.ndarray) -> np.ndarray:
-    """(3,) velocity of a lone sphere in a flow that stands at the walls."""
-    pull = np.array(flow, dtype=float)
+def sphere_carried(
+    position: np.ndarray, radius: float, walls: Walls, flow: np.ndarray, mean: np.ndarray | None = None
+) -> np.ndarray:
+    """(3,) velocity of a lone sphere in a flow that stands at the walls; `mean` over its surface, None where it is
+    `flow`, that at its centre."""
+    pull = np.array(flow if mean is None else mean, dtype=float)
     for n, offset in zip(*walls, strict=True):
         gap = (n @ position - offset) / radius - 1.0
         pull += ENTRAINED(gap)[0] * (flow - (n @ flow) * n)

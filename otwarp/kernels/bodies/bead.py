@@ -12,6 +12,8 @@ from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
 from otwarp.kernels.optics.traps import commanded_still, trap_force_term
 
+_PI = wp.constant(3.141592653589793)
+
 
 def bead_constants_term(f: Features) -> wp.Function:
     """`(model, control, world, b) -> BeadConstants` of a lone sphere."""
@@ -23,7 +25,10 @@ def bead_constants_term(f: Features) -> wp.Function:
         bead = BeadConstants()
         dt = wp.float32(model.time_step)
         viscosity = viscosity_of(model, world)
-        bead.mobility_dt = model.body.translation[model.body.shape[b]] / viscosity * dt
+        translation = model.body.translation[model.body.shape[b]]
+        bead.mobility_dt = translation / viscosity * dt
+        if wp.static(f.flow is not None):
+            bead.drag_radius = 1.0 / (6.0 * _PI * translation)
         if wp.static(f.brownian):
             energy = thermal_energy_of(model, world)
             bead.spread = wp.sqrt(2.0 * energy * bead.mobility_dt)
@@ -79,7 +84,7 @@ def bead_dynamics(f: Features) -> Dynamics:
         """μ F dt + u dt [µm], F the sum over `FORCES`."""
         move = bead.mobility_dt * force_on(model, control, state, bead, world, b, position, time)
         if wp.static(f.flow is not None):
-            move += wp.float32(model.time_step) * flow_at(model.flow, world, position).linear
+            move += wp.float32(model.time_step) * flow_at(model.flow, world, position, bead.drag_radius).linear
         return move
 
     @wp.func

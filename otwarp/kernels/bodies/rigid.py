@@ -125,8 +125,9 @@ def flow_velocity_term(f: Features) -> wp.Function:
         """Twist of the force-free body [µm/s, rad/s]: mobility-weighted mean of the flow over its spheres."""
         velocity = vec6()
         for i in range(model.body.drag_start[b], model.body.drag_start[b + 1]):
-            point = pose.position + wp.quat_rotate(pose.rotation, model.body.drag_offset[i])
-            u = flow_at(model.flow, world, point)
+            sphere = model.body.drag_sphere[i]
+            point = pose.position + wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+            u = flow_at(model.flow, world, point, sphere[3])
             v = wp.quat_rotate_inv(pose.rotation, u.linear)
             w = wp.quat_rotate_inv(pose.rotation, u.angular)
             velocity += model.body.flow_coupling[i] * twist(v, w)

@@ -92,6 +92,7 @@ class BeadConstants:
     mobility_dt: wp.float32  # mobility × time step [µm/pN]
     spread: wp.float32  # standard deviation of the thermal displacement [µm]
     weight: wp.float32  # [pN]
+    drag_radius: wp.float32  # with a flow: of its hydrodynamic sphere [µm]
     trapped: wp.int32  # 1: traps act on it
     radius: wp.float32  # [µm]
     kind: wp.int32
@@ -152,7 +153,7 @@ class BodyData:
     trapped: wp.array(dtype=wp.vec4)  # (S) offset and radius of the spheres that traps act on
     trapped_kind: wp.array(dtype=wp.int32)  # (S) optical kind: spheres of equal radius and index
     drag_start: wp.array(dtype=wp.int32)  # (B + 1), filled when there is flow
-    drag_offset: wp.array(dtype=wp.vec3)  # spheres that couple to the flow
+    drag_sphere: wp.array(dtype=wp.vec4)  # offset and radius of the spheres that couple to the flow
     flow_coupling: wp.array(dtype=mat66)  # their share of the body's velocity, body frame
 
 

@@ -292,7 +292,9 @@ def own_drift_term(f: Features) -> wp.Function:
                 v = still(model, control, state, bead, world, b, pose.position, time)
                 force = v / bead.mobility_dt
                 if wp.static(f.flow is not None):
-                    v += wp.float32(model.time_step) * flow_at(model.flow, world, pose.position).linear
+                    v += (
+                        wp.float32(model.time_step) * flow_at(model.flow, world, pose.position, bead.drag_radius).linear
+                    )
                 move = twist(v, wp.vec3(0.0))
         return force, move
 

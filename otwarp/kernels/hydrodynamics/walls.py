@@ -175,12 +175,17 @@ def sphere_noise_term(f: Features) -> wp.Function:
 
 
 def sphere_flow_term(f: Features) -> wp.Function:
-    """`(walls, position, radius, mobility, flow) -> velocity` of a lone sphere in a flow that stands at the walls."""
+    """`(walls, position, radius, mobility, flow, mean) -> velocity` of a lone sphere in a flow that stands at walls."""
 
     @wp.func
-    def carried(walls: WallData, position: wp.vec3, radius: float, mobility: wp.mat33, flow: wp.vec3) -> wp.vec3:
-        """μ (1 + Σ_i E_i(1 − n_i n_iᵀ)) u [µm/s]: walls hold the sphere back more than they keep the flow from it."""
-        pull = flow
+    def carried(
+        walls: WallData, position: wp.vec3, radius: float, mobility: wp.mat33, flow: wp.vec3, mean: wp.vec3
+    ) -> wp.vec3:
+        """μ (ū + Σ_i E_i(1 − n_i n_iᵀ) u) [µm/s]: walls hold the sphere back more than they keep the flow from it.
+
+        Without walls the sphere would have the mean ū of the flow over its surface; u is that at its centre.
+        """
+        pull = mean
         for wall in range(walls.normal.shape[0]):
             n = walls.normal[wall]
             gap = height_above(walls, wall, position) / radius - 1.0
@@ -257,8 +262,9 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         mobility = mobility_of(model.walls, position, radius)
         move = mobility * still(model, control, state, bead, world, b, position, time)
         if wp.static(f.flow is not None):
-            flow = flow_at(model.flow, world, position).linear
-            move += wp.float32(model.time_step) * carried(model.walls, position, radius, mobility, flow)
+            flow = flow_at(model.flow, world, position, 0.0).linear
+            mean = flow_at(model.flow, world, position, radius).linear
+            move += wp.float32(model.time_step) * carried(model.walls, position, radius, mobility, flow, mean)
         return move
 
     @wp.func

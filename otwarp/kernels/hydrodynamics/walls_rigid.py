@@ -260,7 +260,7 @@ def body_flow_term(f: Features) -> wp.Function:
                 radius = sphere[3]
                 arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
                 gap = (height + wp.dot(n, arm)) / radius - 1.0
-                flow = flow_at(model.flow, world, pose.position + arm)
+                flow = flow_at(model.flow, world, pose.position + arm, 0.0)
                 more = 6.0 * _PI * radius * shear_force_excess(gap)[0]
                 less = 8.0 * _PI * radius * radius * radius * shear_torque_lack(gap)[0]
                 force = more * (flow.linear - wp.dot(n, flow.linear) * n)

@@ -94,7 +94,12 @@ FLOW = Schema(
     applies_to="the default prim or an Xform",
     doc="Background flow along the prim's +X, varying along its +Z.",
     attributes=(
-        Attribute("ot:flow:kind", "uniform", allowed=("uniform", "shear", "poiseuille"), doc="Velocity profile."),
+        Attribute(
+            "ot:flow:kind",
+            "uniform",
+            allowed=("uniform", "shear", "poiseuille"),
+            doc="Velocity profile; a sphere goes along with its mean over its surface.",
+        ),
         Attribute(
             "ot:flow:speed", 0.0, "speed", per_world=("flow_speed",), doc="Speed; at the centre line for `poiseuille`."
         ),

@@ -152,11 +152,12 @@ def _pack_flow_coupling(data: Annotated[Any, BodyData], scene: Scene, moves: lis
         spheres = drag_spheres(body)
         assert len(spheres) == len(move.flow_coupling), f"{body.name}: one flow coupling per sphere that feels drag"
         wanted = scene.flow is not None and is_rigid(body)
-        offsets.append(np.array([np.array(s.offset) - move.reference for s in spheres]) if wanted else np.zeros((0, 3)))
+        rows = [[*(np.array(s.offset) - move.reference), s.radius] for s in spheres if wanted]
+        offsets.append(np.array(rows).reshape(-1, 4))
         couplings.append(move.flow_coupling if wanted else np.zeros((0, 6, 6)))
-    start, table = _ragged(offsets, 3)
+    start, table = _ragged(offsets, 4)
     data.drag_start = device_array(start, wp.int32, device)
-    data.drag_offset = device_array(table, wp.vec3, device)
+    data.drag_sphere = device_array(table, wp.vec4, device)
     data.flow_coupling = device_array(np.concatenate([np.zeros((0, 6, 6)), *couplings]), mat66, device)
 
 

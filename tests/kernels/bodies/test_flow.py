@@ -17,6 +17,8 @@ ROUNDING = 3e-6
 """float32, relative to the largest value of order 10: coordinates rotated forth, velocities back."""
 
 
+RADIUS = wp.constant(0.7)
+
 TURN = tuple(exponential(np.array([0.3, 0.8, -0.5])))
 
 
@@ -30,9 +32,9 @@ def probe_flow(
     poiseuille: wp.array(dtype=wp.spatial_vector),
 ):
     i = wp.tid()
-    a = uniform_flow(flow, world, point[i])
-    b = shear_flow(flow, world, point[i])
-    c = poiseuille_flow(flow, world, point[i])
+    a = uniform_flow(flow, world, point[i], RADIUS)
+    b = shear_flow(flow, world, point[i], RADIUS)
+    c = poiseuille_flow(flow, world, point[i], RADIUS)
     uniform[i] = wp.spatial_vector(a.linear, a.angular)
     shear[i] = wp.spatial_vector(b.linear, b.angular)
     poiseuille[i] = wp.spatial_vector(c.linear, c.angular)
@@ -50,6 +52,6 @@ def test_flows_are_those_of_the_twins(world, device):
     assert list(FLOW_TERMS) == ["uniform", "shear", "poiseuille"]
     for kind, values in zip(FLOW_TERMS, got, strict=True):
         flow = Flow(kind=kind, speed=speed[world], shear_rate=rate[world], **base)
-        expected = np.array([np.concatenate(flow_at(flow, p)) for p in points.astype(float)])
+        expected = np.array([np.concatenate(flow_at(flow, p, 0.7)) for p in points.astype(float)])
         assert np.abs(expected).max() > 1.0
         np.testing.assert_allclose(values, expected, atol=ROUNDING * np.abs(expected).max())

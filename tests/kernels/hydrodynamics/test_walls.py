@@ -127,7 +127,7 @@ def sphere_kernel(walls: int) -> Any:
         radius = data.sphere[0][3]
         mobility[i] = mobility_of(data, position[i], radius)
         move[i] = noise_of(data, position[i], radius, 0.1, kick[i], fourth[i])
-        flow[i] = carried(data, position[i], radius, mobility[i], wp.vec3(3.0, 1.0, 0.0))
+        flow[i] = carried(data, position[i], radius, mobility[i], wp.vec3(3.0, 1.0, 0.0), wp.vec3(2.5, 1.0, 0.0))
 
     return evaluate_sphere
 
@@ -159,7 +159,7 @@ def test_lone_sphere(walls, device):
         drift = move[i].mean(axis=0)
         divergence = reference.sphere_divergence(p, 0.8, walls)
         np.testing.assert_allclose(drift, 0.005 * divergence, atol=0.005 * 20.0 * ROUNDING)
-        pull = reference.sphere_carried(p, 0.8, walls, np.array([3.0, 1.0, 0.0]))
+        pull = reference.sphere_carried(p, 0.8, walls, np.array([3.0, 1.0, 0.0]), np.array([2.5, 1.0, 0.0]))
         np.testing.assert_allclose(flow[6 * i], pull, atol=3.0 * ROUNDING)
 
 

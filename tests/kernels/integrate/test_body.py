@@ -93,9 +93,9 @@ def expected_move(model: Model, world: int, b: int, position: np.ndarray, q: np.
     if b == 0:
         torque = torque + np.cross(matrix(orientation) @ (robot_union()[1] - move.reference), load)
     flows = []
-    for offset, _ in spheres:
+    for offset, radius in spheres:
         point = position + matrix(orientation) @ (offset - move.reference)
-        flows.append(flow_at(FLOW, point))
+        flows.append(flow_at(FLOW, point, radius))
     flow = twin.flow_velocity(
         position, orientation, [o for o, _ in spheres], move.flow_coupling, flows
     )  # fmt: skip
