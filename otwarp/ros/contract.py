@@ -17,7 +17,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import FACING_USER, PAIRINGS, Hand, check_orthogonal
 from otwarp.haptics.core.fields import Matrix, check_fields, number
 from otwarp.haptics.core.types import Vec3
-from otwarp.ros.motion import Group
+from otwarp.ros.motion import Group, centroid
 
 Quat = tuple[float, float, float, float]
 """Orientation as a unit quaternion x, y, z, w."""
@@ -71,6 +71,8 @@ class TopicState:
     Attributes:
         traps: Foci of the first and of the second group (n, 3), n ≥ 1 [µm].
         robots: Poses of the first and of the second robot.
+        rests: Where the light of each group holds its robot, which is what the trap topics say [µm]; None says the
+            foci's means.
         cell: Its centre [µm], None without one.
         obstacles: Poses of those that move, four at most.
         contact_force: Sum of the normal forces on the cell [pN].
@@ -83,6 +85,7 @@ class TopicState:
 
     traps: tuple[Group, Group]
     robots: tuple[Pose, Pose]
+    rests: tuple[Vec3, Vec3] | None = None
     cell: Vec3 | None = None
     obstacles: Sequence[Pose] = ()
     contact_force: float = 0.0
@@ -91,6 +94,11 @@ class TopicState:
     collision_force: float = 0.0
     hits: Sequence[tuple[bool, float]] = ()
     time: float | None = None
+
+    @property
+    def trap_points(self) -> tuple[Vec3, Vec3]:
+        """What the trap topics say of each group [µm]."""
+        return self.rests or (centroid(self.traps[0]), centroid(self.traps[1]))
 
 
 @dataclass(frozen=True, slots=True)

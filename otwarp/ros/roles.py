@@ -12,7 +12,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import PAIRINGS
 from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
-from otwarp.scene import Obstacle, Scene
+from otwarp.ros.motion import centroid
+from otwarp.scene import Obstacle, Scene, Trap
 from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import conjugate, rotate
 from otwarp.teleop.core import HANDS, LiveFrame
@@ -26,6 +27,9 @@ class Roles:
         scene: The scene.
         groups: Trap indices of the first and second group.
         robots: Body index of each group's robot.
+        holds: Of each group, those traps that hold a sphere of its robot.
+        pushed: From the mean focus of these traps to the mean of the places where light holds their spheres [µm].
+        centres: Mean of these spheres in the robot's frame [µm].
         cell: Body index of the cell, or None.
         obstacles: Those that move, four at most.
     """
@@ -33,6 +37,9 @@ class Roles:
     scene: Scene
     groups: tuple[tuple[int, ...], tuple[int, ...]]
     robots: tuple[int, int]
+    holds: tuple[tuple[int, ...], tuple[int, ...]]
+    pushed: tuple[Vec3, Vec3]
+    centres: tuple[Vec3, Vec3]
     cell: int | None
     obstacles: tuple[Obstacle, ...]
 
@@ -42,7 +49,7 @@ class Roles:
 
         Args:
             scene: As it is simulated.
-            held: Per trap the body that it holds (`Model.held`), -1 for none.
+            held: Per trap the body of the sphere that it holds, -1 for none, and the sphere's index (`Model.held`).
             pairing: Key of `PAIRINGS`: which hand has the first group.
 
         Raises:
@@ -59,16 +66,39 @@ class Roles:
                 raise InputError(f"{where}: no trap of the {hand} hand {lacks}; allowed: two hands that hold a robot")
             n = PAIRINGS[pairing][hand].group  # type: ignore[index]
             groups[n], robots[n] = traps, bodies.most_common(1)[0][0]
+        holds = [tuple(t for t in group if held[t][0] == b) for group, b in zip(groups, robots, strict=True)]
+        pushed = [centroid([_pushed(scene.traps[t]) for t in some]) for some in holds]
+        centres = [centroid([scene.bodies[held[t][0]].spheres[held[t][1]].offset for t in some]) for some in holds]
         moving = tuple(o for o in scene.obstacles if o.position.animated or o.orientation.animated)
         cell = _cell(scene, (robots[0], robots[1]))
-        return cls(scene, (groups[0], groups[1]), (robots[0], robots[1]), cell, moving[: len(OBSTACLE_TOPICS)])
+        return cls(
+            scene=scene,
+            groups=(groups[0], groups[1]),
+            robots=(robots[0], robots[1]),
+            holds=(holds[0], holds[1]),
+            pushed=(pushed[0], pushed[1]),
+            centres=(centres[0], centres[1]),
+            cell=cell,
+            obstacles=moving[: len(OBSTACLE_TOPICS)],
+        )
 
     def state(self, live: LiveFrame) -> TopicState:
-        """What the topics say of a frame; an obstacle is hit as hard as anything presses on what touches it."""
+        """What the topics say of a frame; an obstacle is hit as hard as anything presses on what touches it.
+
+        A robot is where the mean of its held spheres is, and a trap where its group holds them, so that the one lies on
+        the other but for what pulls: a force node takes their difference for the force.
+        """
         frame, cell = live.frame, self.cell
         place, turn, load = frame.position[0], frame.orientation[0], frame.contact_load[0]
         first, second = (tuple(_vector(frame.trap_position[0, t]) for t in group) for group in self.groups)
-        one, two = ((_vector(place[b]), _quat(turn[b])) for b in self.robots)
+        rests = [
+            _vector(frame.trap_position[0, list(some)].mean(axis=0) + pushed)
+            for some, pushed in zip(self.holds, self.pushed, strict=True)
+        ]
+        one, two = (
+            (_vector(place[b] + rotate(turn[b], np.array(centre))), _quat(turn[b]))
+            for b, centre in zip(self.robots, self.centres, strict=True)
+        )
         obstacles = tuple(
             (_vector(o.position.at(frame.time)), _quat(o.orientation.at(frame.time))) for o in self.obstacles
         )
@@ -76,6 +106,7 @@ class Roles:
         return TopicState(
             time=frame.time,
             traps=(first, second),
+            rests=(rests[0], rests[1]),
             robots=(one, two),
             cell=None if cell is None else _vector(place[cell]),
             obstacles=obstacles,
@@ -106,6 +137,11 @@ class Roles:
             if np.any(gaps <= 0.0):
                 hit, force = True, max(force, float(load[b]))
         return hit, force
+
+
+def _pushed(trap: Trap) -> Vec3:
+    """From a focus to where it holds a sphere [µm]: light pushes along the beam until the gradient pulls back."""
+    return _vector(rotate(np.array(trap.orientation), np.array([0.0, 0.0, trap.equilibrium])))
 
 
 def surface_distance(obstacle: Obstacle, pose: Pose, points: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from otwarp.errors import InputError
-from otwarp.ros.motion import Group, centroid, move_pair
+from otwarp.ros.motion import Group, move_pair
 from otwarp.ros.roles import Roles
 from otwarp.teleop.core import Command, LiveFrame, MoveTraps, Reset, ShiftTraps, Stop
 
@@ -62,8 +62,7 @@ class Ros1Sink:
             self._warn_once(f"ros1: the node was shut down through ROS; the session {then}")
             return
         state = self._roles.state(live)
-        first, second = state.traps
-        self._bridge.publish(self._clock(), (centroid(first), centroid(second)), state.robots, state.obstacles)
+        self._bridge.publish(self._clock(), state.trap_points, state.robots, state.obstacles)
 
     def commands(self) -> Sequence[Command]:
         """See `Sink`: how far the hands' twists move each group; in a pause they move nothing."""

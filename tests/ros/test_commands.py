@@ -113,9 +113,10 @@ def otwarp(*arguments: str, environment: Mapping[str, str] | None = None) -> Ite
 
 
 def authored(hand: str) -> Vector:
-    """Mean focus of a hand's traps in the file (3,) [scene units, axes of the scene]."""
-    traps = [trap.position.at(0.0) for trap in ot.Scene.load(ROOT / SCENE).traps if trap.hand == hand]
-    return np.mean(traps, axis=0) / UNIT
+    """Where a hand's upright traps hold in the file, on average (3,) [scene units, axes of the scene]."""
+    traps = [trap for trap in ot.Scene.load(ROOT / SCENE).traps if trap.hand == hand]
+    heights = [np.array((0.0, 0.0, trap.equilibrium)) for trap in traps]
+    return (np.mean([trap.position.at(0.0) for trap in traps], axis=0) + np.mean(heights, axis=0)) / UNIT
 
 
 def as_published(place: Vector) -> Vector:
@@ -159,7 +160,7 @@ class Places:
 
 
 def together(robot: Places, trap: Places, plane: tuple[int, int]) -> bool:
-    """Whether a robot is with its traps; along the beam they are weak and hold it a little above."""
+    """Whether a robot is with its traps; along the beam they are weak."""
     return bool(np.linalg.norm((robot.now() - trap.now())[list(plane)]) < NEAR)
 
 

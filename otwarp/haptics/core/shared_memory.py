@@ -16,17 +16,14 @@ from __future__ import annotations
 
 import os
 import struct
-import sys
-import threading
 import weakref
 from collections.abc import Iterable
-from contextlib import suppress
-from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, Generic, Protocol, TypeVar
 from zlib import crc32
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.named_memory import attach_memory, bytes_of, create_memory, let_go
 from otwarp.haptics.core.types import CYCLE
 
 T = TypeVar("T")
@@ -55,8 +52,6 @@ _SLOT = CYCLE.size + _CRC.size
 MOST_SLOTS = 1 << 20
 """Most slots: a typing error otherwise reserves the machine's memory."""
 
-_attach_lock = threading.Lock()
-
 
 class Layout(Protocol[T]):
     """How a value lies in memory. `kind` has at most 8 bytes, `size` is a multiple of 8."""
@@ -84,11 +79,11 @@ class Mailbox(Generic[T]):
     def __init__(self, layout: Layout[T], memory: SharedMemory, owner: bool):
         self.layout = layout
         self.name = memory.name
-        size, shared = layout.size, _bytes_of(memory)
+        size, shared = layout.size, bytes_of(memory)
         self._sequence = shared[SEQUENCE_AT : SEQUENCE_AT + 8].cast("Q")
         self._payload = shared[PAYLOAD_AT : PAYLOAD_AT + size + _CRC.size]
         # also at exit, before Python takes its modules apart
-        self._let_go = weakref.finalize(self, _let_go, memory, (self._sequence, self._payload), os.getpid() * owner)
+        self._let_go = weakref.finalize(self, let_go, memory, (self._sequence, self._payload), os.getpid() * owner)
         self._staged = bytearray(size + _CRC.size)
         self._staged_body = memoryview(self._staged)[:size]
         self._copy = bytearray(size + _CRC.size)
@@ -100,9 +95,13 @@ class Mailbox(Generic[T]):
 
     @classmethod
     def create(cls, layout: Layout[T]) -> Mailbox[T]:
-        """A new box under a fresh name (`name`), with nothing in it yet."""
-        memory = SharedMemory(create=True, size=PAYLOAD_AT + layout.size + _CRC.size)
-        HEADER.pack_into(_bytes_of(memory), 0, MAGIC, VERSION, layout.size, *layout.capacities, layout.kind)
+        """A new box under a fresh name (`name`), with nothing in it yet.
+
+        Raises:
+            InputError: There is no room for it.
+        """
+        memory = create_memory(f"the {layout.kind.decode()} mailbox", PAYLOAD_AT + layout.size + _CRC.size)
+        HEADER.pack_into(bytes_of(memory), 0, MAGIC, VERSION, layout.size, *layout.capacities, layout.kind)
         return cls(layout, memory, owner=True)
 
     @classmethod
@@ -113,12 +112,12 @@ class Mailbox(Generic[T]):
             InputError: There is none of that name, or it has another version, kind or capacity.
         """
         try:
-            memory = _attach(name)
+            memory = attach_memory(name)
         except (OSError, ValueError) as error:
             raise InputError(f"mailbox {name!r}: cannot be attached ({error}); is its creator running?") from None
         need = PAYLOAD_AT + layout.size + _CRC.size
         wanted = (MAGIC, VERSION, layout.size, *layout.capacities, layout.kind.ljust(8, b"\0"))
-        found = HEADER.unpack_from(_bytes_of(memory), 0) if memory.size >= HEADER.size else None
+        found = HEADER.unpack_from(bytes_of(memory), 0) if memory.size >= HEADER.size else None
         if found != wanted or memory.size < need:
             size = memory.size
             memory.close()
@@ -176,45 +175,6 @@ class Mailbox(Generic[T]):
         self.close()
 
 
-def _bytes_of(memory: SharedMemory) -> memoryview:
-    shared = memory.buf
-    if shared is None:
-        raise InputError(f"mailbox {memory.name!r}: its memory was closed")
-    return shared
-
-
-def _let_go(memory: SharedMemory, views: tuple[memoryview, ...], owner: int) -> None:
-    """Unmap; remove the name if this process (not a fork of it) is the owner."""
-    for view in views:
-        view.release()
-    memory.close()
-    if owner == os.getpid():
-        with suppress(FileNotFoundError):
-            memory.unlink()
-
-
-def _attach(name: str) -> SharedMemory:
-    """Shared memory of another process, unknown to this process's resource tracker.
-
-    Python 3.11 registers what it attaches; the tracker of an unrelated process would then remove the name when that
-    process ends, under the feet of the owner (python/cpython#82300; `track=False` exists from 3.13).
-    """
-    if sys.version_info >= (3, 13):
-        return SharedMemory(name, track=False)
-    register = resource_tracker.register
-
-    def skip(tracked: str, rtype: str) -> None:
-        if tracked.lstrip("/") != name:
-            register(tracked, rtype)  # another thread creates one meanwhile
-
-    with _attach_lock:
-        resource_tracker.register = skip
-        try:
-            return SharedMemory(name)
-        finally:
-            resource_tracker.register = register
-
-
 class RecordLayout:
     """A tuple of numbers or bytes by a `struct` format of 8-byte fields and `s` fields.
 
@@ -257,11 +217,11 @@ class Ring:
 
     def __init__(self, memory: SharedMemory, slots: int, owner: bool):
         self.name, self.slots = memory.name, slots
-        shared = _bytes_of(memory)
+        shared = bytes_of(memory)
         counters = [shared[at : at + 8].cast("Q") for at in (WRITTEN_AT, TAKEN_AT, LOST_AT)]
         self._written, self._taken, self._lost = counters
         self._memory = shared[SLOTS_AT : SLOTS_AT + slots * _SLOT]
-        self._let_go = weakref.finalize(self, _let_go, memory, (*counters, self._memory), os.getpid() * owner)
+        self._let_go = weakref.finalize(self, let_go, memory, (*counters, self._memory), os.getpid() * owner)
         self._staged = bytearray(_SLOT)
         self._body = memoryview(self._staged)[: CYCLE.size]
         self._next, self._read, self._doubted = self._written[0], self._taken[0], -1
@@ -273,12 +233,12 @@ class Ring:
         """A new ring under a fresh name (`name`).
 
         Raises:
-            InputError: Slots out of range.
+            InputError: Slots out of range, or no room.
         """
         if not 1 <= slots <= MOST_SLOTS:
             raise InputError(f"slots = {slots!r}: must be from 1 to {MOST_SLOTS}")
-        memory = SharedMemory(create=True, size=SLOTS_AT + slots * _SLOT)
-        RING_HEADER.pack_into(_bytes_of(memory), 0, RING_MAGIC, RING_VERSION, CYCLE.size, slots)
+        memory = create_memory(f"a ring of {slots} cycles", SLOTS_AT + slots * _SLOT)
+        RING_HEADER.pack_into(bytes_of(memory), 0, RING_MAGIC, RING_VERSION, CYCLE.size, slots)
         return cls(memory, slots, owner=True)
 
     @classmethod
@@ -289,10 +249,10 @@ class Ring:
             InputError: There is none of that name, or it is none of this version.
         """
         try:
-            memory = _attach(name)
+            memory = attach_memory(name)
         except (OSError, ValueError) as error:
             raise InputError(f"ring {name!r}: cannot be attached ({error}); is its creator running?") from None
-        found = RING_HEADER.unpack_from(_bytes_of(memory), 0) if memory.size >= RING_HEADER.size else (b"", 0, 0, 0)
+        found = RING_HEADER.unpack_from(bytes_of(memory), 0) if memory.size >= RING_HEADER.size else (b"", 0, 0, 0)
         slots = found[3]
         if found[:3] != (RING_MAGIC, RING_VERSION, CYCLE.size) or memory.size < SLOTS_AT + slots * _SLOT or not slots:
             memory.close()

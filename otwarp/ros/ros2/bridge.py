@@ -31,7 +31,7 @@ from otwarp.ros.contract import (
     Quat,
     TopicState,
 )
-from otwarp.ros.motion import VelocityHold, centroid, midpoint
+from otwarp.ros.motion import VelocityHold, midpoint
 from otwarp.ros.ros2.names import resolve_topic
 from otwarp.ros.ros2.node import Ros2Node, load_messages
 from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA
@@ -184,7 +184,7 @@ class Ros2Bridge:
 
         Args:
             now: On the loop's clock [s].
-            state: What the topics say: centroids of the groups' foci, the robots, `/xform` halfway between them and
+            state: What the topics say: where the groups hold, the robots, `/xform` halfway between them and
                 turned along the pair, `/object` where there is a cell. Without a time its stamps are `now`.
 
         Returns:
@@ -214,8 +214,8 @@ class Ros2Bridge:
             raise InputError(f"obstacles are {most}; allowed: up to {len(OBSTACLE_TOPICS)}")
         if not all(len(group) for group in state.traps):
             raise InputError("traps has an empty group; allowed: one trap or more in each")
-        for topic, group in zip(TRAP_TOPICS, state.traps, strict=True):
-            yield topic, centroid(group), UPRIGHT, unit
+        for topic, point in zip(TRAP_TOPICS, state.trap_points, strict=True):
+            yield topic, point, UPRIGHT, unit
         for topic, (position, rotation) in zip(ROBOT_TOPICS, state.robots, strict=True):
             yield topic, position, rotation, unit
         (first, _), (second, _) = state.robots
