@@ -12,6 +12,7 @@ from otwarp.scene.drawing.draw_list import EMPTY, PLANE, Drawables, bounds
 from otwarp.scene.drawing.shapes import Batch
 from otwarp.scene.drawing.view import read_lights
 from otwarp.scene.drawing.walk import Walk, middle
+from otwarp.scene.read.diagnostics import reading
 from otwarp.scene.read.source import open_stage
 
 
@@ -62,6 +63,11 @@ def read_drawables(
             unknown or has no field of view.
     """
     stage: Usd.Stage = open_stage(Path(stage_or_path)) if isinstance(stage_or_path, str | Path) else stage_or_path
+    with reading(stage.GetRootLayer().GetDisplayName()):
+        return _drawables(stage, time_code, camera, purposes)
+
+
+def _drawables(stage: Usd.Stage, time_code: float | None, camera: str | None, purposes: tuple[str, ...]) -> Drawables:
     metres = UsdGeom.GetStageMetersPerUnit(stage)
     if not metres > 0.0:
         raise InputError(f"{stage.GetRootLayer().GetDisplayName()}: metersPerUnit = {metres:g}, allowed (0, inf)")
@@ -78,7 +84,7 @@ def read_drawables(
         **arrays,
         meshes=meshes,
         view=walk.view(camera, lower, upper),
-        lights=read_lights(walk.lights, walk.scale, middle(lower, upper), walk.time),
+        lights=read_lights(walk.lights, walk.scale, middle(lower, upper), walk.values),
         up=walk.up,
         time=0.0 if time_code is None else time_code / stage.GetTimeCodesPerSecond(),
     )

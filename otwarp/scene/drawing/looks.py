@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
+from otwarp.scene.read.typed import Values
+
 DEFAULT_COLOUR = (0.55, 0.57, 0.6)
 DEFAULT_ROUGHNESS = 0.45
 
@@ -20,18 +22,34 @@ class Look:
     roughness: float = DEFAULT_ROUGHNESS
 
 
-def primvar(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> np.ndarray | None:
-    """Flattened values of a primvar, inherited ones included, or None."""
-    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-    if not found or not found.HasValue():
-        return None
-    values = found.ComputeFlattened(time)
-    if values is None or len(values) == 0:
-        return None
-    return np.asarray(values, dtype=float)
+PRIMVARS = {"displayColor": (("color3f[]", "color3f"), 3), "displayOpacity": (("float[]", "float"), 1)}
+"""Primvars that are shown: their types, and the components of a value."""
+
+INPUTS = {"diffuseColor": "color3f", "emissiveColor": "color3f", "opacity": "float", "roughness": "float"}
+"""Inputs of a surface that are shown, and their types."""
 
 
-def _surface_value(shader: UsdShade.Shader, name: str, time: Usd.TimeCode) -> np.ndarray | None:
+def flattened(values: Values, primvar: UsdGeom.Primvar) -> np.ndarray | None:
+    """(n, components) values of a primvar of `PRIMVARS`, its indices resolved, or None where there are none.
+
+    Raises:
+        InputError: Another type, or indices beyond the values.
+    """
+    if not primvar or not primvar.HasValue():
+        return None
+    prim, name = primvar.GetAttr().GetPrim(), primvar.GetName()
+    types, width = PRIMVARS[str(primvar.GetPrimvarName())]
+    found = values.array(prim, name, width, types=types)
+    indices = values.array(prim, f"{name}:indices", kind=int, types=("int[]",))
+    if len(indices):
+        if indices.min() < 0 or indices.max() >= len(found):
+            shown = f"{indices.min()} … {indices.max()}"
+            raise values.bad(prim, f"{name}:indices", shown, f"in [0, {len(found) - 1}]")
+        found = found[indices]
+    return found if len(found) else None
+
+
+def _surface_value(shader: UsdShade.Shader, name: str, values: Values) -> np.ndarray | None:
     shader_input = shader.GetInput(name)
     if not shader_input:
         return None
@@ -39,15 +57,15 @@ def _surface_value(shader: UsdShade.Shader, name: str, time: Usd.TimeCode) -> np
     # A texture or a primvar reader has no constant value: leave it to the display primvars.
     if not sources or UsdShade.Utils.GetType(sources[0].GetName()) != UsdShade.AttributeType.Input:
         return None
-    value = sources[0].Get(time)
+    value = values.value(sources[0].GetPrim(), sources[0].GetName(), types=(INPUTS[name],), absent=None)
     return None if value is None else np.asarray(value, dtype=float)
 
 
 class Looks:
     """Looks of prims at one time code; materials are resolved once."""
 
-    def __init__(self, time: Usd.TimeCode):
-        self.time = time
+    def __init__(self, values: Values):
+        self.values = values
         self._materials: dict[str, dict[str, np.ndarray]] = {}
 
     def _material(self, prim: Usd.Prim) -> dict[str, np.ndarray]:
@@ -57,8 +75,7 @@ class Looks:
         path = str(material.GetPath())
         if path not in self._materials:
             shader = material.ComputeSurfaceSource()[0]
-            names = ("diffuseColor", "emissiveColor", "opacity", "roughness")
-            values = {name: _surface_value(shader, name, self.time) for name in names} if shader else {}
+            values = {name: _surface_value(shader, name, self.values) for name in INPUTS} if shader else {}
             self._materials[path] = {name: value for name, value in values.items() if value is not None}
         return self._materials[path]
 
@@ -70,10 +87,10 @@ class Looks:
         if beam and glow is not None and glow.max() > 0.0:
             colour = glow / glow.max()
         if colour is None:
-            shown = primvar(prim, "displayColor", self.time)
-            colour = np.asarray(DEFAULT_COLOUR) if shown is None else shown.reshape(-1, 3).mean(axis=0)
+            shown = flattened(self.values, UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor"))
+            colour = np.asarray(DEFAULT_COLOUR) if shown is None else shown.mean(axis=0)
         if opacity is None:
-            shown = primvar(prim, "displayOpacity", self.time)
+            shown = flattened(self.values, UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity"))
             opacity = np.asarray(1.0) if shown is None else shown.mean()
         roughness = float(material.get("roughness", np.asarray(DEFAULT_ROUGHNESS)))
         return Look(
@@ -83,9 +100,8 @@ class Looks:
     def per_instance(self, instancer: Usd.Prim, count: int) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Colours (n, 3) and opacities (n,) that an instancer gives to its n instances, each by itself, or None."""
         given: list[np.ndarray | None] = []
-        for name, shape in (("displayColor", (-1, 3)), ("displayOpacity", (-1,))):
-            local = UsdGeom.PrimvarsAPI(instancer).GetPrimvar(name)
-            values = local.ComputeFlattened(self.time) if local and local.HasValue() else None
-            array = None if values is None else np.asarray(values, dtype=float).reshape(shape)
-            given.append(array if array is not None and len(array) == count else None)
-        return given[0], given[1]
+        for name in PRIMVARS:
+            values = flattened(self.values, UsdGeom.PrimvarsAPI(instancer).GetPrimvar(name))
+            given.append(values if values is not None and len(values) == count else None)
+        colour, opacity = given
+        return colour, None if opacity is None else opacity[:, 0]

@@ -15,6 +15,7 @@ from pxr import Sdf, Usd
 from otwarp.scene.drawing.draw_list import EMPTY, PLANE, TriangleMesh, View, bounds
 from otwarp.scene.drawing.shapes import Batch
 from otwarp.scene.drawing.walk import Walk
+from otwarp.scene.read.diagnostics import reading
 from otwarp.scene.read.source import open_stage
 
 REST = ""
@@ -63,7 +64,13 @@ def read_drawn(file: Path, owners: Iterable[str], lights: Iterable[str]) -> tupl
     Raises:
         InputError: The file is missing or not a stage, or its camera has no field of view.
     """
-    walk = Walk(stage := open_stage(file), Usd.TimeCode.EarliestTime())
+    stage = open_stage(file)
+    with reading(str(file)):
+        return _read_drawn(stage, owners, lights)
+
+
+def _read_drawn(stage: Usd.Stage, owners: Iterable[str], lights: Iterable[str]) -> tuple[dict[str, list[Drawn]], View]:
+    walk = Walk(stage, Usd.TimeCode.EarliestTime())
     known, traps = {Sdf.Path(path) for path in owners}, {Sdf.Path(path) for path in lights}
     found: dict[str, list[Drawn]] = {}
     things = []

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh
 from otwarp.scene.drawing.looks import Look, Looks
 from otwarp.scene.meshes import fan
+from otwarp.scene.read.typed import Values
 
 _AXES = {"Z": [0, 1, 2], "X": [1, 2, 0], "Y": [2, 0, 1]}
 SMOOTHING_ANGLE = np.cos(np.radians(50.0))
@@ -56,14 +57,10 @@ def _scaled(axis: str, x: float, y: float, z: float, offset: float = 0.0) -> np.
     return matrix
 
 
-def _number(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return float(prim.GetAttribute(name).Get(time))
-
-
-def _capsule(prim: Usd.Prim, axis: str, time: Usd.TimeCode) -> list[tuple[int, np.ndarray, tuple[float, float]]]:
-    half = 0.5 * _number(prim, "height", time)
+def _capsule(prim: Usd.Prim, axis: str, values: Values) -> list[tuple[int, np.ndarray, tuple[float, float]]]:
+    half = 0.5 * values.number(prim, "height")
     names = ("radius", "radius") if prim.IsA(UsdGeom.Capsule) else ("radiusBottom", "radiusTop")
-    bottom, top = (_number(prim, name, time) for name in names)
+    bottom, top = (values.number(prim, name) for name in names)
     if bottom == top and bottom > 0.0:
         return [(CAPSULE, _scaled(axis, bottom, bottom, bottom), (half / bottom, 0.0))]
     parts = [(SPHERE, _scaled(axis, r, r, r, z), (0.0, 0.0)) for r, z in ((bottom, -half), (top, half)) if r > 0.0]
@@ -76,43 +73,44 @@ def _tube(axis: str, bottom: float, top: float, half: float) -> list[tuple[int, 
     return [(TUBE, _scaled(axis, bottom, bottom, half), (top / bottom, 0.0))] if bottom > 0.0 else []
 
 
-def _plane(prim: Usd.Prim, axis: str, time: Usd.TimeCode) -> list[tuple[int, np.ndarray, tuple[float, float]]]:
-    width, length = prim.GetAttribute("width"), prim.GetAttribute("length")
+def _plane(prim: Usd.Prim, axis: str, values: Values) -> list[tuple[int, np.ndarray, tuple[float, float]]]:
     # To a collision solver a plane has no edge; it is drawn so unless the author gave it a size.
-    endless = prim.HasAPI(UsdPhysics.CollisionAPI) and not (width.IsAuthored() or length.IsAuthored())
+    sized = any(prim.GetAttribute(name).IsAuthored() for name in ("width", "length"))
+    endless = prim.HasAPI(UsdPhysics.CollisionAPI) and not sized
     if endless:
         return [(PLANE, _scaled(axis, 1.0, 1.0, 1.0), (np.inf, np.inf))]
     # UsdGeomPlane measures (width, length) along (x, y) for axis Z, (z, y) for X and (x, z) for Y.
-    x, y = {"Z": (width, length), "X": (length, width), "Y": (length, width)}[axis]
-    size = (0.5 * x.Get(time), 0.5 * y.Get(time))
+    x, y = ("width", "length") if axis == "Z" else ("length", "width")
+    size = (0.5 * values.number(prim, x), 0.5 * values.number(prim, y))
     sides = [(PLANE, _scaled(axis, 1.0, 1.0, 1.0), size)]
     # A wall of a channel is seen from the liquid only, so that one can look in from behind it.
-    if not prim.HasAPI(UsdPhysics.CollisionAPI) and UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get():
+    if not prim.HasAPI(UsdPhysics.CollisionAPI) and values.value(prim, "doubleSided"):
         sides.append((PLANE, _scaled(axis, -1.0, 1.0, -1.0), size))
     return sides
 
 
-def _points(prim: Usd.Prim, time: Usd.TimeCode) -> np.ndarray:
+def _points(prim: Usd.Prim, values: Values) -> np.ndarray:
     """(k, 4, 4) transforms of the unit ball onto the points of a UsdGeomPoints prim."""
-    points = UsdGeom.Points(prim)
-    centres = np.asarray(points.GetPointsAttr().Get(time) or [], dtype=float).reshape(-1, 3)
-    widths = np.asarray(points.GetWidthsAttr().Get(time) or [1.0], dtype=float)
+    centres, widths = values.array(prim, "points", 3), values.array(prim, "widths")
+    widths = widths if len(widths) else np.ones(1)
+    if len(widths) not in (1, len(centres)):
+        raise values.bad(prim, "widths", f"{len(widths)} numbers", f"one, or as many as points, {len(centres)}")
     transform = np.zeros((len(centres), 4, 4))
     transform[:, [0, 1, 2], [0, 1, 2]] = 0.5 * np.broadcast_to(widths, len(centres))[:, None]
     transform[:, :3, 3], transform[:, 3, 3] = centres, 1.0
     return transform
 
 
-def triangulated(prim: Usd.Prim, time: Usd.TimeCode) -> TriangleMesh | None:
+def triangulated(prim: Usd.Prim, values: Values) -> TriangleMesh | None:
     """The faces of a mesh as a fan of triangles each, with smooth normals across shallow edges; None when empty."""
-    mesh = UsdGeom.Mesh(prim)
-    points = np.asarray(mesh.GetPointsAttr().Get(time) or [], dtype=float).reshape(-1, 3)
-    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or [], dtype=np.int64)
-    indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or [], dtype=np.int64)
-    if len(points) == 0 or len(indices) == 0 or counts.sum() != len(indices) or indices.max() >= len(points):
+    points = values.array(prim, "points", 3)
+    counts, indices = (values.array(prim, f"faceVertex{name}", kind=int) for name in ("Counts", "Indices"))
+    if len(points) == 0 or len(indices) == 0 or counts.sum() != len(indices) or counts.min() < 0:
+        return None
+    if indices.min() < 0 or indices.max() >= len(points):
         return None
     triangles = fan(counts, indices)
-    if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+    if values.value(prim, "orientation") == UsdGeom.Tokens.leftHanded:
         triangles = triangles[:, ::-1]
     return TriangleMesh(points=points, triangles=triangles, normals=corner_normals(points, triangles))
 
@@ -140,9 +138,9 @@ def corner_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 class ShapeReader:
     """Turns geometry prims into batches in their own frame; keeps the meshes they share."""
 
-    def __init__(self, time: Usd.TimeCode):
-        self.time = time
-        self.looks = Looks(time)
+    def __init__(self, values: Values):
+        self.values = values
+        self.looks = Looks(values)
         self.meshes: list[TriangleMesh] = []
         self._mesh_of: dict[str, int] = {}
 
@@ -150,7 +148,7 @@ class ShapeReader:
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(source.GetPath())
         if key not in self._mesh_of:
-            triangles = triangulated(prim, self.time)
+            triangles = triangulated(prim, self.values)
             if triangles is None:
                 return None
             self._mesh_of[key] = len(self.meshes)
@@ -158,13 +156,12 @@ class ShapeReader:
         return self._mesh_of[key]
 
     def _solids(self, prim: Usd.Prim) -> list[tuple[int, np.ndarray, tuple[float, float]]]:
-        time = self.time
+        values = self.values
 
         def get(name: str) -> float:
-            return _number(prim, name, time)
+            return values.number(prim, name)
 
-        axis_attribute = prim.GetAttribute("axis")
-        axis = str(axis_attribute.Get(time)) if axis_attribute else "Z"
+        axis = values.value(prim, "axis", absent="Z")
         if prim.IsA(UsdGeom.Sphere):
             r = get("radius")
             return [(SPHERE, _scaled("Z", r, r, r), (0.0, 0.0))] if r > 0.0 else []
@@ -178,8 +175,8 @@ class ShapeReader:
         if prim.IsA(UsdGeom.Cone):
             return _tube(axis, get("radius"), 0.0, 0.5 * get("height"))
         if prim.IsA(UsdGeom.Capsule) or prim.IsA(UsdGeom.Capsule_1):
-            return _capsule(prim, axis, time)
-        return _plane(prim, axis, time) if prim.IsA(UsdGeom.Plane) else []
+            return _capsule(prim, axis, values)
+        return _plane(prim, axis, values) if prim.IsA(UsdGeom.Plane) else []
 
     def read(self, prim: Usd.Prim, *, beam: bool) -> list[Batch]:
         """The solids of one geometry prim in its own frame; empty for geometry that is not drawn."""
@@ -189,7 +186,7 @@ class ShapeReader:
                 return []
             return [Batch(MESH, np.eye(4)[None], self.looks.of(prim, beam=False), mesh=index)]
         if prim.IsA(UsdGeom.Points):
-            transform = _points(prim, self.time)
+            transform = _points(prim, self.values)
             return [Batch(SPHERE, transform, self.looks.of(prim, beam=beam), beam=beam)] if len(transform) else []
         solids = self._solids(prim)
         if not solids:

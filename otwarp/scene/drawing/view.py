@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from otwarp.errors import InputError
 from otwarp.scene.drawing.draw_list import Lights, View
+from otwarp.scene.read.typed import Values
 
 _APERTURE_UNIT = 0.1
 """UsdGeomCamera measures focal length and apertures in tenths of the scene unit."""
@@ -36,7 +37,7 @@ def find_camera(stage: Usd.Stage, name: str | None, file: str) -> Usd.Prim | Non
     raise InputError(f"{file}: camera '{name}' is not in the stage; cameras: {known}")
 
 
-def read_view(prim: Usd.Prim, to_world: np.ndarray, scale: float, centre: np.ndarray, time: Usd.TimeCode) -> View:
+def read_view(prim: Usd.Prim, to_world: np.ndarray, scale: float, centre: np.ndarray, values: Values) -> View:
     """The view through a UsdGeomCamera.
 
     Args:
@@ -44,29 +45,24 @@ def read_view(prim: Usd.Prim, to_world: np.ndarray, scale: float, centre: np.nda
         to_world: (4, 4) its transform in stage units.
         scale: µm per stage unit.
         centre: (3,) centre of the scene [µm], measured there when the camera has no focus distance.
-        time: When.
+        values: Reads attributes at the time wanted.
 
     Raises:
         InputError: Focal length or aperture is not positive.
     """
-    camera = UsdGeom.Camera(prim)
-    values = {
-        "focalLength": camera.GetFocalLengthAttr().Get(time),
-        "horizontalAperture": camera.GetHorizontalApertureAttr().Get(time),
-        "verticalAperture": camera.GetVerticalApertureAttr().Get(time),
-    }
-    for attribute, value in values.items():
-        if not value > 0.0:
-            raise InputError(f"{prim.GetPath()}: {attribute} = {value:g}, allowed (0, inf)")
-    orthographic = camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
+    lens = {name: values.number(prim, name) for name in ("focalLength", "horizontalAperture", "verticalAperture")}
+    for name, value in lens.items():
+        if not 0.0 < value < np.inf:
+            raise values.bad(prim, name, value, "in (0, inf)")
+    orthographic = values.value(prim, "projection") == UsdGeom.Tokens.orthographic
     right, up, backward = (_unit(to_world[:3, k]) for k in range(3))
     position = to_world[:3, 3] * scale
-    unit = _APERTURE_UNIT * scale if orthographic else 1.0 / values["focalLength"]
-    near, far = (float(v) * scale for v in camera.GetClippingRangeAttr().Get(time))
-    focus = float(camera.GetFocusDistanceAttr().Get(time)) * scale
+    unit = _APERTURE_UNIT * scale if orthographic else 1.0 / lens["focalLength"]
+    near, far = (float(v) * scale for v in values.value(prim, "clippingRange"))
+    focus = values.number(prim, "focusDistance") * scale
     if focus <= 0.0:
         focus = max(float((centre - position) @ -backward), 1e-9)
-    offsets = (camera.GetHorizontalApertureOffsetAttr().Get(time), camera.GetVerticalApertureOffsetAttr().Get(time))
+    offsets = [values.number(prim, f"{way}ApertureOffset") for way in ("horizontal", "vertical")]
     return View(
         prim=str(prim.GetPath()),
         position=position,
@@ -74,8 +70,8 @@ def read_view(prim: Usd.Prim, to_world: np.ndarray, scale: float, centre: np.nda
         up=up,
         forward=-backward,
         orthographic=orthographic,
-        width=values["horizontalAperture"] * unit,
-        height=values["verticalAperture"] * unit,
+        width=lens["horizontalAperture"] * unit,
+        height=lens["verticalAperture"] * unit,
         shift=(offsets[0] * unit, offsets[1] * unit),
         near=near,
         far=far,
@@ -109,12 +105,11 @@ def automatic_view(lower: np.ndarray, upper: np.ndarray, up: np.ndarray, aspect:
     )
 
 
-def _irradiance(prim: Usd.Prim, distance: float, scale: float, time: Usd.TimeCode) -> float:
+def _irradiance(prim: Usd.Prim, distance: float, scale: float, values: Values) -> float:
     """Relative irradiance that a light casts on the centre of the scene."""
 
     def get(name: str, default: float) -> float:
-        value = prim.GetAttribute(name).Get(time) if prim.GetAttribute(name) else None
-        return default if value is None else float(value)
+        return values.number(prim, name, absent=default)
 
     strength = get("inputs:intensity", 1.0) * 2.0 ** get("inputs:exposure", 0.0)
     if prim.IsA(UsdLux.DistantLight):
@@ -125,24 +120,21 @@ def _irradiance(prim: Usd.Prim, distance: float, scale: float, time: Usd.TimeCod
         area = get("inputs:width", 1.0) * get("inputs:height", 1.0)
     else:  # sphere, disk and cylinder lights: the disc they show
         area = np.pi * get("inputs:radius", 0.5) ** 2
-    normalised = prim.GetAttribute("inputs:normalize").Get(time)
+    normalised = values.value(prim, "inputs:normalize", absent=False)
     return strength * (1.0 if normalised else area * scale**2) / max(distance, 1e-9) ** 2
 
 
-def read_lights(
-    lights: list[tuple[Usd.Prim, np.ndarray]], scale: float, centre: np.ndarray, time: Usd.TimeCode
-) -> Lights:
+def read_lights(lights: list[tuple[Usd.Prim, np.ndarray]], scale: float, centre: np.ndarray, values: Values) -> Lights:
     """Lights from UsdLux prims with their (4, 4) transforms in stage units."""
     vectors: list[np.ndarray] = []
     distant: list[bool] = []
     power: list[np.ndarray] = []
     ambient = np.zeros(3)
     for prim, to_world in lights:
-        api = UsdLux.LightAPI(prim)
-        colour = np.asarray(api.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), dtype=float)
+        colour = np.asarray(values.value(prim, "inputs:color", absent=(1.0, 1.0, 1.0)), dtype=float)
         is_distant = prim.IsA(UsdLux.DistantLight)
         position = to_world[:3, 3] * scale
-        strength = _irradiance(prim, float(np.linalg.norm(position - centre)), scale, time) * colour
+        strength = _irradiance(prim, float(np.linalg.norm(position - centre)), scale, values) * colour
         if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
             ambient = ambient + strength
             continue

@@ -11,6 +11,8 @@ from otwarp.scene.drawing.draw_list import PLANE, View
 from otwarp.scene.drawing.shapes import Batch, ShapeReader, column_matrix
 from otwarp.scene.drawing.view import automatic_view, find_camera, read_view
 from otwarp.scene.read.attributes import applied_schemas
+from otwarp.scene.read.bodies import shown_instances
+from otwarp.scene.read.typed import Values
 
 _TRAP = "OtTrapAPI"
 
@@ -22,6 +24,7 @@ class Walk:
         stage, time: What is read, and when.
         scale: µm per stage unit.
         purposes: UsdGeom purposes that are drawn.
+        values: Reads attributes at that time.
         shapes: Reader of geometry, with the meshes that it has met.
         lights: Lights met so far, with their (4, 4) transforms in stage units.
     """
@@ -29,7 +32,8 @@ class Walk:
     def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...] = ("default", "render")):
         self.stage, self.time, self.purposes = stage, time, purposes
         self.scale = UsdGeom.GetStageMetersPerUnit(stage) * 1e6
-        self.shapes = ShapeReader(time)
+        self.values = Values(stage.GetRootLayer().GetDisplayName(), time)
+        self.shapes = ShapeReader(self.values)
         self.lights: list[tuple[Usd.Prim, np.ndarray]] = []
         self._cache = UsdGeom.XformCache(time)
 
@@ -41,8 +45,8 @@ class Walk:
         """The prims at and below `root` that are not hidden; lights are put aside, instancers not entered."""
         prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
         for prim in prims:
-            visibility = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
-            if visibility is not None and visibility.Get(self.time) == UsdGeom.Tokens.invisible:
+            self.values.check(prim)
+            if prim.IsA(UsdGeom.Imageable) and self.values.value(prim, "visibility") == UsdGeom.Tokens.invisible:
                 prims.PruneChildren()
             elif prim.HasAPI(UsdLux.LightAPI):
                 self.lights.append((prim, self.to_world(prim)))
@@ -75,14 +79,14 @@ class Walk:
 
     def _instances(self, prim: Usd.Prim) -> list[Batch]:
         instancer = UsdGeom.PointInstancer(prim)
-        indices = np.asarray(instancer.GetProtoIndicesAttr().Get(self.time) or [], dtype=int)
+        indices = self.values.array(prim, "protoIndices", kind=int)
         flags = UsdGeom.PointInstancer
         matrices = instancer.ComputeInstanceTransformsAtTime(
             self.time, self.time, flags.IncludeProtoXform, flags.IgnoreMask
         )
         if len(indices) == 0 or len(matrices) != len(indices):
             return []
-        mask = np.asarray(instancer.ComputeMaskAtTime(self.time) or np.ones(len(indices)), dtype=bool)
+        mask = shown_instances(self.values, instancer, len(indices))
         placed = self.to_world(prim) @ np.asarray(matrices, dtype=float).transpose(0, 2, 1)
         colour, opacity = self.shapes.looks.per_instance(prim, len(indices))
         batches: list[Batch] = []
@@ -125,7 +129,7 @@ class Walk:
         prim = find_camera(self.stage, camera, self.stage.GetRootLayer().GetDisplayName())
         if prim is None:
             return automatic_view(lower, upper, self.up)
-        return read_view(prim, self.to_world(prim), self.scale, middle(lower, upper), self.time)
+        return read_view(prim, self.to_world(prim), self.scale, middle(lower, upper), self.values)
 
 
 def middle(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -9,8 +9,9 @@ import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pxr import Sdf, Usd
+from pxr import Usd
 
+from otwarp.scene.read.typed import REQUIRED, Values, authored_text, check_types
 from otwarp.scene.vocabulary import SCHEMAS, Attribute, Schema
 from otwarp.scene.vocabulary.attribute import INSTANCE
 from otwarp.scene.vocabulary.values import bad, check, to_field
@@ -51,7 +52,8 @@ def check_prim(file: str, prim: Usd.Prim, applied: list[str]) -> None:
         schema, instance, attribute = NAMES[name]
         needed = f"{schema.name}:{instance}" if instance else schema.name
         if needed not in applied:
-            raise bad(file, prim.GetPath(), name, _text(prop), f"on a prim with {needed} applied")
+            text = authored_text(prop.GetPropertyStack(Usd.TimeCode.Default())[0])
+            raise bad(file, prim.GetPath(), name, text, f"on a prim with {needed} applied")
         _check_type(file, prop, attribute)
 
 
@@ -60,19 +62,8 @@ def _suggest(name: str, known: Any) -> str:
     return f"a name of the vocabulary; did you mean {near[0]}?"
 
 
-def _text(prop: Usd.Property) -> str:
-    if isinstance(prop, Usd.Relationship):
-        return ", ".join(str(path) for path in prop.GetTargets()) or "(no target)"
-    return str(prop.Get())
-
-
 def _check_type(file: str, prop: Usd.Property, attribute: Attribute) -> None:
-    for spec in prop.GetPropertyStack(Usd.TimeCode.Default()):
-        found = str(spec.typeName) if isinstance(spec, Sdf.AttributeSpec) else "rel"
-        if found != attribute.usd_type:
-            allowed = f"of type {attribute.usd_type}, {attribute.range_text()}"
-            shown = f"{getattr(spec, 'default', '(targets)')} (type {found})"  # the spec's: Get() fails on a mismatch
-            raise bad(file, prop.GetPrim().GetPath(), prop.GetName(), shown, allowed)
+    check_types(file, prop, (attribute.usd_type,), attribute.range_text())
     if isinstance(prop, Usd.Attribute) and not attribute.sampled and prop.GetNumTimeSamples() > 0:
         raise bad(file, prop.GetPrim().GetPath(), prop.GetName(), "(time samples)", "constant in time")
 
@@ -96,21 +87,30 @@ def read_values(
     Raises:
         InputError: A value out of range.
     """
-    values = {}
+    read, values = Values(file, Usd.TimeCode.EarliestTime()), {}
     for attribute in schema.attributes:
         name = attribute.name.replace(INSTANCE, instance or "")
         if attribute.usd_type == "rel":
             relationship = prim.GetRelationship(name)
             values[attribute.field] = tuple(map(str, relationship.GetTargets())) if relationship else ()
             continue
-        usd = prim.GetAttribute(name)
-        value = usd.Get(Usd.TimeCode.EarliestTime()) if usd and usd.HasAuthoredValue() else None
+        value = _authored(read, prim, name, attribute)
         if value is None and attribute.optional:
             continue
         value = attribute.default if value is None else value
         check(file, prim.GetPath(), name, attribute, value)
         values[attribute.field] = value if si else to_field(attribute, value)
     return values
+
+
+def _authored(read: Values, prim: Usd.Prim, name: str, attribute: Attribute) -> Any:
+    """The authored value, None where there is none; a blocked one only where leaving it out has a meaning."""
+    usd = prim.GetAttribute(name)
+    if not usd or not (usd.HasAuthoredValue() or usd.GetResolveInfo().ValueIsBlocked()):
+        return None
+    absent = None if attribute.optional else REQUIRED
+    allowed = f"{attribute.range_text()}, or not authored"
+    return read.value(prim, name, types=(attribute.usd_type,), absent=absent, allowed=allowed)
 
 
 def part(values: Mapping[str, Any], name: str = "") -> dict[str, Any]:

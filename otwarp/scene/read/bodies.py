@@ -12,6 +12,7 @@ from otwarp.scene.description import Body, Material, Rod, Sphere
 from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.obstacles import is_collider, round_size
 from otwarp.scene.read.source import Source, quat, vec3
+from otwarp.scene.read.typed import Values
 from otwarp.scene.transforms import rotate
 
 
@@ -66,7 +67,7 @@ def _rod(source: Source, prim: Usd.Prim, body: Usd.Prim, body_scale: np.ndarray)
         kind = prim.GetTypeName() or "typeless prim"
         raise source.bad(prim, "apiSchemas", "OtRodAPI", f"on a Capsule or Cylinder, not a {kind}")
     values = read_values(source.file, prim, vocabulary.ROD)
-    axis = str(prim.GetAttribute("axis").Get())
+    axis = source.values.value(prim, "axis")
     radius, half = round_size(source, prim, source.pose(prim)[2], axis)
     relative = source.relative(prim, body)
     middle = relative[3, :3] * body_scale
@@ -129,11 +130,11 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
     cells = [_prototype_cell(source, prim, prototype) for prototype in prototypes]
     if not any(cells):
         return []
-    indices = np.array(instancer.GetProtoIndicesAttr().Get(source.start) or [], dtype=int)
+    indices = source.values.array(prim, "protoIndices", kind=int)
     if indices.size and (indices.min() < 0 or indices.max() >= len(prototypes)):
         raise source.bad(prim, "protoIndices", f"{indices.min()} … {indices.max()}", f"in [0, {len(prototypes) - 1}]")
     local = _instance_matrices(source, instancer, len(indices))
-    shown = np.array(list(instancer.ComputeMaskAtTime(source.start)) or [True] * len(indices))
+    shown = shown_instances(source.values, instancer, len(indices))
     world = source.matrix(prim)
     bodies: dict[int, Body] = {}
     for kind, (prototype, cell) in enumerate(zip(prototypes, cells, strict=True)):
@@ -146,19 +147,33 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
 
 def _instance_matrices(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
     """(n, 4, 4) row-vector matrices of the instances, as USD computes them but for the rounding of their rotations."""
+    prim = instancer.GetPrim()
+    scales = source.values.array(prim, "scales", 3)
     given = {
-        "positions": np.array(instancer.GetPositionsAttr().Get(source.start) or [], dtype=float).reshape(-1, 3),
+        "positions": source.values.array(prim, "positions", 3),
         "orientations": instance_orientations(source, instancer, count),
-        "scales": np.array(instancer.GetScalesAttr().Get(source.start) or np.ones((count, 3)), dtype=float),
+        "scales": scales if len(scales) else np.ones((count, 3)),
     }
     for name, values in given.items():
         if len(values) != count:
             text = f"{len(values)} instances"
-            raise source.bad(instancer.GetPrim(), name, text, f"as many as protoIndices, {count}")
+            raise source.bad(prim, name, text, f"as many as protoIndices, {count}")
     out = np.tile(np.eye(4), (count, 1, 1))
     out[:, :3, :3] = given["scales"][:, :, None] * rotate(given["orientations"][:, None, :], np.eye(3))
     out[:, 3, :3] = given["positions"]
     return out
+
+
+def shown_instances(values: Values, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
+    """(n,) which of the instances are neither inactive nor invisible.
+
+    Raises:
+        InputError: Not as many `ids` as instances.
+    """
+    mask = np.array(instancer.ComputeMaskAtTime(values.time), dtype=bool)
+    if len(mask) not in (0, count):
+        raise values.bad(instancer.GetPrim(), "ids", f"{len(mask)} ids", f"as many as protoIndices, {count}")
+    return mask if len(mask) else np.ones(count, dtype=bool)
 
 
 def instance_orientations(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
@@ -168,10 +183,8 @@ def instance_orientations(source: Source, instancer: UsdGeom.PointInstancer, cou
     precision of `orientationsf` goes before it, as in USD.
     """
     for name in ("orientationsf", "orientations"):
-        attribute = instancer.GetPrim().GetAttribute(name)
-        value = attribute.Get(source.start) if attribute else None
-        if value:
-            turns = np.array(value, dtype=float).reshape(-1, 4)
+        turns = source.values.array(instancer.GetPrim(), name, 4)
+        if len(turns):
             length = np.linalg.norm(turns, axis=1, keepdims=True)
             if not (np.isfinite(length) & (length > 0.0)).all():
                 raise source.bad(instancer.GetPrim(), name, "not finite, or zero", "rotations")

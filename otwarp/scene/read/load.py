@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
-from otwarp.errors import InputError
 from otwarp.scene.description import Body, Obstacle
 from otwarp.scene.read.attributes import check_prim
 from otwarp.scene.read.bodies import read_cell, read_instances, read_robot
+from otwarp.scene.read.diagnostics import reading
 from otwarp.scene.read.environment import read_camera, read_flow, read_goal, read_medium, read_settings
 from otwarp.scene.read.obstacles import is_collider, read_obstacle
 from otwarp.scene.read.overlap import check_overlaps
-from otwarp.scene.read.source import Source, open_stage, quiet_usd, usd_reason
+from otwarp.scene.read.source import Source, open_stage
 from otwarp.scene.read.traps import check_holds, read_trap
 
 _BODIES = ("OtBodyAPI", "OtCellAPI")
@@ -40,11 +40,8 @@ def read_file(path: Path, *, duration: float | None = None) -> dict[str, Any]:
 
 def read_stage(stage: Usd.Stage, *, file: str, duration: float | None = None) -> dict[str, Any]:
     """Read an open stage; `file` is what errors name. See `read_file`."""
-    with quiet_usd():
-        try:
-            return _read(Source(stage, file), duration)
-        except (Tf.ErrorException, UnicodeDecodeError) as error:  # anything else that USD finds wrong while it is read
-            raise InputError(f"{file}: contents = {usd_reason(error)}: must be a valid stage") from None
+    with reading(file):
+        return _read(Source(stage, file), duration)
 
 
 class _Sorted:
@@ -59,6 +56,7 @@ class _Sorted:
         prototypes = _prototypes(every)
         for prim in every:
             check_prim(source.file, prim, source.applied(prim))
+            source.values.check(prim)
             if not any(prim.GetPath().HasPrefix(path) for path in prototypes):
                 self._put(source, prim)
 

@@ -7,6 +7,7 @@ ops: a rotation of 270° between two samples is 27 keys here, and a prim off the
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -60,7 +61,7 @@ def motion(source: Source, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.n
             matrices = _rigid(matrices, scale)
         return source.split(prim, matrices)
 
-    pieces = np.maximum(1, np.ceil(_turns(ops, codes) / LARGEST_TURN - 1e-9)).astype(int)
+    pieces = np.maximum(1, np.ceil(_turns(source, ops, codes) / LARGEST_TURN - 1e-9)).astype(int)
     keys = np.concatenate([[authored[0]], *(np.linspace(a, b, n + 1)[1:] for a, b, n in _intervals(authored, pieces))])
     return _refined(source, keys, poses_at, authored)
 
@@ -116,11 +117,16 @@ def _sampled_ops(prim: Usd.Prim) -> tuple[list[UsdGeom.XformOp], list[float]]:
     return ops, sorted(codes)
 
 
-def _turns(ops: list[UsdGeom.XformOp], codes: list[float]) -> np.ndarray:
+def _values_of(source: Source, op: UsdGeom.XformOp, codes: list[float]) -> list[Any]:
+    attribute = op.GetAttr()
+    return [source.values.value(attribute.GetPrim(), attribute.GetName(), time=code) for code in codes]
+
+
+def _turns(source: Source, ops: list[UsdGeom.XformOp], codes: list[float]) -> np.ndarray:
     """(n - 1,) upper bound of the rotation between neighbouring time codes [degrees]."""
     total = np.zeros(len(codes) - 1)
     for op in ops:
-        kind, values = op.GetOpType(), [op.Get(code) for code in codes]
+        kind, values = op.GetOpType(), _values_of(source, op, codes)
         if kind in _EULER:
             angles = np.array(values, dtype=float).reshape(len(codes), -1)
             total += np.abs(np.diff(angles, axis=0)).sum(axis=1)

@@ -26,8 +26,8 @@ _CONSTANT = 1e-6
 
 def is_collider(source: Source, prim: Usd.Prim) -> bool:
     """Whether a prim has PhysicsCollisionAPI and it is not switched off."""
-    enabled = prim.GetAttribute("physics:collisionEnabled")
-    return source.has(prim, "PhysicsCollisionAPI") and (not enabled or enabled.Get() is not False)
+    name = "physics:collisionEnabled"
+    return source.has(prim, "PhysicsCollisionAPI") and source.values.value(prim, name, absent=True, constant=True)
 
 
 def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
@@ -50,7 +50,7 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     times, positions, rotations, scales = motion(source, prim)
     if np.abs(scales - scales[0]).max() > _CONSTANT * np.abs(scales[0]).max():
         raise source.bad(prim, "xformOp:scale", "(time samples that change it)", "constant in time")
-    axis = str(prim.GetAttribute("axis").Get()) if kind in (*ROUND, "Plane") else "Z"
+    axis = source.values.value(prim, "axis") if kind in (*ROUND, "Plane") else "Z"
     fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
     turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
     obstacle = Obstacle(
@@ -112,10 +112,9 @@ def _plane(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict
 
 
 def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:
-    mesh = UsdGeom.Mesh(prim)
-    points = np.array(mesh.GetPointsAttr().Get(source.start) or np.zeros((0, 3)), dtype=float).reshape(-1, 3)
-    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(source.start) or [], dtype=int)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(source.start) or [], dtype=int)
+    points = source.values.array(prim, "points", 3, constant=True)
+    counts = source.values.array(prim, "faceVertexCounts", kind=int, constant=True)
+    corners = source.values.array(prim, "faceVertexIndices", kind=int, constant=True)
     if not len(points) or not len(counts) or not np.isfinite(points).all():
         raise source.bad(prim, "points", f"{len(points)} points, {len(counts)} faces", "finite, with at least one face")
     if counts.min() < 3 or counts.sum() != len(corners):
@@ -123,7 +122,7 @@ def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[
     if corners.min() < 0 or corners.max() >= len(points):
         raise source.bad(prim, "faceVertexIndices", f"{corners.min()} … {corners.max()}", f"in [0, {len(points) - 1}]")
     triangles = fan(counts, corners)
-    left_handed = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
+    left_handed = source.values.value(prim, "orientation") == UsdGeom.Tokens.leftHanded
     if left_handed != (float(np.prod(scale)) < 0.0):  # keep the outside outside
         triangles = triangles[:, ::-1]
     return {"shape": "mesh", "vertices": points * scale, "triangles": np.ascontiguousarray(triangles, dtype=np.int32)}

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Sdf, Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene.description import Track
 from otwarp.scene.read.attributes import applied_schemas
+from otwarp.scene.read.diagnostics import USD_ERRORS, quiet_usd, usd_reason
+from otwarp.scene.read.typed import Values
 from otwarp.scene.schema import register
 from otwarp.scene.transforms import SHEAR_TOLERANCE, decompose
 from otwarp.scene.vocabulary.values import bad
@@ -25,18 +25,6 @@ FARTHEST = 1e9
 
 SCALE_TOLERANCE = 1e-6
 """Largest relative difference of the three scales of a sphere; single-precision scales reach 1e-7."""
-
-
-@contextmanager
-def quiet_usd() -> Iterator[list[str]]:
-    """Keep USD's own warnings and errors off stderr; the list that is yielded holds them at the end."""
-    delegate = UsdUtils.CoalescingDiagnosticDelegate()
-    messages: list[str] = []
-    try:
-        yield messages
-    finally:
-        messages.extend(item.commentary for item in delegate.TakeUncoalescedDiagnostics())
-        del delegate
 
 
 def open_stage(path: Path) -> Usd.Stage:
@@ -58,22 +46,11 @@ def open_stage(path: Path) -> Usd.Stage:
             if known and not known.dirty:
                 known.Reload()
             stage = Usd.Stage.Open(str(path))
-        except (Tf.ErrorException, RuntimeError, UnicodeDecodeError) as error:
+        except USD_ERRORS as error:
             raise InputError(f"{path}: contents = {usd_reason(error)}: {allowed}, whole and valid") from None
         for error in stage.GetCompositionErrors():
             raise bad(str(path), _site(error), "composition", usd_reason(error), "a reference that resolves")
     return stage
-
-
-def usd_reason(error: object) -> str:
-    """USD's own account of an error as one line, without its source locations."""
-    try:
-        text = str(error)
-    except UnicodeDecodeError as undecodable:  # it quotes the file's own bytes
-        text = bytes(undecodable.object).decode("utf-8", "replace")
-    if isinstance(error, Tf.ErrorException) and "'" in text:
-        text = text.split(" : '", 1)[-1].strip().splitlines()[0].rstrip("'")
-    return " ".join(text.split())[:300]
 
 
 def _site(error: Any) -> str:
@@ -89,6 +66,7 @@ class Source:
         unit: µm per stage unit.
         start: First time code of the run.
         rate: Time codes per second.
+        values: Reads attributes, at the start unless told otherwise.
     """
 
     def __init__(self, stage: Usd.Stage, file: str):
@@ -104,6 +82,7 @@ class Source:
         self.rate = stage.GetTimeCodesPerSecond()
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise bad(file, "/", "timeCodesPerSecond", self.rate, "in (0, inf)")
+        self.values = Values(file, Usd.TimeCode(self.start))
         self._cache = UsdGeom.XformCache(self.start)
         self._applied: dict[Sdf.Path, list[str]] = {}
 
@@ -134,11 +113,9 @@ class Source:
         """A length attribute of a gprim (radius, height, size) in stage units at the start.
 
         Raises:
-            InputError: Not finite, not positive, or changing in time.
+            InputError: Not a number, not finite, not positive, blocked, or changing in time.
         """
-        if prim.GetAttribute(name).GetNumTimeSamples() > 0:
-            raise self.bad(prim, name, "(time samples)", "constant in time")
-        value = float(prim.GetAttribute(name).Get(self.start))
+        value = self.values.number(prim, name, constant=True)
         if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
             raise self.bad(prim, name, value, f"in {'(' if positive else '['}0, inf) stage units")
         return value

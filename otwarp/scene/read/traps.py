@@ -84,11 +84,9 @@ def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, 
 
 def _power(source: Source, prim: Usd.Prim, constant: float) -> Track:
     name = "ot:trap:power"
-    attribute = prim.GetAttribute(name)
-    codes = attribute.GetTimeSamples() if attribute else []
+    codes, samples = source.values.samples(prim, name, types=("double",))
     if not codes:
         return Track.constant(constant)
-    samples = [attribute.Get(code) for code in codes]
     for sample in samples:
         check(source.file, prim.GetPath(), name, vocabulary.TRAP["power"], sample)
     return track(source.seconds(np.array(codes)), np.array([[internal(sample, "power")] for sample in samples]))

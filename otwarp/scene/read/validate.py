@@ -14,8 +14,9 @@ from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Body, Trap, Vec3
 from otwarp.scene.read.attributes import read_values
+from otwarp.scene.read.diagnostics import quiet_usd
 from otwarp.scene.read.load import read_stage
-from otwarp.scene.read.source import Source, open_stage, quiet_usd
+from otwarp.scene.read.source import Source, open_stage
 
 _LIGHTS = ("DistantLight", "DomeLight", "SphereLight", "RectLight", "DiskLight", "CylinderLight")
 _BRANCH = ("threshold", "inverse_square", "offset")
@@ -157,7 +158,7 @@ def _unused_branch(source: Source, prim: Usd.Prim, instances: list[str]) -> list
 
 
 def _clipping(source: Source, prim: Usd.Prim, points: Sequence[Vec3]) -> list[Finding]:
-    near, far = UsdGeom.Camera(prim).GetClippingRangeAttr().Get(source.start)
+    near, far = source.values.value(prim, "clippingRange")
     path = str(prim.GetPath())
     if not 0.0 < near < far:
         return [Finding(severity="warning", prim=path, message=f"clippingRange ({near:g}, {far:g}) is not usable")]

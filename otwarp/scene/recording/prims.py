@@ -251,7 +251,7 @@ class Instances:
             self._still += [path.AppendProperty(n) for n in moving if instancer.GetPrim().GetAttribute(n).HasValue()]
 
     def _read(self, source: Source, instancer: UsdGeom.PointInstancer, scene: Scene, index: list[int]) -> _Instanced:
-        positions = np.array(instancer.GetPositionsAttr().Get(source.start), dtype=float).reshape(-1, 3)
+        positions = source.values.array(instancer.GetPrim(), "positions", 3)
         matrix = source.matrix(instancer.GetPrim())
         slots = [scene.bodies[i].instance or 0 for i in index]
         centre = np.array([scene.bodies[i].position for i in index]) / source.unit

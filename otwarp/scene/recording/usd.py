@@ -33,7 +33,8 @@ from pxr import Gf, Sdf, Tf, Vt
 
 from otwarp.errors import InputError
 from otwarp.files import written
-from otwarp.scene.read.source import Source, open_stage, usd_reason
+from otwarp.scene.read.diagnostics import usd_reason
+from otwarp.scene.read.source import Source, open_stage
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
 from otwarp.scene.scene import Scene

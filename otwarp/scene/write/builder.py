@@ -12,17 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
-from otwarp.scene.description import (
-    Body,
-    Camera,
-    Flow,
-    Goal,
-    Medium,
-    Obstacle,
-    Rod,
-    Settings,
-    Trap,
-)
+from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Rod, Settings, Trap
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.scene import Scene
 from otwarp.scene.schema import register
@@ -43,6 +33,7 @@ _COLORS: dict[type, tuple[Color, float]] = {
     Obstacle: ((0.55, 0.58, 0.62), 1.0),
     Goal: ((0.20, 0.70, 0.30), 0.25),
 }
+_FOCAL_LENGTH = 50.0
 _LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
 
 
@@ -247,7 +238,8 @@ class SceneBuilder:
         if orthographic:
             width = 10.0 * field_of_view  # apertures are in tenths of a stage unit
         else:
-            width = 2.0 * camera.CreateFocalLengthAttr(50.0).Get() * np.tan(np.radians(field_of_view) / 2)
+            width = 2.0 * _FOCAL_LENGTH * np.tan(np.radians(field_of_view) / 2)
+            camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
         camera.CreateProjectionAttr(UsdGeom.Tokens.orthographic if orthographic else UsdGeom.Tokens.perspective)
         camera.CreateHorizontalApertureAttr(float(width))
         camera.CreateVerticalApertureAttr(float(width / aspect))

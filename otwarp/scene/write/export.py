@@ -9,7 +9,9 @@ from pathlib import Path
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.read.source import Source, open_stage, quiet_usd
+from otwarp.scene.read.diagnostics import reading
+from otwarp.scene.read.source import Source, open_stage
+from otwarp.scene.read.typed import Values
 
 _SUFFIX = "metres"
 
@@ -25,14 +27,15 @@ def export_in_metres(path: str | Path, out: str | Path) -> Path:
         InputError: The file cannot be read or written.
     """
     stage = open_stage(Path(path))
-    with quiet_usd():
-        metres = Source(stage, str(path)).unit * 1e-6
+    with reading(str(path)):
+        source = Source(stage, str(path))
+        metres = source.unit * 1e-6
         flat = Usd.Stage.Open(stage.Flatten())
         for prim in flat.GetPseudoRoot().GetChildren():
             _scale(prim, metres)
         for prim in flat.Traverse():
             if prim.IsA(UsdGeom.Camera):
-                _convert_camera(UsdGeom.Camera(prim), metres)
+                _convert_camera(source.values, UsdGeom.Camera(prim), metres)
         UsdGeom.SetStageMetersPerUnit(flat, 1.0)
         return export_layer(flat.GetRootLayer(), Path(out))
 
@@ -58,7 +61,7 @@ def _add_scale(xformable: UsdGeom.Xformable, factor: float, *, outermost: bool) 
     xformable.SetXformOpOrder([scale, *ops] if outermost else [*ops, scale], reset)
 
 
-def _convert_camera(camera: UsdGeom.Camera, metres: float) -> None:
+def _convert_camera(values: Values, camera: UsdGeom.Camera, metres: float) -> None:
     _add_scale(camera, 1.0 / metres, outermost=False)
     for attribute in (
         camera.GetHorizontalApertureAttr(),
@@ -68,7 +71,7 @@ def _convert_camera(camera: UsdGeom.Camera, metres: float) -> None:
         camera.GetClippingRangeAttr(),
     ):
         for code in attribute.GetTimeSamples() or [Usd.TimeCode.Default()]:
-            attribute.Set(attribute.Get(code) * metres, code)
+            attribute.Set(values.value(camera.GetPrim(), attribute.GetName(), time=code) * metres, code)
 
 
 def export_layer(layer: Sdf.Layer, path: Path) -> Path:
