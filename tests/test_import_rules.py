@@ -22,7 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "optics": ROOT | {"kernels", "device"},
     "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
     "haptics": ROOT,
-    "teleop": ROOT | {"simulation", "haptics", "scene", "record", "device"},
+    "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},

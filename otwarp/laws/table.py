@@ -6,10 +6,9 @@ side. It holds 1, 2 or 3 layers of (F_ρ, F_φ, F_z), which the azimuth combines
 `bilinear` interpolation or as coefficients of B-splines for `bicubic`. A level serves up to its `end`. Over the outer
 fifth, from `BLEND`·end on, it passes into the next one, or the last into zero, by x²(3 − 2x) in the squared distance.
 
-These functions are shared by `otwarp.optics.ForceTable` (NumPy, the reference) and the servo's
-`otwarp.haptics.force.table` (plain floats). `otwarp.kernels.optics.force_table` (Warp) and
-`otwarp.kernels.cpu.table_block` (a CPU's vectors) say the same in their languages; `tests/laws/test_table.py` compares
-all four.
+These functions are those of `otwarp.optics.ForceTable` (NumPy, the reference). `otwarp.kernels.optics.force_table`
+(Warp), `otwarp.haptics.force.table` (plain floats, Warp's bits) and `otwarp.kernels.cpu.table_block` (a CPU's vectors)
+say the same in their languages; `tests/laws/test_table.py` compares all four.
 """
 
 from __future__ import annotations

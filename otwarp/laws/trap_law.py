@@ -70,4 +70,8 @@ class TrapLaw:
             return 0.0
         if distance2 < self.threshold * self.threshold:
             return self.stiffness
-        return (self.inverse_square / distance2 + self.offset) / math.sqrt(distance2) if distance2 else 0.0
+        if not distance2:
+            return 0.0
+        # as `otwarp.kernels.optics.trap_laws.piecewise_ratio`, bit for bit
+        per_distance = 1.0 / math.sqrt(distance2)
+        return (self.inverse_square * per_distance * per_distance + self.offset) * per_distance

@@ -30,7 +30,7 @@ from otwarp.haptics.core.types import (
     scene_from_list,
     scene_to_list,
 )
-from otwarp.haptics.force.law import ForceModel, Law, local_model
+from otwarp.haptics.force.law import Code, ForceModel, Law, local_model
 
 DEAD_MAN, CLUTCH = 1, 2
 """Bits of `DeviceSample.buttons`."""
@@ -323,7 +323,14 @@ class Chain:
         )
 
 
-def make_chain(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int], info: DeviceInfo) -> Chain:
+def make_chain(
+    config: HandConfig,
+    laws: Mapping[int, Sequence[Law]],
+    kinds: Sequence[int],
+    info: DeviceInfo,
+    *,
+    code: Code | None = None,
+) -> Chain:
     """A chain, disarmed, that asks no more of a device than it can give.
 
     `functools.partial(make_chain, config, laws, kinds)` is what `servo.process.HandSetup` wants: it goes to another
@@ -331,14 +338,14 @@ def make_chain(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Seq
 
     Args:
         config: Of the hand.
-        laws, kinds: As `law.local_model`.
+        laws, kinds, code: As `law.local_model`.
         info: Of the device, once it is open.
 
     Raises:
         InputError: As `Chain` and `local_model`.
     """
     config = replace(config, safety=within(config.safety, info))
-    return Chain(config, local_model(config, laws, kinds))
+    return Chain(config, local_model(config, laws, kinds, code))
 
 
 def within(safety: SafetyConfig, info: DeviceInfo) -> SafetyConfig:

@@ -2,7 +2,8 @@
 
 Every law sums over spheres at once, so that a servo period makes one call per trap. Forces are per mW [pN], for a
 displacement from the focus to the sphere's centre [µm]; the sum over traps, spheres and powers is the `LocalModel`'s.
-They are the terms of `otwarp.kernels.optics.trap_laws` and `otwarp.kernels.optics.force_table` in plain floats.
+They are the terms of `otwarp.kernels.optics.trap_laws` and `otwarp.kernels.optics.force_table` in plain floats, with
+the same operations in the same order: the kernels in float64, compiled (`force.compiled`), have the same bits.
 """
 
 from __future__ import annotations
@@ -91,7 +92,10 @@ class IsotropicLaw:
                 continue
             ratio = curve.stiffness
             if d2 >= inner:
-                ratio = (curve.inverse_square / d2 + curve.offset) / math.sqrt(d2)
+                if not d2:
+                    continue
+                per_distance = 1.0 / math.sqrt(d2)
+                ratio = (curve.inverse_square * per_distance * per_distance + curve.offset) * per_distance
             fx -= ratio * u
             fy -= ratio * v
             fz -= ratio * w
@@ -363,16 +367,34 @@ class LocalModel:
         ]
 
 
-def local_model(config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int] = ()) -> LocalModel:
+class Code(Protocol):
+    """Compiled laws, see `otwarp.haptics.force.compiled.CompiledLaw`."""
+
+    def model(
+        self, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int], *, smoothing: float, prediction: bool
+    ) -> LocalModel:
+        """A local model that computes with them, see `LocalModel`."""
+        ...
+
+
+def local_model(
+    config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int] = (), code: Code | None = None
+) -> LocalModel:
     """The local model of a hand: laws of its traps alone, sphere positions smoothed as its chain asks.
 
+    Args:
+        config: Of the hand.
+        laws, kinds: As `LocalModel`.
+        code: The laws compiled; None for plain Python, which has the same bits.
+
     Raises:
-        InputError: A trap of the hand without a law, or as `LocalModel`.
+        InputError: A trap of the hand without a law, or as `LocalModel`; code that cannot be loaded.
     """
     for trap in config.traps:
         if trap not in laws:
             raise InputError(f"hand.traps has {trap}, which has no force law; allowed: {sorted(laws)}")
     slow = config.chain.pose_filter
     smoothing = slow.at(config.chain.rate).alpha if slow else 1.0
+    make = LocalModel if code is None else code.model
     chosen = {trap: laws[trap] for trap in config.traps}
-    return LocalModel(chosen, kinds, smoothing=smoothing, prediction=config.chain.pose_prediction)
+    return make(chosen, kinds, smoothing=smoothing, prediction=config.chain.pose_prediction)

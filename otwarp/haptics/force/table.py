@@ -9,12 +9,13 @@ import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.haptics.force.law import UPWARD, check_axis
-from otwarp.laws.table import BLEND, cubic_weights, layer_factors
+from otwarp.laws.table import BLEND, layer_factors
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,24 @@ class ForceGrid:
     end: float
     columns: int
     node: array[float]
+
+
+class Level(NamedTuple):
+    """A grid as interpolation reads it, in the numbers of `otwarp.kernels.core.table_data.GridLevel`.
+
+    Attributes:
+        node: Forces per mW [pN], 3·layers numbers per node.
+        columns: Nodes along ρ.
+        end2: Squared distance up to which it serves [µm²].
+        per_spacing: 1/spacing [1/µm].
+        middle: Cells below the focus.
+    """
+
+    node: array[float]
+    columns: int
+    end2: float
+    per_spacing: float
+    middle: float
 
 
 @dataclass(frozen=True)
@@ -95,7 +114,7 @@ class TableLaw:
         ax, ay, az = self.axis
         sx, sy, sz = self.side
         ux, uy, uz = ay * sz - az * sy, az * sx - ax * sz, ax * sy - ay * sx
-        reach = self.grids[-1].end ** 2
+        reach = self.reach2
         fx = fy = fz = 0.0
         for u, v, w in spheres:
             u, v, w = u - x, v - y, w - z
@@ -107,81 +126,120 @@ class TableLaw:
             fz += fs * sz + fu * uz + fa * az
         return fx, fy, fz
 
+    def __hash__(self) -> int:
+        # of what is short; `==` compares the nodes as well
+        return hash((self.layers, self.cubic, self.scale, self.side, self.axis))
+
+    @property
+    def reach2(self) -> float:
+        """Squared distance from the focus beyond which it pulls no more [µm²]."""
+        return self.grids[-1].end * self.grids[-1].end
+
+    @cached_property
+    def levels(self) -> tuple[Level, ...]:
+        """What interpolation reads of the grids: forces per mW in float64, as `otwarp.kernels` keep them."""
+        found = []
+        for grid in self.grids:
+            per_spacing = 1.0 / grid.spacing
+            node = array("d", [self.scale * q for q in grid.node])
+            found.append(Level(node, grid.columns, grid.end * grid.end, per_spacing, grid.radius * per_spacing))
+        return tuple(found)
+
     def beam_force(self, x: float, y: float, z: float) -> Vec3:
         """Force per mW [pN] on a sphere at x, y, z [µm] in the beam's frame, x along the polarization's major axis."""
-        if x != x or y != y or z != z:
+        rho2 = x * x + y * y
+        d2 = rho2 + z * z
+        if d2 != d2:
             return math.nan, math.nan, math.nan
-        rho = math.hypot(x, y)
-        c, s = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
-        d2 = rho * rho + z * z
-        k, finest = self.scale, self.grids[0]
-        if d2 < (BLEND * finest.end) ** 2:
+        # on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
+        per_rho = 1.0 / math.sqrt(max(rho2, 1e-20))
+        rho, c, s = math.sqrt(rho2), x * per_rho, y * per_rho
+        finest = self.levels[0]
+        inner = BLEND * self.grids[0].end
+        if d2 < inner * inner:
             radial, turning, axial = self._level(finest, rho, z, c, s)
-            return k * (radial * c - turning * s), k * (radial * s + turning * c), k * axial
-        radial = turning = axial = 0.0
-        inner = 0.0
-        for grid in self.grids:
-            if d2 >= grid.end * grid.end:
-                inner = grid.end
-                continue
-            weight = 1.0 - _blend(d2, grid.end)
-            if inner > 0.0:
-                weight *= _blend(d2, inner)
-            if weight > 0.0:
-                fr, ft, fa = self._level(grid, rho, z, c, s)
-                radial += weight * fr
-                turning += weight * ft
-                axial += weight * fa
-            # the next level shares only the outer fifth of this one
-            if d2 < (BLEND * grid.end) ** 2:
-                break
-            inner = grid.end
-        return k * (radial * c - turning * s), k * (radial * s + turning * c), k * axial
-
-    def _level(self, grid: ForceGrid, rho: float, z: float, c: float, s: float) -> Vec3:
-        """(Q_ρ, Q_φ, Q_z) of one level at azimuth with this cosine and sine."""
-        # `otwarp.laws.table.coordinates` without the call, which would be 5 % of a period
-        u, v = rho / grid.spacing + 1.0, (z + grid.radius) / grid.spacing + 1.0
-        i, j = int(u), int(v)
-        u, v, width = u - i, v - j, 3 * self.layers
-        if self.cubic:
-            sums = _cubic_sums(grid, i, j, u, v, width)
         else:
-            node, n = grid.node, (j * grid.columns + i) * width
-            m = n + grid.columns * width
-            d = u * v
-            a, b, c0 = 1.0 - u - v + d, u - d, v - d
-            if width == 3:
-                # four nodes of three components, spelled out: this is what a servo period is made of
-                return (
-                    a * node[n] + b * node[n + 3] + c0 * node[m] + d * node[m + 3],
-                    a * node[n + 1] + b * node[n + 4] + c0 * node[m + 1] + d * node[m + 4],
-                    a * node[n + 2] + b * node[n + 5] + c0 * node[m + 2] + d * node[m + 5],
-                )
-            sums = [
-                a * node[n + k] + b * node[n + width + k] + c0 * node[m + k] + d * node[m + width + k]
-                for k in range(width)
-            ]
-        for n, factors in enumerate(layer_factors(c, s)[: self.layers - 1], 1):
-            for k, factor in enumerate(factors):
-                sums[k] += factor * sums[3 * n + k]
-        return sums[0], sums[1], sums[2]
+            radial, turning, axial = self._blended(d2, rho, z, c, s)
+        return radial * c - turning * s, radial * s + turning * c, axial
+
+    def _blended(self, d2: float, rho: float, z: float, c: float, s: float) -> Vec3:
+        """(F_ρ, F_φ, F_z) of the level that reaches as far as d2, and of the next one in its outer fifth."""
+        n, last = 0, len(self.levels) - 1
+        while n < last and d2 >= self.levels[n].end2:
+            n += 1
+        here = self.levels[n]
+        if d2 >= here.end2:
+            return ZERO
+        beyond = min(max((d2 / here.end2 - BLEND * BLEND) * (1.0 / (1.0 - BLEND * BLEND)), 0.0), 1.0)
+        beyond = beyond * beyond * (3.0 - 2.0 * beyond)
+        k = 1.0 - beyond
+        fr, ft, fa = self._level(here, rho, z, c, s)
+        radial, turning, axial = k * fr, k * ft, k * fa
+        if beyond > 0.0 and n < last:
+            fr, ft, fa = self._level(self.levels[n + 1], rho, z, c, s)
+            radial, turning, axial = radial + beyond * fr, turning + beyond * ft, axial + beyond * fa
+        return radial, turning, axial
+
+    def _level(self, level: Level, rho: float, z: float, c: float, s: float) -> Vec3:
+        """(F_ρ, F_φ, F_z) per mW [pN] of one level at azimuth with this cosine and sine."""
+        u, v = rho * level.per_spacing, z * level.per_spacing + level.middle
+        i, j = int(u), int(v)
+        if self.cubic:
+            return self._bicubic(level, j * level.columns + i, u - i, v - j, c, s)
+        u, v = u - i, v - j
+        first = (j + 1) * level.columns + i + 1
+        second, both = first + level.columns, u * v
+        a, b, d = 1.0 - u - (v - both), u - both, v - both
+        if self.layers == 1:
+            # four nodes of three components, spelled out: this is what a servo period is made of
+            node, n, m = level.node, 3 * first, 3 * second
+            return (
+                a * node[n] + b * node[n + 3] + d * node[m] + both * node[m + 3],
+                a * node[n + 1] + b * node[n + 4] + d * node[m + 1] + both * node[m + 4],
+                a * node[n + 2] + b * node[n + 5] + d * node[m + 2] + both * node[m + 5],
+            )
+        at, factors = self._node, layer_factors(c, s)
+        nodes = (at(level, n, factors) for n in (first, first + 1, second, second + 1))
+        return tuple(a * p + b * q + d * r + both * t for p, q, r, t in zip(*nodes, strict=True))  # type: ignore[return-value]
+
+    def _bicubic(self, level: Level, n: int, u: float, v: float, c: float, s: float) -> Vec3:
+        """The same by cubic B-splines: sixteen nodes from n on, for the offsets u, v in a cell."""
+        (a, b, d, e), factors = _cubic_weights(u), layer_factors(c, s)
+        radial = turning = axial = 0.0
+        for weight in _cubic_weights(v):
+            if self.layers == 1:
+                node, m = level.node, 3 * n
+                radial += weight * (a * node[m] + b * node[m + 3] + d * node[m + 6] + e * node[m + 9])
+                turning += weight * (a * node[m + 1] + b * node[m + 4] + d * node[m + 7] + e * node[m + 10])
+                axial += weight * (a * node[m + 2] + b * node[m + 5] + d * node[m + 8] + e * node[m + 11])
+            else:
+                p, q, r, t = (self._node(level, n + k, factors) for k in range(4))
+                radial += weight * (a * p[0] + b * q[0] + d * r[0] + e * t[0])
+                turning += weight * (a * p[1] + b * q[1] + d * r[1] + e * t[1])
+                axial += weight * (a * p[2] + b * q[2] + d * r[2] + e * t[2])
+            n += level.columns
+        return radial, turning, axial
+
+    def _node(self, level: Level, n: int, factors: tuple[Vec3, Vec3]) -> Vec3:
+        """Node n of a polarized beam at the azimuth of these factors, all layers together."""
+        node, m = level.node, 3 * self.layers * n
+        (a, b, d), (e, f, g) = factors
+        if self.layers == 2:
+            return node[m] + a * node[m + 3], node[m + 1] + b * node[m + 4], node[m + 2] + d * node[m + 5]
+        return (
+            node[m] + (a * node[m + 3] + e * node[m + 6]),
+            node[m + 1] + (b * node[m + 4] + f * node[m + 7]),
+            node[m + 2] + (d * node[m + 5] + g * node[m + 8]),
+        )
 
 
-def _cubic_sums(grid: ForceGrid, i: int, j: int, u: float, v: float, width: int) -> list[float]:
-    """Sums of sixteen coefficients for the offsets u, v in cell i, j."""
-    node, across, sums = grid.node, cubic_weights(u), [0.0] * width
-    for b, row in enumerate(cubic_weights(v), j - 1):
-        n = (b * grid.columns + i - 1) * width
-        for column in across:
-            weight = row * column
-            for k in range(width):
-                sums[k] += weight * node[n + k]
-            n += width
-    return sums
-
-
-def _blend(d2: float, radius: float) -> float:
-    """Share of what lies beyond `radius`: a smooth step in distance² from `BLEND`·radius to radius."""
-    x = min(max((d2 / (radius * radius) - BLEND * BLEND) / (1.0 - BLEND * BLEND), 0.0), 1.0)
-    return x * x * (3.0 - 2.0 * x)
+def _cubic_weights(t: float) -> tuple[float, float, float, float]:
+    """`otwarp.laws.table.cubic_weights` in the order of operations of `otwarp.kernels.optics.force_table`."""
+    s = 1.0 - t
+    t2, s2 = t * t, s * s
+    return (
+        s * s2 * (1.0 / 6.0),
+        2.0 / 3.0 - t2 + 0.5 * t * t2,
+        2.0 / 3.0 - s2 + 0.5 * s * s2,
+        t * t2 * (1.0 / 6.0),
+    )

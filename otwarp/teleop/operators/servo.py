@@ -19,6 +19,7 @@ from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.force.compiled import CompiledLaw
 from otwarp.haptics.servo.link import (
     HandLayout,
     HandSetup,
@@ -87,6 +88,7 @@ def servo_process(
     traps: int,
     pointers: dict[str, str],
     rate: float = 1000.0,
+    code: CompiledLaw | None = None,
     **options: Any,
 ) -> ServoProcess:
     """A servo for these hands, not started.
@@ -97,6 +99,7 @@ def servo_process(
         traps: Number of traps of the scene.
         pointers: Hand → mailbox of its pointer, for `mouse`.
         rate: Cycles per second [Hz].
+        code: The force laws compiled, None for plain Python.
         options: Others of `ServoProcess`.
 
     Raises:
@@ -105,7 +108,7 @@ def servo_process(
     setups = [
         HandSetup(
             plan.device,
-            partial(make_chain, plan.config, {t: local.laws[t] for t in plan.config.traps}, local.kinds),
+            partial(make_chain, plan.config, {t: local.laws[t] for t in plan.config.traps}, local.kinds, code=code),
             pointers.get(plan.name),
             plan.name,
         )

@@ -23,6 +23,7 @@ from otwarp.haptics.devices.mouse import POINTER
 from otwarp.record.summary import statistics, strict, task
 from otwarp.scene import Scene
 from otwarp.teleop.core import Record, Sink
+from otwarp.teleop.operators.felt import compile_laws
 from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, slowed
 from otwarp.teleop.operators.servo import ServoLike, servo_process
 from otwarp.teleop.recording.file import check_place, load_writer
@@ -107,6 +108,7 @@ class Session:
     Attributes:
         loop: The live loop.
         budget: What was left out of the scene, None if nothing was asked to be.
+        law: What computes the force on hands, or "" without hands.
     """
 
     def __init__(
@@ -134,6 +136,7 @@ class Session:
         self._say, self._traps = say, len(scene.traps)
         self._recorded: str | None = None
         self.budget: dict[str, Any] | None = None
+        self.law = ""
         try:
             if plans:  # a bad name is refused before anything is compiled
                 specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
@@ -185,7 +188,9 @@ class Session:
             back_to_normal()
         if self._recorded and not Path(self._recorded).exists():
             self._recorded = None  # ended before the first frame
-        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded}
+        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded, "law": self.law or None}
+        if self.law:
+            report["text"] += f"\nforce law {self.law}"
         if self._recorded:
             report["text"] += f"\nrecorded  {self._recorded}"
         return report
@@ -242,10 +247,14 @@ class Session:
 
     def _make_servo(self, plans: Sequence[HandPlan], local: LocalScene) -> ServoLike:
         pointers = {name: box.name for name, box in self._boxes.items()}
-        return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=self._options.servo_rate)
+        code, self.law = compile_laws(local.laws)
+        if code is None:
+            self._say(f"force law {self.law}")
+        rate = self._options.servo_rate
+        return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=rate, code=code)
 
     def _make_recording(self, file: str | None, loop: LiveLoop) -> LiveRecording:
-        recording = open_recording(file, loop)
+        recording = open_recording(file, loop, law=self.law)
         self._recorded = str(recording.file)
         return recording
 
@@ -254,12 +263,13 @@ class Session:
             box.close()
 
 
-def open_recording(file: str | None, loop: LiveLoop) -> LiveRecording:
+def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> LiveRecording:
     """Begin the recording of a session, now; it is replayed from this moment on.
 
     Args:
         file: `.mcap`, or None for one named by the time, in this folder.
         loop: The session.
+        law: What computes the forces, for its settings.
 
     Raises:
         InputError: As `RecordingWriter`.
@@ -272,7 +282,12 @@ def open_recording(file: str | None, loop: LiveLoop) -> LiveRecording:
         laws=loop.local.laws,
         kinds=loop.local.kinds,
         scene=loop.sim.scene,
-        settings={"seed": loop.sim.model.seed, "time_step": loop.sim.time_step, "device": loop.sim.model.device.alias},
+        settings={
+            "seed": loop.sim.model.seed,
+            "time_step": loop.sim.time_step,
+            "device": loop.sim.model.device.alias,
+            "law": law,
+        },
         clock=loop.clock.now,
     )
     servo = loop.hands.servo
