@@ -48,8 +48,8 @@ def main() -> None:
             section = measure(arguments.device, **rounds)
             print(section.markdown(), flush=True)
             sections.append(section)
-    if arguments.json:
-        save_json(arguments.json, sections)
+    if arguments.out:
+        save_json(arguments.out, sections)
     if arguments.write:
         # written together at the end, so that a benchmark cut off in the middle changes nothing
         write_pages(sections)

@@ -129,8 +129,8 @@ def main() -> None:
     arguments = options("What a budget leaves of a scene.", rounds=1).parse_args()
     section = measure(arguments.device, rounds=arguments.rounds)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

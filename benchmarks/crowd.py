@@ -222,8 +222,8 @@ def main() -> None:
         arguments.device, sizes=arguments.sizes, profiled=arguments.profiled, rounds=arguments.rounds
     )  # fmt: skip
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

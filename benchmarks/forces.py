@@ -53,8 +53,8 @@ def main() -> None:
     arguments = options("Error against run time of the force models.", rounds=7).parse_args()
     section = measure(arguments.device, rounds=arguments.rounds)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

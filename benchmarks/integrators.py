@@ -66,8 +66,8 @@ def main() -> None:
     how = {"rounds": arguments.rounds, "seconds": arguments.seconds, "plot": arguments.plot}
     section = measure(arguments.device, **how)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

@@ -300,8 +300,8 @@ def main() -> None:
     arguments = parser.parse_args()
     found = measure(arguments.device, rounds=arguments.rounds, worlds=arguments.worlds, longest=arguments.longest)
     print(found.markdown())
-    if arguments.json:
-        save_json(arguments.json, [found])
+    if arguments.out:
+        save_json(arguments.out, [found])
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ class Section:
         return "\n".join([head, "", *(table.markdown() for table in self.tables)])
 
     def json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """For `--out`."""
         return {"device": self.kind, "machine": self.machine.data(), **self.data}
 
 
@@ -94,7 +94,7 @@ def save_json(file: Path, sections: Sequence[Section]) -> None:
     try:
         file.write_text(text + "\n")
     except OSError as error:
-        raise InputError(f"--json {file} cannot be written: {error.strerror}") from error
+        raise InputError(f"--out {file} cannot be written: {error.strerror}") from error
 
 
 def positive(text: str) -> int:
@@ -112,7 +112,7 @@ def options(about: str, *, rounds: int | None) -> argparse.ArgumentParser:
     """The options that all benchmarks share."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers to FILE")
+    parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write all numbers to FILE")
     usual = "each benchmark's own" if rounds is None else str(rounds)
     parser.add_argument("--rounds", type=positive, default=rounds, help=f"repeats of each figure (default: {usual})")
     return parser

@@ -55,8 +55,8 @@ def main() -> None:
     arguments = parser.parse_args()
     section = measure(arguments.device, cases=arguments.case, rounds=arguments.rounds)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

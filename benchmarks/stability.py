@@ -46,8 +46,8 @@ def main() -> None:
         arguments.device, grids=arguments.grid, quick=not (arguments.full or arguments.long), long=arguments.long
     )
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

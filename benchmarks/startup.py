@@ -116,8 +116,8 @@ def main() -> None:
     arguments = options("Time from a command to its first step.", rounds=3).parse_args()
     section = measure(arguments.device, rounds=arguments.rounds)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

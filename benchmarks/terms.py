@@ -25,8 +25,8 @@ def main() -> None:
     arguments = parser.parse_args()
     section = measure(arguments.device, rounds=arguments.rounds, bodies=arguments.bodies)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

@@ -110,7 +110,7 @@ def cube() -> str:
 def arguments(name: str) -> list[str]:
     """What is typed after `otwarp`; benchmarks write their numbers as well."""
     words = name.split()
-    return [*words, *COMMANDS[name], *(["--json", f"{words[1]}.json"] if words[0] == "bench" else [])]
+    return [*words, *COMMANDS[name], *(["-o", f"{words[1]}.json"] if words[0] == "bench" else [])]
 
 
 @pytest.fixture(scope="module")

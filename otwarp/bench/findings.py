@@ -1,4 +1,4 @@
-"""What benchmarks found, as files: written by `--json`, and for some read again by `--with`."""
+"""What benchmarks found, as files: written by `--out`, and for some read again by `--with`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Findings:
         Raises:
             InputError: The file cannot be written.
         """
-        with written(file, f"--json {file}") as part:
+        with written(file, f"--out {file}") as part:
             part.write_text(json.dumps(self.json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
 
 
@@ -97,7 +97,7 @@ class BeadFindings(Findings):
         except OSError as error:
             raise InputError(f"--with {file} cannot be read: {error.strerror}") from error
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"--with {file} is not what --json writes; allowed: a file of {cls.FORMAT}") from error
+            raise InputError(f"--with {file} is not what --out writes; allowed: a file of {cls.FORMAT}") from error
 
 
 def bead_fields(beam: Beam, sphere: Particle) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import FILE, json_file_option
-from otwarp.cli.output import is_stdout, tables_console, write_json
+from otwarp.cli.options import FILE, json_option, out_option
+from otwarp.cli.output import json_text, tables_console
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decomposition import Decomposition
@@ -25,31 +25,31 @@ if TYPE_CHECKING:
     help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
 )
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
-@click.option("-o", "--out", type=FILE, metavar="FILE", help="USD file for the body.")
-@json_file_option
+@out_option("FILE", "USD file for the body.")
+@json_option
 def decompose(
     mesh: Path,
     spheres: int | None,
     volume_error: float | None,
     scale: float,
     out: Path | None,
-    json_file: Path | None,
+    as_json: bool,
 ) -> None:
     """Turn a closed MESH (STL, OBJ, PLY, …) into spheres for optical forces, and say how well they stand for it."""
     from otwarp.hydrodynamics.decomposition import decompose as run
 
     found = run(mesh, spheres=spheres, volume_error=volume_error, scale=scale)
     about = _describe(mesh, found)
-    if not is_stdout(json_file):
-        _print(about)
     if out is not None:
         from otwarp.scene.write.body_file import write_body
 
         write_body(_body(mesh, found), out)
-        if not is_stdout(json_file):
-            click.echo(f"wrote {out}: prim {_body(mesh, found).prim}, for a scene to reference")
-    if json_file is not None:
-        write_json(about, json_file)
+    if as_json:
+        click.echo(json_text(about))
+        return
+    _print(about)
+    if out is not None:
+        click.echo(f"wrote {out}: prim {_body(mesh, found).prim}, for a scene to reference")
 
 
 def _body(mesh: Path, found: Decomposition) -> Body:

@@ -32,7 +32,7 @@ LAYERS = {
     cls=GroupedCommand,
     params=[
         *(option for options in GROUPS.values() for option in options),
-        click.Option(["--json", "as_json"], is_flag=True, help="Print one JSON object for a program to read."),
+        click.Option(["--json", "as_json"], is_flag=True, help="Print one JSON object for a program, and no text."),
     ],
     epilog="""\b
 Examples:

@@ -29,7 +29,7 @@ GROUPS: dict[str, list[click.Option]] = {
     "Beam, travelling along +z with its focus at the origin": beam_options(na=1.25, power=1.0, jones=True),
     "Forces at points": [
         option("--points", type=FILE, metavar="CSV", help="Sphere centres: columns x_um,y_um,z_um."),
-        option("--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
+        option("-o", "--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
         click.Option(
             ["--model"], default="exact", metavar="M", help="exact (default), table, piecewise[-isotropic], harmonic."
         ),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import json_file_option, scene_argument
-from otwarp.cli.output import is_stdout, tables_console, write_json
+from otwarp.cli.options import json_option, out_option, scene_argument
+from otwarp.cli.output import json_text, tables_console, write_json
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics import BodyMobility
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     metavar="X",
     help="Wanted relative error, 0 for the pair mobilities of the spheres alone; default: what each body asks for.",
 )
-@json_file_option
-def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> None:
+@out_option("FILE", "Write all numbers to FILE, JSON.")
+@json_option
+def mobility(scene: Path, accuracy: float | None, out: Path | None, as_json: bool) -> None:
     """Print diffusion along principal axes, centre of diffusion and error of each distinct body of SCENE."""
     from otwarp.scene import Scene
     from otwarp.simulation.packing.bodies import mobilities
@@ -35,10 +36,13 @@ def mobility(scene: Path, accuracy: float | None, json_file: Path | None) -> Non
         bodies = tuple(dataclasses.replace(b, mobility_accuracy=accuracy) for b in loaded.bodies)
         loaded = dataclasses.replace(loaded, bodies=bodies)
     rows = _distinct(loaded, mobilities(loaded))
-    if not is_stdout(json_file):
+    about = {"scene": str(scene), "bodies": rows}
+    if as_json:
+        click.echo(json_text(about))
+    else:
         _print(rows, loaded.root)
-    if json_file is not None:
-        write_json({"scene": str(scene), "bodies": rows}, json_file)
+    if out is not None:
+        write_json(about, out)
 
 
 def describe(move: BodyMobility, energy_over_viscosity: float) -> dict[str, Any]:

@@ -64,9 +64,13 @@ def step_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return gathered
 
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for a program to read.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for a program, and no text.")
+"""Standard output then has the object and nothing else; what is said meanwhile goes to standard error."""
 
-json_file_option = click.option("--json", "json_file", type=FILE, metavar="FILE", help="Also write JSON; - prints it.")
+
+def out_option(metavar: str, help: str) -> Callable[..., Any]:
+    """`-o`, `--out`: the file or folder that a command is called for."""
+    return click.option("-o", "--out", type=FILE, metavar=metavar, help=help)
 
 
 def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:

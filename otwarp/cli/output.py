@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
+from otwarp.files import written
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,16 +19,9 @@ def json_text(value: Any) -> str:
 
 
 def write_json(value: Any, file: Path) -> None:
-    """Write a value as JSON to a file; `-` prints it."""
-    if is_stdout(file):
-        click.echo(json_text(value))
-    else:
-        file.write_text(json_text(value) + "\n", encoding="utf-8")
-
-
-def is_stdout(file: Path | None) -> bool:
-    """Whether a file was given as `-`: then nothing else may be printed there."""
-    return file is not None and str(file) == "-"
+    """Write a value as JSON to a file, whole or not at all."""
+    with written(file) as part:
+        part.write_text(json_text(value) + "\n", encoding="utf-8")
 
 
 def tables_console(width: int) -> Console:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.options import FILE, device_option
+from otwarp.cli.options import FILE, device_option, out_option
 from otwarp.errors import InputError
 
 
@@ -39,7 +39,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 
 @click.command()
 @click.argument("path", type=FILE)
-@click.option("-o", "--out", type=FILE, help="PNG to write; default: NAME.png in this folder.")
+@out_option("PNG", "Picture to write; default: NAME.png in this folder.")
 @click.option("--frame", type=int, help="Frame of the run or of the stage's time codes; default: the first.")
 @click.option("--time", type=float, metavar="SECONDS", help="Instead of a frame: seconds from the start.")
 @click.option(

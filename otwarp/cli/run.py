@@ -17,6 +17,7 @@ from otwarp.cli.options import (
     STEP_OPTIONS,
     device_option,
     json_option,
+    out_option,
     scene_argument,
     seed_option,
     step_options,
@@ -31,9 +32,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @scene_argument
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: out/SCENE."
-)
+@out_option("DIR", "Folder for the results; default: out/SCENE.")
 @worlds_option
 @seed_option
 @click.option("--duration", type=float, metavar="SECONDS", help="Simulated time; default: the scene's.")

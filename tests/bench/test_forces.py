@@ -190,7 +190,7 @@ def test_a_foreign_file_is_refused(found, tmp_path: Path, change):
     change(data)
     file = tmp_path / "other.json"
     file.write_text(json.dumps(data))
-    with pytest.raises(InputError, match=r"other\.json is not what --json writes"):
+    with pytest.raises(InputError, match=r"other\.json is not what --out writes"):
         ForcesBench.read(file)
 
 

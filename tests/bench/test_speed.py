@@ -276,7 +276,7 @@ def test_the_shipped_delivery_is_the_scene():
 def test_the_command_prints_the_table_and_writes_files(device, capfd, tmp_path: Path):
     file, scale = tmp_path / "speed.json", 16 / PARTICLES[kind_of(device)]
     options = ["--case", "bead", "--rounds", "1", "--seconds", "1e-4", "--scale", f"{scale:g}", "--device", device]
-    assert main(["bench", "speed", *options, "--json", str(file)]) == 0
+    assert main(["bench", "speed", *options, "--out", str(file)]) == 0
     out = capfd.readouterr().out
     assert "bead in a spring, heun" in out and "NumPy" in out and f"wrote {file}" in out and file.exists()
 

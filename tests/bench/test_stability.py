@@ -206,7 +206,7 @@ def test_a_wrong_law_is_found_out(effort, monkeypatch, capfd):
 
 def test_a_sound_grid_exits_with_0(effort, capfd, tmp_path: Path):
     file = tmp_path / "pair.json"
-    options = ["--quick", "--grid", "pair", "--device", str(effort.device), "--json", str(file)]
+    options = ["--quick", "--grid", "pair", "--device", str(effort.device), "--out", str(file)]
     assert main(["bench", "stability", *options]) == 0
     out = capfd.readouterr().out
     assert "A    24  accurate" in out and f"wrote {file}" in out and file.exists()

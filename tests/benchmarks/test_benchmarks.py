@@ -232,5 +232,5 @@ def test_machine_is_described_without_naming_it():
 
 
 def test_json_that_cannot_be_written_is_an_input_error(term_section: Section, tmp_path: Path):
-    with pytest.raises(InputError, match="--json"):
+    with pytest.raises(InputError, match="--out"):
         save_json(tmp_path / "absent" / "x.json", [term_section])

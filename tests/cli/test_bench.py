@@ -37,7 +37,7 @@ def numbers(cache, tmp_path_factory) -> Path:
         "            raise ModuleNotFoundError(name)\n"
         "sys.meta_path.insert(0, Bare())\n"
         "from otwarp.cli.main import main\n"
-        f"sys.exit(main({[*QUICK, '--json', str(file)]!r}))"
+        f"sys.exit(main({[*QUICK, '--out', str(file)]!r}))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -71,7 +71,7 @@ def test_plot_with_another_run(numbers, tmp_path, capfd):
         (["--na", "1.4"], ["1.4", "1.33"]),
         (["--power", "0"], ["--power", "0 mW"]),
         (["--polarization", "oblique"], ["polarization", "oblique"]),
-        (["--json", "absent/x.json"], ["--json", "absent"]),
+        (["-o", "absent/x.json"], ["--out", "absent"]),
         (["--plot", "absent/x.png"], ["--plot", "absent"]),
         (["--plot", "x.png", "--with", "absent.json"], ["--with", "absent.json"]),
         (["--with", "absent.json"], ["--with", "--plot"]),
@@ -108,7 +108,7 @@ INTEGRATORS = ["bench", "integrators", "--device", "cpu"]
 def test_integrators(tmp_path, capfd):
     file, picture = tmp_path / "numbers.json", tmp_path / "bench.png"
     quick = ["--radius", "0.5", "--worlds", "8", "--rounds", "1", "--seconds", "0.01", "--axis", "precision"]
-    assert main([*INTEGRATORS, *quick, "--json", str(file), "--plot", str(picture)]) == 0
+    assert main([*INTEGRATORS, *quick, "--out", str(file), "--plot", str(picture)]) == 0
     data = json.loads(file.read_text())
     assert [line["name"] for line in data["lines"]][:2] == ["heun", "float32"] and data["worlds"] == 8
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -125,7 +125,7 @@ def test_integrators(tmp_path, capfd):
         (["--seconds", "-1"], ["--seconds", "-1"]),
         (["--worlds", "1"], ["--worlds", "1"]),
         (["--polarization", "x"], ["--polarization", "'x'", "circular"]),
-        (["--json", "absent/x.json"], ["--json", "absent"]),
+        (["-o", "absent/x.json"], ["--out", "absent"]),
         (["--with", "absent.json"], ["--with", "--plot"]),
         (["--plot", "x.png", "--with", "absent.json"], ["--with", "absent.json"]),
     ],
@@ -144,7 +144,7 @@ def test_terms_prints_costs_and_writes_numbers(tmp_path, capfd, monkeypatch):
     few = [c for c in COMPARISONS if c.with_ in ("noise", "harmonic")]
     monkeypatch.setattr(measure, "bench_terms", functools.partial(measure.bench_terms, comparisons=few, beads=256))
     file = tmp_path / "terms.json"
-    options = ["--rounds", "1", "--seconds", "0.001", "--bodies", "64", "--device", "cpu", "--json", str(file)]
+    options = ["--rounds", "1", "--seconds", "0.001", "--bodies", "64", "--device", "cpu", "--out", str(file)]
     assert main(["bench", "terms", *options]) == 0
     out = capfd.readouterr().out
     assert "Cost of each term" in out and "Brownian noise" in out

@@ -70,7 +70,7 @@ def output(capfd) -> str:
 
 
 def test_json_of_a_scene(scene, capfd):
-    assert main(["mobility", str(scene), "--json", "-"]) == 0
+    assert main(["mobility", str(scene), "--json"]) == 0
     rows = json.loads(output(capfd))["bodies"]
     assert [row["count"] for row in rows] == [2, 1, 1]
     pair, rod, bead = rows
@@ -90,7 +90,7 @@ def test_json_of_a_scene(scene, capfd):
 
 def test_accuracy_of_the_command_goes_before_the_scene(scene, tmp_path, capfd):
     file = tmp_path / "m.json"
-    assert main(["mobility", str(scene), "--accuracy", "0", "--json", str(file)]) == 0
+    assert main(["mobility", str(scene), "--accuracy", "0", "--out", str(file)]) == 0
     assert "not estimated" in output(capfd)
     pair, rod, _ = json.loads(file.read_text())["bodies"]
     # pair mobilities: 8/13 along the axis, by hand; the rod is left out
@@ -121,11 +121,13 @@ def mesh(tmp_path_factory):
 
 
 def test_decompose_writes_a_body_that_scenes_accept(mesh, tmp_path, capfd):
-    body, about = tmp_path / "pill.usda", tmp_path / "pill.json"
-    assert main(["decompose", str(mesh), "-n", "4", "-o", str(body), "--json", str(about)]) == 0
+    body = tmp_path / "pill.usda"
+    command = ["decompose", str(mesh), "-n", "4", "-o", str(body)]
+    assert main(command) == 0
     out = output(capfd)
     assert "volume in one but not in both" in out and "mobility, against the mesh's" in out and "/body_2_pill" in out
-    found = json.loads(about.read_text())
+    assert main([*command, "--json"]) == 0
+    found = json.loads(output(capfd))
     assert 1 < len(found["spheres"]) <= 4
     assert found["volume_error"] < 0.15 and found["mobility_error"] < 0.05
     scene = tmp_path / "scene.usda"
@@ -140,7 +142,7 @@ def test_decompose_writes_a_body_that_scenes_accept(mesh, tmp_path, capfd):
 
 
 def test_decompose_to_a_wanted_error(mesh, capfd):
-    assert main(["decompose", str(mesh), "--volume-error", "0.3", "--scale", "0.5", "--json", "-"]) == 0
+    assert main(["decompose", str(mesh), "--volume-error", "0.3", "--scale", "0.5", "--json"]) == 0
     found = json.loads(output(capfd))
     assert found["volume_error"] <= 0.3
     assert found["volume"] == pytest.approx((2 * np.pi + 4 / 3 * np.pi) / 8, rel=0.03)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
@@ -38,11 +39,11 @@ def forces(power: float, **typed: Any) -> None:
     beam, sphere = taken(Bead, typed).optics(power)
     check_same(beam, sphere, output.others, earlier)
     found = bench_forces(beam, sphere, note=note, **typed)
-    if output.json_file is not None:
-        found.save(output.json_file)
-    if output.plot is not None:
+
+    def draw(file: Path) -> None:
+        """This run and the earlier ones."""
         from otwarp.bench.forces.figure import draw_runs
 
-        draw_runs([found, *earlier], output.plot)
-    print_table(table(found, f"Force models on {found.hardware}"))
-    output.report()
+        draw_runs([found, *earlier], file)
+
+    output.report(found, lambda: print_table(table(found, f"Force models on {found.hardware}")), draw)

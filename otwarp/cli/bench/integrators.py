@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
 from otwarp.cli.bead_options import Bead, taken
-from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_table
+from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_tables
 from otwarp.cli.options import device_option, with_options
 
 
@@ -41,12 +42,11 @@ def integrators(**typed: Any) -> None:
     beam, sphere = taken(Bead, typed).optics(1.0)
     check_same(beam, sphere, output.others, earlier)
     found = bench_integrators(beam, sphere, note=note, **typed)
-    if output.json_file is not None:
-        found.save(output.json_file)
-    if output.plot is not None:
+
+    def draw(file: Path) -> None:
+        """This run and the earlier ones."""
         from otwarp.bench.integrators.figure import draw_integrators
 
-        draw_integrators([found, *earlier], output.plot)
-    for table in tables(found):
-        print_table(table)
-    output.report()
+        draw_integrators([found, *earlier], file)
+
+    output.report(found, lambda: print_tables(tables(found)), draw)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,12 +12,12 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.bead_options import beam_options, sphere_options
-from otwarp.cli.options import FILE
-from otwarp.cli.output import tables_console
+from otwarp.cli.options import FILE, json_option, out_option
+from otwarp.cli.output import json_text, tables_console
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.bench.findings import BeadFindings
+    from otwarp.bench.findings import BeadFindings, Findings
     from otwarp.bench.report import Table as ResultTable
     from otwarp.optics.beam import Beam
     from otwarp.optics.mie import Particle
@@ -29,7 +29,8 @@ def bead() -> list[click.Option]:
 
 
 OUTPUT = (
-    click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all numbers to FILE."),
+    out_option("FILE", "Write all numbers to FILE, JSON."),
+    json_option,
     click.option("--plot", type=FILE, metavar="PNG", help="Draw error against time."),
     click.option(
         "--with", "others", type=FILE, multiple=True, metavar="JSON", help="Draw that run as well; may be repeated."
@@ -42,12 +43,13 @@ OUTPUT = (
 class Output:
     """Where results go, as typed; refused at once if nothing could be written there minutes later."""
 
-    json_file: Path | None
-    plot: Path | None
-    others: tuple[Path, ...]
+    out: Path | None
+    as_json: bool
+    plot: Path | None = None
+    others: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
-        for option, file in (("--json", self.json_file), ("--plot", self.plot)):
+        for option, file in (("--out", self.out), ("--plot", self.plot)):
             if file is not None and not file.parent.is_dir():
                 raise InputError(f"{option} {file} cannot be written: no folder {file.parent}")
             if file is not None and file.is_dir():
@@ -55,9 +57,17 @@ class Output:
         if self.others and self.plot is None:
             raise InputError(f"--with {self.others[0]} comes without --plot; allowed: both")
 
-    def report(self) -> None:
-        """Say what was written."""
-        for file in (self.json_file, self.plot):
+    def report(self, found: Findings, show: Callable[[], None], draw: Callable[[Path], None] | None = None) -> None:
+        """Write what was found and draw it as asked, then print it: as JSON and nothing else, or by `show`."""
+        if self.out is not None:
+            found.save(self.out)
+        if self.plot is not None and draw is not None:
+            draw(self.plot)
+        if self.as_json:
+            click.echo(json_text(found.json()))
+            return
+        show()
+        for file in (self.out, self.plot):
             if file is not None:
                 click.echo(f"wrote {file}")
 
@@ -94,3 +104,9 @@ def print_table(what: ResultTable) -> None:
         table.add_row(*row)
     # cells break to fit a terminal; a pipe or a file gets them whole
     tables_console(200).print(table)
+
+
+def print_tables(tables: Sequence[ResultTable]) -> None:
+    """Several, one below the other."""
+    for table in tables:
+        print_table(table)

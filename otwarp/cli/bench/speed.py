@@ -20,14 +20,15 @@ from otwarp.cli.options import device_option, with_options
     "--scale", type=float, default=1.0, show_default=True, help="Part of the usual number of worlds and particles."
 )
 @device_option
-@with_options(*OUTPUT[:2])
+@with_options(*OUTPUT[:3])
 def speed(
     cases: tuple[str, ...],
     rounds: int,
     seconds: float,
     scale: float,
     device: str | None,
-    json_file: Path | None,
+    out: Path | None,
+    as_json: bool,
     plot: Path | None,
 ) -> None:
     """Steps per second of typical scenes, in turns with codes that others would write for one of them.
@@ -40,13 +41,13 @@ def speed(
     from otwarp.bench.speed.measure import bench_speed
     from otwarp.bench.speed.table import table
 
-    output = Output(json_file=json_file, plot=plot, others=())
+    output = Output(out=out, as_json=as_json, plot=plot)
     found = bench_speed(cases=cases, device=device, rounds=rounds, seconds=seconds, scale=scale, note=note)
-    if json_file is not None:
-        found.save(json_file)
-    if plot is not None:
+
+    def draw(file: Path) -> None:
+        """The rows of this run."""
         from otwarp.bench.speed.figure import draw_speed
 
-        draw_speed(found, plot)
-    print_table(table(found, f"Speed on {found.hardware}"))
-    output.report()
+        draw_speed(found, file)
+
+    output.report(found, lambda: print_table(table(found, f"Speed on {found.hardware}")), draw)

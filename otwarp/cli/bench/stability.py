@@ -18,8 +18,10 @@ EXIT_WRONG = 1
 @click.option("--quick", is_flag=True, help="Fewer worlds and scenes: two minutes on two cores.")
 @click.option("--long", is_flag=True, help="Also runs of 10⁸ steps.")
 @device_option
-@with_options(*OUTPUT[:1])
-def stability(grids: tuple[str, ...], quick: bool, long: bool, device: str | None, json_file: Path | None) -> int:
+@with_options(*OUTPUT[:2])
+def stability(
+    grids: tuple[str, ...], quick: bool, long: bool, device: str | None, out: Path | None, as_json: bool
+) -> int:
     """Stress tests: time step, power, stiffness, sizes, overlaps, trap jumps, temperature, long runs, random scenes.
 
     One letter per cell says whether the run was accurate against a closed form, stable with a stated error, refused or
@@ -28,12 +30,9 @@ def stability(grids: tuple[str, ...], quick: bool, long: bool, device: str | Non
     from otwarp.bench.stability.measure import bench_stability
     from otwarp.bench.stability.table import plain
 
-    output = Output(json_file=json_file, plot=None, others=())
+    output = Output(out=out, as_json=as_json)
     found = bench_stability(grids=grids, device=device, quick=quick, long=long, note=note)
-    if json_file is not None:
-        found.save(json_file)
     if sys.stderr.isatty():
         click.echo("\r\x1b[K", nl=False, err=True)
-    click.echo(plain(found))
-    output.report()
+    output.report(found, lambda: click.echo(plain(found)))
     return EXIT_WRONG if found.wrong else 0

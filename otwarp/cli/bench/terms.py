@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.bench.options import print_table
-from otwarp.cli.options import FILE, device_option
+from otwarp.cli.bench.options import OUTPUT, Output, print_tables
+from otwarp.cli.options import device_option, with_options
 from otwarp.errors import InputError
 
 
@@ -23,10 +23,16 @@ from otwarp.errors import InputError
     metavar="N",
     help="Bodies in all worlds together; default 4096, on CUDA 262144.",
 )
-@click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all numbers to FILE.")
 @device_option
+@with_options(*OUTPUT[:2])
 def terms(
-    names: tuple[str, ...], rounds: int, seconds: float, bodies: int | None, json_file: Path | None, device: str | None
+    names: tuple[str, ...],
+    rounds: int,
+    seconds: float,
+    bodies: int | None,
+    device: str | None,
+    out: Path | None,
+    as_json: bool,
 ) -> None:
     """Each term of the step by two scenes that differ by it, measured in turns; then several together.
 
@@ -37,8 +43,6 @@ def terms(
 
     if not 0.0 < seconds <= 60.0:
         raise InputError(f"--seconds is {seconds:g}; allowed: above 0, up to 60")
+    output = Output(out=out, as_json=as_json)
     found = bench_terms(device, names=names, rounds=rounds, seconds=seconds, bodies=bodies)
-    if json_file is not None:
-        found.save(json_file)
-    for table in tables(found):
-        print_table(table)
+    output.report(found, lambda: print_tables(tables(found)))
