@@ -45,9 +45,11 @@ def test_drift_is_mobility_times_force():
 
 
 def test_noise_has_the_covariance_of_fluctuation_dissipation():
-    """Σ over the six unit deviates of Δ Δᵀ is the covariance: 2 k_B T M dt/η."""
-    columns = np.stack([move(np.zeros(6), noise=e) for e in np.eye(6)], axis=1)
-    np.testing.assert_allclose(columns @ columns.T, 2 * ENERGY * BODY.mobility * DT / ETA, rtol=1e-12, atol=1e-18)
+    """Σ over the six unit deviates of Δ Δᵀ is the covariance: 2 k_B T M dt/η, for a step in which nothing turns."""
+    step = 1e-12
+    columns = np.stack([move(np.zeros(6), noise=e, time_step=step) for e in np.eye(6)], axis=1)
+    scale = np.sqrt(np.outer(*[np.diag(BODY.mobility)] * 2)) * 2 * ENERGY * step / ETA
+    np.testing.assert_allclose(columns @ columns.T / scale, 2 * ENERGY * BODY.mobility * step / ETA / scale, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(3))

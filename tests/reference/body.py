@@ -26,6 +26,30 @@ def advance(position: np.ndarray, orientation: np.ndarray, move: np.ndarray) -> 
     return position + matrix(orientation) @ move[:3], turned / np.linalg.norm(turned)
 
 
+def turning_variances(variances: np.ndarray) -> np.ndarray:
+    """(3,) principal variances of the rotation vector of a step [rad²] from 2 D_r dt, right to second order."""
+    out = np.array(variances, dtype=float)
+    for k, s in enumerate(variances):
+        i, j = variances[k - 1], variances[k - 2]
+        out[k] += i * j / 4.0 - s * (i + j) / 6.0
+    return out
+
+
+def thermal_move(root: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(6,) displacement and rotation vector by deviates ξ, in the body's axes; `root` (6, 6) with the covariance L Lᵀ.
+
+    Rotations have the variances of `turning_variances`, and displacements are turned along by 1/√2 of the rotation.
+    """
+    along = root[3:, :3] @ root[3:, :3].T
+    variance, axes = np.linalg.eigh(along + root[3:, 3:] @ root[3:, 3:].T)
+    turning = np.linalg.cholesky((axes * turning_variances(variance)) @ axes.T - along)
+    v, w = root[:3, :3] @ noise[:3], root[3:, :3] @ noise[:3] + turning @ noise[3:]
+    angle = np.linalg.norm(w)
+    if angle > 0.0:
+        v = matrix(exponential(2.0 * np.arctan(angle / np.sqrt(8.0)) / angle * w)) @ v
+    return np.concatenate([v, w])
+
+
 def free_move(
     wrench: np.ndarray,
     mobility: np.ndarray,
@@ -37,7 +61,7 @@ def free_move(
     time_step: float,
     flow: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Δ = M F dt/η + √(2 k_B T dt/η) L ξ + U_flow dt, (6,) in the body's axes.
+    """Δ = M F dt/η + noise + U_flow dt, (6,) in the body's axes; the noise as `thermal_move`.
 
     Args:
         wrench: (6,) force and torque about the reference point [pN, pN·µm].
@@ -50,7 +74,7 @@ def free_move(
         flow: (6,) velocity of the force-free body [µm/s, rad/s].
     """
     scale = time_step / viscosity
-    move = scale * (mobility @ wrench) + np.sqrt(2.0 * energy * scale) * (cholesky @ noise)
+    move = scale * (mobility @ wrench) + thermal_move(np.sqrt(2.0 * energy * scale) * cholesky, noise)
     return move if flow is None else move + time_step * flow
 
 

@@ -6,6 +6,7 @@ Moves are twists: displacement of the centre of diffusion and rotation vector, i
 import warp as wp
 
 from otwarp.kernels.bodies.flow import FLOW_TERMS
+from otwarp.kernels.bodies.rotational_noise import turned_along, turning_root
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
@@ -92,7 +93,7 @@ def rigid_constants_term(f: Features) -> wp.Function:
 
     @wp.func
     def rigid_constants(model: ModelData, control: ControlData, world: int, b: int) -> RigidConstants:
-        """Blocks of M dt and of its Cholesky factor × √(2 k_B T dt/η), body axes; also aims of traps at rest."""
+        """Blocks of M dt and of the factor of the noise, as `RigidConstants`, body axes; also aims of traps at rest."""
         body = RigidConstants()
         shape = model.body.shape[b]
         scale = step_over_viscosity(model, world)
@@ -109,6 +110,7 @@ def rigid_constants_term(f: Features) -> wp.Function:
             for i in range(3):
                 for j in range(3):
                     body.coupling_root[i, j] = spread * root[i + 3, j]
+            body.rotation_root = turning_root(body.coupling_root, body.rotation_root)
         if wp.static(keeps_aims(f)):
             body = kept_aims(model, control, world, b, body)
         return body
@@ -139,18 +141,21 @@ def flow_velocity_term(f: Features) -> wp.Function:
 
 
 def rigid_noise_term(f: Features) -> wp.Function:
-    """`(model, body, world, b, pose, step) -> twist`: √(2 k_B T dt) L ξ with M = L Lᵀ in the body's frame."""
+    """`(model, body, world, b, pose, step) -> twist`: noise of a step, as `rotational_noise` says, from the factor of
+    `RigidConstants`."""
     six_deviates = six_deviates_term(f.noise, f.fast_math)
 
     @wp.func
     def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """√(2 k_B T dt) L ξ [µm, rad] with ξ from a block of deviates, in the vector registers of a CPU."""
+        """Thermal move [µm, rad] with ξ from a block of deviates, in the vector registers of a CPU."""
         turn = rotation_matrix(pose.rotation)
-        return kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
+        kick = kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
+        w = angular_part(kick)
+        return twist(turned_along(linear_part(kick), w), w)
 
     @wp.func
     def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, ξ six deviates; 0 without noise."""
+        """Thermal move [µm, rad] in world axes by six deviates; 0 without noise."""
         kick = vec6()
         if wp.static(f.brownian):
             deviates = six_deviates(model.seed, step, world, b)
@@ -159,7 +164,7 @@ def rigid_noise_term(f: Features) -> wp.Function:
             v = lower_product(body.translation_root, first)
             w = body.coupling_root * first + lower_product(body.rotation_root, second)
             turn = rotation_matrix(pose.rotation)
-            kick = twist(turn * v, turn * w)
+            kick = twist(turn * turned_along(v, w), turn * w)
         return kick
 
     return from_columns if f.brownian and f.lanes else noise

@@ -116,7 +116,7 @@ class RigidConstants:
     translation: vec6  # [µm/pN]
     coupling: vec6  # [1/pN], symmetric about the centre of diffusion
     rotation: vec6  # [1/pN/µm]
-    translation_root: vec6  # lower factor of 2 k_B T M dt, block by block [µm]
+    translation_root: vec6  # lower factor of 2 k_B T M dt, block by block [µm]; rotations as in `rotational_noise`
     coupling_root: wp.mat33
     rotation_root: vec6
     aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are

@@ -18,6 +18,8 @@ OBSERVABLES: dict[str, str] = {
     "correlation": "relaxation rates and correlations in traps",
     "displacement": "mean squared displacements in traps over one step",
     "escape": "escape times and survival in traps",
+    "orientation": "rates at which orientations decorrelate",
+    "axis": "mean squared displacements along a body's axes over one step",
     "wall": "distribution next to hydrodynamic walls",
 }
 """Keys of `TimeScales.errors`, in the order in which they are printed, and what they are."""

@@ -18,6 +18,7 @@ from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
 from otwarp.simulation.time_step.observables import Observable, errors, in_springs, near_walls, on_steep_sides
 from otwarp.simulation.time_step.relaxation import TrapRelaxation
+from otwarp.simulation.time_step.rotors import in_rotation, rotors
 from otwarp.simulation.time_step.speeds import (
     adhesion_speed,
     flow_speed,
@@ -213,6 +214,8 @@ def time_scales(
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)
     watched = _observables(scene, scheme, rate, stability, wall)
+    for rotor in rotors(scene, moves, values, loads, scheme):
+        watched += in_rotation(rotor, scene.settings.accuracy)
     limits = _step_limits(scene, scheme, stability, motions, watched)
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by]

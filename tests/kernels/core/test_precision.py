@@ -22,6 +22,7 @@ from otwarp.scene import Medium, Scene, Settings, Track, Trap
 from otwarp.simulation.simulation import Simulation
 from tests.reference import rotations
 from tests.reference import walls as walls_reference
+from tests.reference.body import thermal_move
 from tests.reference.contact import sphere_pair
 from tests.reference.traps import body_wrench
 from tests.simulation.setups import (
@@ -234,7 +235,7 @@ def test_robot_is_that_of_numpy(device):
     six = kernels.typed(kernels.kernel_module("core.types", "float32").vec6, "float32")
     for xi in deviates(six, six_deviates_term("gaussian"), 20, device):
         turn = np.kron(np.eye(2), rotations.matrix(q))
-        noise = np.sqrt(2.0 * ENERGY * DT / VISCOSITY) * (turn @ root @ xi)
+        noise = turn @ thermal_move(np.sqrt(2.0 * ENERGY * DT / VISCOSITY) * root, xi)
         first = move_at(x, q)
         move = noise + first
         later = move_at(*shifted(move))
