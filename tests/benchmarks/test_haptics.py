@@ -30,11 +30,13 @@ def test_all_tables_go_to_the_page(monkeypatch, tmp_path: Path):
     rows = (Width("bare", 400.1, False, 400.0, "2b/T"), Width("stable", 20_000.0, True, None, ""))
     monkeypatch.setattr(haptics, "widths", lambda: rows)
     monkeypatch.setattr(haptics, "chain_width", lambda chain, *, high, wall, **how: high if wall else 0.5 * high)
-    section = haptics.measure("cpu", seconds=0.1, speeds=(0.2,), steps=10, tables=lambda steps: ())
+    section = haptics.measure("cpu", seconds=0.1, speeds=(0.2,), steps=10, tables=dict)
     file = tmp_path / "numbers.json"
     save_json(file, [section])
     data = json.loads(file.read_text())["haptics"]
     assert data["latency"]["cycles"] == 100
     assert data["width"]["stable"] == {"spring": 100_000.0, "wall": 200_000.0}
-    assert [len(table.rows) for table in section.tables] == [4, 2, 4, 2, 8]
+    assert [len(table.rows) for table in section.tables] == [4, 2, 4, 2, 2, 11]
+    forces = data["forces"].values()
+    assert all(one["law"] == "compiled" and one["compiled"]["p50"] < one["in Python"]["p50"] for one in forces)
     assert "≥ 200000" in put_on_page((PAGES / "haptics.md").read_text(), section)

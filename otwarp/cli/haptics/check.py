@@ -52,10 +52,13 @@ def check(
     """
     from otwarp.haptics.check.check import run_check
     from otwarp.haptics.check.timing import VIRTUAL
+    from otwarp.teleop.operators.felt import compile_laws
 
     measured = None if scene is None else _load(scene)  # a bad one is reported before anything is measured
     with _progress(as_json) as say:
-        found = run_check(seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say)
+        found = run_check(
+            seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say, compiler=compile_laws
+        )
         if page:
             found = dataclasses.replace(found, page=_page_latency(seconds, browser, say))
         if measured is not None:
@@ -151,6 +154,7 @@ def _print(found: Check) -> None:
     console.print(found.system, markup=False)
     for table in check_tables(found):
         console.print(table)
+    console.print(f"force law: {found.law}", markup=False)
     for line in found.trouble:
         console.print(line, markup=False)
     if found.page is not None:

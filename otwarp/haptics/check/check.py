@@ -6,7 +6,7 @@ import gc
 import math
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -35,7 +35,7 @@ from otwarp.haptics.core.realtime import Grant
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import DeviceSample, ServoFrame
 from otwarp.haptics.devices import KINDS, Kind, parse_devices
-from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.haptics.force.law import Code, IsotropicLaw, Law, SplitLaw, local_model
 from otwarp.haptics.servo.link import HandLayout, SceneLayout, SceneReader
 
 BUSY = 2
@@ -64,6 +64,9 @@ BOX_SPHERES, BOX_TRAPS = 16, 6
 """Capacity of the mailbox that is timed, full."""
 
 PERIOD = 1e-3
+
+CHECKED: dict[int, tuple[Law, ...]] = {0: (IsotropicLaw(CURVE), SplitLaw(CURVE, CURVE))}
+"""The laws whose cost is measured, as those of a trap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,18 +111,43 @@ def time_calls(call: Callable[[int], object], count: int) -> Percentiles:
     return Percentiles.of(found)
 
 
-def step_cost(chain: Chain, steps: int = STEPS) -> Percentiles:
-    """Time of a step [s] while the hand goes round within reach of all spheres; a new state every eighth period."""
-    chain.arm()
+Compiler = Callable[[Mapping[int, Sequence[Law]]], tuple[Code | None, str]]
+"""Compiles laws of traps, or says why the law in Python must do, see `otwarp.teleop.operators.felt.compile_laws`."""
+
+
+def step_cost(*chains: Chain, steps: int = STEPS) -> Percentiles:
+    """Time of a step of all chains [s] while the hands go round within reach of all spheres.
+
+    A new state comes every eighth period.
+    """
+    for chain in chains:
+        chain.arm()
     samples = [
         DeviceSample(n * PERIOD, (0.003 * math.cos(0.006 * n), 0.003 * math.sin(0.006 * n), 0.0)) for n in range(steps)
     ]
     scenes = [check_scene(n // 8 + 1, n // 8 * 8 * PERIOD) for n in range(steps)]
-    return time_calls(lambda n: chain.step(samples[n], scenes[n]), steps)
+    return time_calls(lambda n: [chain.step(samples[n], scenes[n]) for chain in chains], steps)
 
 
-def chain_costs(steps: int = STEPS) -> tuple[CallCost, ...]:
-    """Steps of the chains that a session may use, with 10 spheres and 3 traps, all in reach of each other."""
+def law_costs(
+    what: str, config: HandConfig, law: Law, code: Code | None, *, hands: int = 1, steps: int = STEPS
+) -> list[CallCost]:
+    """Steps of chains that feel a law on every trap: compiled, if there is code, and in Python."""
+    laws, found = {i: (law,) for i in config.traps}, []
+    for one, name in ((code, "compiled"), (None, "in Python")):
+        if one is not None or name == "in Python":
+            chains = [Chain(config, local_model(config, laws, code=one)) for _ in range(hands)]
+            found.append(CallCost(f"step: {what}, {name}", step_cost(*chains, steps=steps)))
+    return found
+
+
+def chain_costs(steps: int = STEPS, code: Code | None = None) -> tuple[CallCost, ...]:
+    """Steps of the chains that a session may use, with 10 spheres and 3 traps, all in reach of each other.
+
+    Args:
+        steps: That are timed.
+        code: Compiled, of `CHECKED`.
+    """
     plain = check_hand()
     low = LowPass(alpha=0.5, rate=1000.0)
     filters = replace(
@@ -128,17 +156,12 @@ def chain_costs(steps: int = STEPS) -> tuple[CallCost, ...]:
             plain.chain, motion_filter=low, force_filter=low, pose_filter=low, coupling=CouplingConfig(), damping=0.5
         ),
     )
-    paper = replace(plain, chain=PAPER_CHAIN)
-    iso, split = IsotropicLaw(CURVE), SplitLaw(CURVE, CURVE)
-    cases: tuple[tuple[str, HandConfig, IsotropicLaw | SplitLaw], ...] = (
-        ("stable, eq. 1 in all directions", plain, iso),
-        ("stable, radial and axial curve", plain, split),
-        ("stable, all filters and coupling", filters, iso),
-        ("paper", paper, iso),
-    )
-    return tuple(
-        CallCost(f"step: {what}", step_cost(Chain(c, local_model(c, {i: (law,) for i in c.traps})), steps))
-        for what, c, law in cases
+    (iso, split), paper = CHECKED[0], replace(plain, chain=PAPER_CHAIN)
+    return (
+        *law_costs("stable, eq. 1 in all directions", plain, iso, code, steps=steps),
+        *law_costs("stable, radial and axial curve", plain, split, code, steps=steps),
+        *law_costs("stable, all filters and coupling", filters, iso, code, steps=steps),
+        *law_costs("paper", paper, iso, None, steps=steps),
     )
 
 
@@ -239,6 +262,7 @@ class Check:
         trouble: What could not be measured, and why.
         scene: What a scene costs, if one was given; see the command.
         page: How long a state takes to the page, if it was measured; see the command.
+        law: What computes the force on hands here: `compiled`, or `in Python` and why.
     """
 
     system: str
@@ -252,6 +276,7 @@ class Check:
     trouble: list[str]
     scene: dict[str, Any] | None = None
     page: dict[str, Any] | None = None
+    law: str = ""
 
     def json(self) -> dict[str, Any]:
         """For a program; times in seconds."""
@@ -286,6 +311,7 @@ def run_check(
     width: bool = True,
     steps: int = STEPS,
     progress: Progress = lambda line: None,
+    compiler: Compiler = lambda laws: (None, "in Python"),
 ) -> Check:
     """Look for devices and measure; takes four times `seconds`, and some 15 s for the Z-width.
 
@@ -296,6 +322,7 @@ def run_check(
         width: Whether to compute the table of Z-widths, which is the same on every machine.
         steps: Steps that are timed for each cost.
         progress: Called with a line before each part.
+        compiler: Of force laws; by default they are measured in Python.
 
     Raises:
         InputError: A number out of range, or a `device` that is not there.
@@ -303,9 +330,10 @@ def run_check(
     check_numbers(seconds, rate)  # what is bad is an error before anything is looked for or measured
     parse_devices([device])
     progress(f"latency in the servo process, {device}")  # first: a device that is not there is an error at once
+    code, law = compiler(CHECKED)
     latency, trouble = None, []
     try:
-        latency = measure_latency(seconds, device=device, rate=rate)
+        latency = measure_latency(seconds, device=device, rate=rate, code=code)
     except InputError as error:
         if device != VIRTUAL:
             raise
@@ -316,7 +344,7 @@ def run_check(
     progress(f"loop jitter, beside {BUSY} busy processes")
     loaded = measure_jitter(seconds, rate, busy=BUSY)
     progress("cost of a step and of the mailboxes")
-    costs = [*chain_costs(steps), *mailbox_costs(steps)]
+    costs = [*chain_costs(steps, code), *mailbox_costs(steps)]
     return Check(
         system=system_text(),
         devices=devices,
@@ -327,4 +355,5 @@ def run_check(
         widths=list(widths(progress)) if width else [],
         limits=list(limits()),
         trouble=trouble,
+        law=law,
     )

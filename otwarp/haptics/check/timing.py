@@ -29,7 +29,7 @@ from otwarp.haptics.chain.chain import Chain, within
 from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_SAFETY, HandConfig
 from otwarp.haptics.core.realtime import Clock, Grant, RealClock, next_deadline, request_realtime
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import IsotropicLaw, local_model
+from otwarp.haptics.force.law import Code, IsotropicLaw, local_model
 from otwarp.haptics.servo.link import HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from otwarp.laws import TrapLaw
@@ -235,11 +235,12 @@ class TimedChain(Chain):
         file: Takes `{"sample": [...], "state": [...], "fresh": n, "cycles": n}` in seconds.
         cycles: After how many, the first `SETTLING` not counted.
         config, info: Of the hand and the device.
+        code: Of the law, None for plain Python.
     """
 
-    def __init__(self, file: str, cycles: int, config: HandConfig, info: DeviceInfo):
+    def __init__(self, file: str, cycles: int, config: HandConfig, info: DeviceInfo, *, code: Code | None = None):
         config = replace(config, safety=within(config.safety, info))
-        super().__init__(config, local_model(config, {i: (IsotropicLaw(CURVE),) for i in config.traps}))
+        super().__init__(config, local_model(config, {i: (IsotropicLaw(CURVE),) for i in config.traps}, code=code))
         self._file, self._cycles = file, cycles
         self._samples, self._states = array("d"), array("d")
         self._steps = self._fresh = 0
@@ -291,7 +292,9 @@ class ServoLatency:
     armed: bool
 
 
-def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float = 1000.0) -> ServoLatency:
+def measure_latency(
+    seconds: float = 3.0, *, device: str = VIRTUAL, rate: float = 1000.0, code: Code | None = None
+) -> ServoLatency:
     """Run the servo for a moment and say how late its forces are.
 
     Args:
@@ -299,6 +302,7 @@ def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float 
         device: See `otwarp.haptics.devices`. A device other than a virtual one is read and gets zero force: it is not
             armed.
         rate: Cycles per second [Hz].
+        code: Of the force law, None for plain Python.
 
     Raises:
         InputError: A number out of range, a device that is not there or went away, or a servo that ended.
@@ -309,7 +313,7 @@ def measure_latency(seconds: float = 3.0, *, device: str = VIRTUAL, rate: float 
     cycles = round(seconds * rate)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "times.json"
-        hand = HandSetup(device, partial(TimedChain, str(file), cycles, check_hand()))
+        hand = HandSetup(device, partial(TimedChain, str(file), cycles, check_hand(), code=code))
         with ServoProcess([hand], spheres=SPHERES, traps=TRAPS, rate=rate) as servo:
             late = _feed(servo, file, seconds, armed)
         found = json.loads(file.read_text())

@@ -15,6 +15,7 @@ from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.check import zwidth
 from otwarp.haptics.check.check import (
     ADVICE,
+    CHECKED,
     CallCost,
     Check,
     FoundDevices,
@@ -41,6 +42,7 @@ from otwarp.haptics.core.realtime import Grant
 from otwarp.haptics.core.types import DeviceInfo, DeviceSample
 from otwarp.haptics.devices import KINDS
 from otwarp.haptics.force.law import IsotropicLaw, local_model
+from otwarp.teleop.operators.felt import compile_laws
 from tests.haptics.found_doubles import DOUBLES
 
 INFO = DeviceInfo(name="double", kind="virtual", force=3.3, continuous_force=0.88)
@@ -163,9 +165,16 @@ class TestCosts:
         """What is timed is a chain that is armed and feels something, not one that refuses its input."""
         config = check_hand()
         chain = Chain(config, local_model(config, {i: (IsotropicLaw(CURVE),) for i in config.traps}))
-        step_cost(chain, 700)
+        step_cost(chain, steps=700)
         assert chain.complaint == ""
         assert max(abs(f) for f in chain.asked) > 0.01
+
+    def test_a_compiled_law_is_measured_beside_the_one_in_python(self):
+        """And it is that of a session, told by its name; the costs themselves are for the reader."""
+        code, said = compile_laws(CHECKED)
+        costs = chain_costs(20, code)
+        assert said == "compiled" and len(costs) == 7
+        assert sum(cost.what.endswith(", compiled") for cost in costs) == 3
 
     def test_all_of_them_have_a_name_and_a_time(self):
         costs = [*chain_costs(20), *mailbox_costs(20)]
