@@ -57,8 +57,8 @@ def _surface_value(shader: UsdShade.Shader, name: str, values: Values) -> np.nda
     # A texture or a primvar reader has no constant value: leave it to the display primvars.
     if not sources or UsdShade.Utils.GetType(sources[0].GetName()) != UsdShade.AttributeType.Input:
         return None
-    value = values.value(sources[0].GetPrim(), sources[0].GetName(), types=(INPUTS[name],), absent=None)
-    return None if value is None else np.asarray(value, dtype=float)
+    value = values.array(sources[0].GetPrim(), sources[0].GetName(), types=(INPUTS[name],))
+    return value if len(value) else None
 
 
 class Looks:
@@ -92,7 +92,7 @@ class Looks:
         if opacity is None:
             shown = flattened(self.values, UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity"))
             opacity = np.asarray(1.0) if shown is None else shown.mean()
-        roughness = float(material.get("roughness", np.asarray(DEFAULT_ROUGHNESS)))
+        roughness = material.get("roughness", np.asarray(DEFAULT_ROUGHNESS)).item()
         return Look(
             np.clip(colour.reshape(1, 3), 0.0, 1.0), np.clip(opacity.reshape(1), 0.0, 1.0), np.clip(roughness, 0.0, 1.0)
         )

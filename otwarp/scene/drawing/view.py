@@ -131,7 +131,8 @@ def read_lights(lights: list[tuple[Usd.Prim, np.ndarray]], scale: float, centre:
     power: list[np.ndarray] = []
     ambient = np.zeros(3)
     for prim, to_world in lights:
-        colour = np.asarray(values.value(prim, "inputs:color", absent=(1.0, 1.0, 1.0)), dtype=float)
+        given = values.array(prim, "inputs:color")
+        colour = given if len(given) else np.ones(3)
         is_distant = prim.IsA(UsdLux.DistantLight)
         position = to_world[:3, 3] * scale
         strength = _irradiance(prim, float(np.linalg.norm(position - centre)), scale, values) * colour

@@ -11,7 +11,7 @@ from otwarp.scene.drawing.draw_list import PLANE, View
 from otwarp.scene.drawing.shapes import Batch, ShapeReader, column_matrix
 from otwarp.scene.drawing.view import automatic_view, find_camera, read_view
 from otwarp.scene.read.attributes import applied_schemas
-from otwarp.scene.read.bodies import shown_instances
+from otwarp.scene.read.bodies import instance_matrices, shown_instances
 from otwarp.scene.read.typed import Values
 
 _TRAP = "OtTrapAPI"
@@ -80,14 +80,10 @@ class Walk:
     def _instances(self, prim: Usd.Prim) -> list[Batch]:
         instancer = UsdGeom.PointInstancer(prim)
         indices = self.values.array(prim, "protoIndices", kind=int)
-        flags = UsdGeom.PointInstancer
-        matrices = instancer.ComputeInstanceTransformsAtTime(
-            self.time, self.time, flags.IncludeProtoXform, flags.IgnoreMask
-        )
-        if len(indices) == 0 or len(matrices) != len(indices):
+        if len(indices) == 0:
             return []
         mask = shown_instances(self.values, instancer, len(indices))
-        placed = self.to_world(prim) @ np.asarray(matrices, dtype=float).transpose(0, 2, 1)
+        placed = self.to_world(prim) @ instance_matrices(self.values, instancer, len(indices)).transpose(0, 2, 1)
         colour, opacity = self.shapes.looks.per_instance(prim, len(indices))
         batches: list[Batch] = []
         for index, path in enumerate(instancer.GetPrototypesRel().GetForwardedTargets()):
@@ -95,8 +91,8 @@ class Walk:
             keep = mask & (indices == index)
             if not prototype or not keep.any():
                 continue
-            # Prototypes carry their own transform in the instance matrices; take it out of theirs.
-            inverse = np.linalg.inv(self.to_world(prototype))
+            # where prototypes stand by themselves does not matter, but they keep their own transform
+            inverse = np.linalg.inv(self.to_world(prototype.GetParent()))
             looks = [None if values is None else values[keep] for values in (colour, opacity)]
             for batch in self.collect(prototype):
                 batches.append(batch.placed(inverse[None], None, None).placed(placed[keep], *looks))

@@ -6,6 +6,7 @@
 |---|---|
 | `load` | `read_file`, `read_stage`: one pass that sorts the prims, then a reader for each |
 | `typed` | the one way in for values of USD attributes: there, and of the type that the schema says |
+| `crate`, `read_through` | binary files, first read by a process that may crash |
 | `diagnostics` | what USD finds wrong by itself, in one line |
 | `source` | an open stage; stage units → µm, time codes → s |
 | `attributes` | `ot:` attributes by the vocabulary's rows: names, types, ranges |

@@ -133,7 +133,7 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
     indices = source.values.array(prim, "protoIndices", kind=int)
     if indices.size and (indices.min() < 0 or indices.max() >= len(prototypes)):
         raise source.bad(prim, "protoIndices", f"{indices.min()} … {indices.max()}", f"in [0, {len(prototypes) - 1}]")
-    local = _instance_matrices(source, instancer, len(indices))
+    local = instance_matrices(source.values, instancer, len(indices))
     shown = shown_instances(source.values, instancer, len(indices))
     world = source.matrix(prim)
     bodies: dict[int, Body] = {}
@@ -145,19 +145,18 @@ def read_instances(source: Source, prim: Usd.Prim) -> list[Body]:
     return [bodies[index] for index in sorted(bodies)]
 
 
-def _instance_matrices(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
+def instance_matrices(values: Values, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
     """(n, 4, 4) row-vector matrices of the instances, as USD computes them but for the rounding of their rotations."""
     prim = instancer.GetPrim()
-    scales = source.values.array(prim, "scales", 3)
+    scales = values.array(prim, "scales", 3)
     given = {
-        "positions": source.values.array(prim, "positions", 3),
-        "orientations": instance_orientations(source, instancer, count),
+        "positions": values.array(prim, "positions", 3),
+        "orientations": instance_orientations(values, instancer, count),
         "scales": scales if len(scales) else np.ones((count, 3)),
     }
-    for name, values in given.items():
-        if len(values) != count:
-            text = f"{len(values)} instances"
-            raise source.bad(prim, name, text, f"as many as protoIndices, {count}")
+    for name, rows in given.items():
+        if len(rows) != count:
+            raise values.bad(prim, name, f"{len(rows)} instances", f"as many as protoIndices, {count}")
     out = np.tile(np.eye(4), (count, 1, 1))
     out[:, :3, :3] = given["scales"][:, :, None] * rotate(given["orientations"][:, None, :], np.eye(3))
     out[:, 3, :3] = given["positions"]
@@ -176,18 +175,19 @@ def shown_instances(values: Values, instancer: UsdGeom.PointInstancer, count: in
     return mask if len(mask) else np.ones(count, dtype=bool)
 
 
-def instance_orientations(source: Source, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
+def instance_orientations(values: Values, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:
     """(n, 4) quaternions (x, y, z, w) of the instances, identity where none are authored.
 
     They are normalised: the half precision of `orientations` is too coarse for a rotation without shear. The single
     precision of `orientationsf` goes before it, as in USD.
     """
     for name in ("orientationsf", "orientations"):
-        turns = source.values.array(instancer.GetPrim(), name, 4)
+        turns = values.array(instancer.GetPrim(), name, 4)
         if len(turns):
             length = np.linalg.norm(turns, axis=1, keepdims=True)
-            if not (np.isfinite(length) & (length > 0.0)).all():
-                raise source.bad(instancer.GetPrim(), name, "not finite, or zero", "rotations")
+            if not length.all():
+                place = f"{name}[{np.argmin(length)}]"
+                raise values.bad(instancer.GetPrim(), place, 0, "a quaternion that is not zero")
             return turns / length
     return np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
 
@@ -215,8 +215,6 @@ def _prototype_cell(source: Source, instancer: Usd.Prim, prototype: Usd.Prim) ->
 def _instances(
     source: Source, instancer: Usd.Prim, cell: Usd.Prim, chosen: np.ndarray, matrices: np.ndarray
 ) -> dict[int, Body]:
-    if not np.isfinite(matrices).all():
-        raise source.bad(instancer, "positions", "not finite", "finite")
     positions, rotations, scales = source.split(instancer, matrices)
     sizes = np.abs(scales)
     worst = int(np.argmax((sizes.max(axis=1) - sizes.min(axis=1)) / sizes.max(axis=1)))

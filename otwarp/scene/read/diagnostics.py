@@ -14,15 +14,13 @@ USD_ERRORS = (Tf.ErrorException, RuntimeError, TypeError, OverflowError, MemoryE
 
 
 @contextmanager
-def quiet_usd() -> Iterator[list[str]]:
-    """Keep USD's own warnings and errors off stderr; the list that is yielded holds them at the end."""
+def quiet_usd() -> Iterator[None]:
+    """Keep USD's own warnings and errors off stderr."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
-    messages: list[str] = []
     try:
-        yield messages
+        yield
     finally:
-        messages.extend(item.commentary for item in delegate.TakeUncoalescedDiagnostics())
-        del delegate
+        del delegate  # with what it holds, which may quote bytes of the file that are no text
 
 
 @contextmanager

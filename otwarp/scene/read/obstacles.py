@@ -115,8 +115,8 @@ def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[
     points = source.values.array(prim, "points", 3, constant=True)
     counts = source.values.array(prim, "faceVertexCounts", kind=int, constant=True)
     corners = source.values.array(prim, "faceVertexIndices", kind=int, constant=True)
-    if not len(points) or not len(counts) or not np.isfinite(points).all():
-        raise source.bad(prim, "points", f"{len(points)} points, {len(counts)} faces", "finite, with at least one face")
+    if not len(points) or not len(counts):
+        raise source.bad(prim, "points", f"{len(points)} points, {len(counts)} faces", "a mesh of at least one face")
     if counts.min() < 3 or counts.sum() != len(corners):
         raise source.bad(prim, "faceVertexCounts", f"sum {counts.sum()}", f"at least 3 each, in all {len(corners)}")
     if corners.min() < 0 or corners.max() >= len(points):

@@ -12,6 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 from otwarp.errors import InputError
 from otwarp.scene.description import Track
 from otwarp.scene.read.attributes import applied_schemas
+from otwarp.scene.read.crate import check_crate
 from otwarp.scene.read.diagnostics import USD_ERRORS, quiet_usd, usd_reason
 from otwarp.scene.read.typed import Values
 from otwarp.scene.schema import register
@@ -40,6 +41,7 @@ def open_stage(path: Path) -> Usd.Stage:
         raise InputError(f"{path}: there is no such file; a scene {allowed}")
     if not path.suffix or Sdf.FileFormat.FindByExtension(path.suffix.removeprefix(".")) is None:
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: {allowed}")
+    check_crate(path, allowed)
     with quiet_usd():
         known = Sdf.Layer.Find(str(path))
         try:
@@ -115,7 +117,7 @@ class Source:
         Raises:
             InputError: Not a number, not finite, not positive, blocked, or changing in time.
         """
-        value = self.values.number(prim, name, constant=True)
+        value = float(self.values.value(prim, name, constant=True))
         if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
             raise self.bad(prim, name, value, f"in {'(' if positive else '['}0, inf) stage units")
         return value

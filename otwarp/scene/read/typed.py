@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene.read.diagnostics import USD_ERRORS, usd_reason
@@ -21,6 +21,10 @@ from otwarp.scene.vocabulary.values import bad
 REQUIRED: Any = object()
 """In place of what stands for an attribute that is not there or blocked: there is nothing, it is refused."""
 
+LARGEST = 1e30
+"""Largest number of geometry, in stage units: products along a path of prims must not overflow."""
+
+_QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 _RESET, _INVERSE = "!resetXformStack!", "!invert!"
 _OPS = {
     str(UsdGeom.XformOp.GetOpTypeToken(t))
@@ -104,27 +108,41 @@ class Values:
         self, attribute: Usd.Attribute, types: tuple[str, ...], time: Usd.TimeCode | float, allowed: str = ""
     ) -> Any:
         """What an attribute holds at a time, None for nothing; of one of the types, and a token that is known."""
-        shown, allowed = "", type_text(types, allowed)
+        prim, name, allowed = attribute.GetPrim(), attribute.GetName(), type_text(types, allowed)
         try:
             found = attribute.Get(time)
         except USD_ERRORS as error:
-            found, shown = None, f"({usd_reason(error)})"
+            raise self.bad(prim, name, f"({usd_reason(error)})", allowed) from None
         if found is not None and type(found) not in _python_types(types):
-            shown = f"{found} (a {type(found).__name__})"
-        elif isinstance(found, str) and found not in (tokens := attribute.GetMetadata("allowedTokens") or (found,)):
-            shown, allowed = found, f"one of {', '.join(tokens)}"
-        if shown:
-            raise self.bad(attribute.GetPrim(), attribute.GetName(), shown, allowed)
+            raise self.bad(prim, name, f"{found} (a {type(found).__name__})", allowed)
+        tokens = attribute.GetMetadata("allowedTokens") if isinstance(found, str) else None
+        if tokens and found not in tokens:
+            raise self.bad(prim, name, found or "(empty)", f"one of {', '.join(tokens)}")
         return found
 
     def number(self, prim: Usd.Prim, name: str, **how: Any) -> float:
-        """The value of an attribute that is one number; see `value`."""
-        return float(self.value(prim, name, **how))
+        """The value of an attribute that is one number, finite; see `value`."""
+        return float(self._finite(prim, name, self.value(prim, name, **how)))
 
     def array(self, prim: Usd.Prim, name: str, *shape: int, kind: type = float, **how: Any) -> np.ndarray:
-        """The value of an attribute that is an array, (n, *shape), n = 0 where there is none; see `value`."""
-        found = self.value(prim, name, absent=(), **how)
-        return np.array(found, dtype=kind).reshape(-1, *shape)
+        """The value of an attribute that is an array, (n, *shape), n = 0 where there is none; finite; see `value`."""
+        found = np.array(self.value(prim, name, absent=(), **how), dtype=kind).reshape(-1, *shape)
+        if kind is float:
+            self._finite(prim, name, found)
+        return found
+
+    def _finite(self, prim: Usd.Prim, name: str, found: Any) -> np.ndarray:
+        """Numbers that geometry can be made of.
+
+        Raises:
+            InputError: One that is not, with its place in an array.
+        """
+        array = np.array(found, dtype=float) if not isinstance(found, _QUATERNIONS) else _components(found)
+        outside = ~(np.abs(array) <= LARGEST)
+        if np.any(outside):
+            place = "".join(f"[{i}]" for i in np.argwhere(outside)[0])
+            raise self.bad(prim, name + place, float(array[outside][0]), f"finite, within ±{LARGEST:g}")
+        return array
 
     def check(self, prim: Usd.Prim) -> None:
         """Refuse attributes of a prim whose types are not their schemas', and transform ops that make no transform.
@@ -149,8 +167,16 @@ class Values:
         space, kind = (*name.split(":"), "")[:2]
         if space != "xformOp" or kind not in _OPS:
             raise self.bad(prim, "xformOpOrder", name, "names of transform ops, such as xformOp:translate")
-        if not self.samples(prim, name, types=op_types(kind))[0]:
-            self.value(prim, name, types=op_types(kind))
+        types = op_types(kind)
+        found = self.samples(prim, name, types=types)[1] or [self.value(prim, name, types=types)]
+        for value in found:
+            numbers = self._finite(prim, name, value)
+            if kind == "orient" and not numbers.any():
+                raise self.bad(prim, name, value, "a quaternion that is not zero")
+
+
+def _components(turn: Any) -> np.ndarray:
+    return np.array([*turn.GetImaginary(), turn.GetReal()], dtype=float)
 
 
 @cache

@@ -14,7 +14,7 @@ from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Body, Trap, Vec3
 from otwarp.scene.read.attributes import read_values
-from otwarp.scene.read.diagnostics import quiet_usd
+from otwarp.scene.read.diagnostics import USD_ERRORS, quiet_usd, usd_reason
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.read.source import Source, open_stage
 
@@ -100,9 +100,18 @@ def _usd_findings(stage: Usd.Stage) -> list[Finding]:
         return [Finding(severity="warning", prim="/", message=message)]
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     findings = []
-    for error in UsdValidation.ValidationContext(validators).Validate(stage):
+    try:
+        errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    except USD_ERRORS as error:
+        message = f"USD's own validators stopped: {usd_reason(error)}"
+        return [Finding(severity="error", prim="/", message=message)]
+    for error in errors:
         serious = error.GetType() == UsdValidation.ValidationErrorType.Error
-        message = f"{' '.join(error.GetMessage().split())} [{error.GetIdentifier()}]"
+        try:
+            text = " ".join(error.GetMessage().split())
+        except UnicodeDecodeError as undecodable:  # it quotes the file's own bytes
+            text = usd_reason(undecodable)
+        message = f"{text} [{error.GetIdentifier()}]"
         findings.append(Finding(severity="error" if serious else "warning", prim=_site(error), message=message))
     return sorted(findings, key=lambda finding: (finding.severity, finding.prim, finding.message))
 

@@ -261,7 +261,7 @@ class Instances:
             matrix=matrix,
             turn=decompose(matrix[None])[1][0],
             positions=positions,
-            orientations=instance_orientations(source, instancer, len(positions)),
+            orientations=instance_orientations(source.values, instancer, len(positions)),
             start=np.array([scene.bodies[i].orientation for i in index]),
             shift=positions[slots] - _rows(centre, np.linalg.inv(matrix)),
         )

@@ -15,6 +15,8 @@ from tests.scene.conftest import StageFile
 
 PACKAGE = Path(otwarp.__file__).parent
 DOOR = PACKAGE / "scene" / "read" / "typed.py"
+UNUSED = PACKAGE / "scene" / "read" / "read_through.py"
+"""Reads values to see whether USD survives it, and looks at none."""
 
 RADIUS, SIZE, MOVE = "double radius = 3", "double size = 2", "double3 xformOp:translate = (10, 0, 5)"
 POWER = "double ot:trap:power = 0.03"
@@ -49,6 +51,15 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
     "blocked": ([(RADIUS, "double radius = None")], r"/World/Cell: radius = None \(blocked\): must be of type double"),
     "array of sizes": ([(SIZE, "double[] size = [2]")], r"/World/Block: size = \[2\] \(type double\[\]\): must be"),
     "no such axis": (cylinder('token axis = "Q"'), "/World/Block: axis = Q: must be one of X, Y, Z"),
+    "empty axis": (cylinder('token axis = ""'), r"/World/Block: axis = \(empty\): must be one of X, Y, Z"),
+    "point that is no number": (
+        mesh("point3f[] points = [(0, 0, 0), (0, nan, 0)]"),
+        r"/World/Block: points\[1\]\[1\] = nan: must be finite, within ±1e\+30",
+    ),
+    "no rotation": (
+        [(ORDER, ORDER.replace("double3", "quatd").replace("translate", "orient").replace("10, 0, 5", "0, 0, 0, 0"))],
+        r"/World/Cell: xformOp:orient = \(0, 0, 0, 0\): must be a quaternion that is not zero",
+    ),
     "axis as a string": (cylinder('string axis = "Z"'), r"axis = Z \(type string\): must be of type token"),
     "points as a string": (mesh('string points = "a"'), r"points = a \(type string\): must be of type point3f\[\]"),
     "points in double precision": (mesh("point3d[] points = [(0, 0, 0)]"), r"\(type point3d\[\]\): must be of type p"),
@@ -154,4 +165,4 @@ def calls_get(path: Path) -> bool:
 
 
 def test_there_is_one_door() -> None:
-    assert [path for path in sorted(PACKAGE.rglob("*.py")) if calls_get(path)] == [DOOR]
+    assert [path for path in sorted(PACKAGE.rglob("*.py")) if calls_get(path)] == [UNUSED, DOOR]

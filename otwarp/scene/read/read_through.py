@@ -1,0 +1,58 @@
+"""Reads all that a USD file says. An interpreter of its own runs this text (see `crate`): `-c` text, PATH, BYTES.
+
+Exits with `NO_MEMORY` where that takes more address space than BYTES, and with `BROKEN` where not even all prims and
+properties can be listed. It imports nothing of otwarp.
+"""
+
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+from pxr import Sdf, Tf, Usd, UsdUtils
+
+NO_MEMORY, BROKEN = 3, 4
+
+
+def read_through(stage: Usd.Stage) -> None:
+    """Ask a stage for its prims and properties, and these for what every layer says of them, at all times."""
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate):
+        _ask(prim.GetAllMetadata)
+        for prop in prim.GetProperties():
+            _ask(prop.GetAllMetadata)
+            for spec in prop.GetPropertyStack(Usd.TimeCode.Default()):
+                _ask(lambda spec=spec: isinstance(spec, Sdf.AttributeSpec) and (spec.typeName.type, spec.default))
+            if isinstance(prop, Usd.Relationship):
+                _ask(prop.GetTargets)
+                continue
+            for code in (Usd.TimeCode.Default(), *prop.GetTimeSamples()):
+                _ask(lambda prop=prop, code=code: prop.Get(code))
+
+
+def _ask(question: Callable[[], object]) -> None:
+    # what it refuses is refused again, in a line, where the value is wanted
+    with suppress(Tf.ErrorException, RuntimeError, TypeError, ValueError, OverflowError):
+        question()
+
+
+def _limit_memory(most: int) -> None:
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+if __name__ == "__main__":
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    _limit_memory(int(sys.argv[2]))
+    try:
+        opened = Usd.Stage.Open(sys.argv[1])
+    except Exception:
+        sys.exit(0)  # whoever opens it for its sake says why not
+    try:
+        read_through(opened)
+    except MemoryError:
+        sys.exit(NO_MEMORY)
+    except Exception:
+        sys.exit(BROKEN)
