@@ -26,7 +26,7 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
 from otwarp.teleop.core import HANDS, Command, LiveFrame
 from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, traps_of
-from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
+from otwarp.teleop.operators.virtual_servo import LinkedClock, VirtualServo
 from otwarp.teleop.session import Session, SessionOptions, live
 from otwarp.teleop.session.live import LiveLoop
 

@@ -28,7 +28,7 @@ _RLIMIT_ROOM = 1 << 30
 
 
 class Clock(Protocol):
-    """A monotonic clock [s]."""
+    """A monotonic clock [s], which stands still while the machine is suspended."""
 
     def now(self) -> float:
         """Time [s]."""
@@ -36,6 +36,10 @@ class Clock(Protocol):
 
     def sleep_until(self, deadline: float) -> None:
         """Return at `deadline` [s] or as soon as possible after it."""
+        ...
+
+    def suspended(self) -> float:
+        """For how long the machine has been suspended so far, from an arbitrary start [s]."""
         ...
 
 
@@ -70,6 +74,12 @@ class RealClock:
             while time.perf_counter() < deadline:
                 pass
 
+    def suspended(self) -> float:
+        """See `Clock`; 0 where the system does not tell."""
+        if not hasattr(time, "CLOCK_BOOTTIME"):
+            return 0.0
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - time.clock_gettime(time.CLOCK_MONOTONIC)
+
 
 class VirtualClock:
     """Time that passes only by waiting, for tests that must give the same result on any machine.
@@ -80,7 +90,7 @@ class VirtualClock:
     """
 
     def __init__(self, start: float = 0.0, late: Callable[[int], float] | None = None):
-        self._now = start
+        self._now, self._away = start, 0.0
         self._late = late
         self._waits = 0
 
@@ -93,6 +103,14 @@ class VirtualClock:
         late = self._late(self._waits) if self._late else 0.0
         self._waits += 1
         self._now = max(self._now, deadline) + late
+
+    def suspended(self) -> float:
+        """See `Clock`."""
+        return self._away
+
+    def suspend(self, seconds: float) -> None:
+        """Let the machine sleep [s]."""
+        self._away += seconds
 
     def advance(self, seconds: float) -> None:
         """Let time pass, as work does [s]."""
@@ -201,6 +219,26 @@ def parent_is_gone() -> Callable[[], bool]:
         return lambda: False
     parent = os.getppid()
     return lambda: os.getppid() != parent
+
+
+def process_ended(pid: int) -> Callable[[], bool] | None:
+    """A cheap test of whether any process has ended, also one that its parent has not taken note of yet.
+
+    None where the system has no such test that is safe against a number that is given anew: only Linux has.
+    """
+    if not hasattr(os, "pidfd_open"):
+        return None
+    import select  # of POSIX systems
+
+    try:
+        watched = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return lambda: True
+    except OSError:  # an older kernel, or one that forbids it
+        return None
+    poll = select.poll()
+    poll.register(watched, select.POLLIN)
+    return lambda: bool(poll.poll(0))
 
 
 def _attempt(what: str, call: Callable[[], str]) -> Grant:

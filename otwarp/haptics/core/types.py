@@ -92,6 +92,26 @@ class Device(Protocol):
         ...
 
 
+class ZeroForce(Protocol):
+    """What sends zero force to a device in place of the servo that drove it; made while the servo drives it.
+
+    A device whose driver goes on rendering without the servo (`devices.Kind.keeps`) has an `address`, a text, and its
+    module `zero_force(address)`, which returns this. Both run in the guardian, a process of its own.
+    """
+
+    def send(self) -> None:
+        """Zero force; may wait, and is called again and again.
+
+        Raises:
+            Exception: It could not be sent; one line.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
 class DeviceLost(Exception):
     """A device that was open does not answer any more."""
 

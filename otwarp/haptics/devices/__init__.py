@@ -36,6 +36,9 @@ class Kind:
         means: What the argument is, for messages.
         several: Whether both sides may name the same one: software is made anew for each, hardware is not.
         probe: Whether it may be opened and closed to see whether it is there, without moving or calibrating anything.
+        keeps: What keeps the last force if the servo is killed: `nothing` (software, or no motors); a `driver` outside
+            of the servo's process, to which the guardian sends zero force (its module has `zero_force`, see
+            `core.types.ZeroForce`); or a `library` in it, which ends with it, and the device's own timeout acts.
     """
 
     home: str
@@ -43,6 +46,7 @@ class Kind:
     means: str
     several: bool
     probe: bool = False
+    keeps: Literal["nothing", "driver", "library"] = "nothing"
 
 
 KINDS: dict[str, Kind] = {
@@ -52,12 +56,24 @@ KINDS: dict[str, Kind] = {
         "otwarp.haptics.devices.replay:create", "required", "a recording, .mcap, .csv or .jsonl", True, True
     ),
     "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False, True),
-    "dualsense": Kind("otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False, True),
-    "ros1": Kind("otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False, True),
-    "openhaptics": Kind("otwarp.haptics.devices.openhaptics:create", "optional", "its name in Touch Setup", False),
-    "inverse3": Kind("otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False, True),
+    "dualsense": Kind(
+        "otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False, True, "driver"
+    ),
+    "ros1": Kind(
+        "otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False, True, "driver"
+    ),
+    "openhaptics": Kind(
+        "otwarp.haptics.devices.openhaptics:create", "optional", "its name in Touch Setup", False, keeps="library"
+    ),
+    "inverse3": Kind(
+        "otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False, True, "driver"
+    ),
     "forcedimension": Kind(
-        "otwarp.haptics.devices.forcedimension:create", "optional", "its serial number, or index=N", False
+        "otwarp.haptics.devices.forcedimension:create",
+        "optional",
+        "its serial number, or index=N",
+        False,
+        keeps="library",
     ),
 }
 """One row per kind. A new device adds its file and its row."""

@@ -13,15 +13,17 @@ not write itself.
 from __future__ import annotations
 
 import errno
+import json
 import os
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.devices.hid import HidFound, HidSystem
+from otwarp.haptics.devices.hid import HidFound, HidPort, HidSystem
 
 SYSFS = Path("/sys/class/hidraw")
 LONGEST = 4096
@@ -48,11 +50,34 @@ def hid_system() -> HidSystem:
     return Hidapi()
 
 
+def address_of(found: HidFound) -> str:
+    """A device as text, for another process."""
+    return json.dumps(asdict(found))
+
+
+def found_at(address: str) -> HidFound:
+    """The device of `address_of`."""
+    fields = json.loads(address)
+    return HidFound(**fields | {"usages": tuple(tuple(usage) for usage in fields["usages"])})
+
+
+def open_beside(found: HidFound) -> HidPort:
+    """Open a device that another process may hold.
+
+    Raises:
+        OSError: It cannot be opened.
+    """
+    if found.path.startswith("/"):  # a node of hidraw; hidapi's paths are no files
+        return HidrawPort(found, alone=False)
+    return Hidapi().open(found)
+
+
 class HidrawPort:
     """An open node.
 
     Args:
         found: What it is.
+        alone: Whether to hold it, so that no other side may.
 
     Raises:
         PermissionError: This user may not.
@@ -60,14 +85,15 @@ class HidrawPort:
         OSError: It is gone.
     """
 
-    def __init__(self, found: HidFound):
+    def __init__(self, found: HidFound, alone: bool = True):
         import fcntl  # of POSIX systems alone
 
         self._found = found
         self._fd = os.open(found.path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             # of the open file, not of the process: two hands in one servo exclude each other too
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if alone:
+                fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._fd)
             raise

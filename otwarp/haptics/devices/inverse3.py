@@ -9,6 +9,7 @@ Never met hardware: tests run it against a server of their own that speaks the s
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 import time
@@ -75,6 +76,7 @@ class Inverse3Device:
             name=name, kind="inverse3", force=FORCE, continuous_force=CONTINUOUS_FORCE, met_hardware=False
         )
         self._link: ServiceLink | None = None
+        self.address = ""
 
     @property
     def info(self) -> DeviceInfo:
@@ -113,6 +115,7 @@ class Inverse3Device:
         except InputError:
             socket.close()
             raise
+        self.address = json.dumps([self._service, device, inventory.key])
         link.start()
         self._link, self._device = link, device  # after a loss, the same one must come back
 
@@ -269,6 +272,50 @@ def connect(service: str, what: str) -> tuple[Any, Inventory]:
             f"device {what!r}: {service} is no Haply Inverse Service of version 3.1 or later "
             f"({' '.join(str(error).split()) or 'it says nothing'})"
         ) from None
+
+
+class ZeroCursorForce:
+    """Zero force by a connection of its own, made when it is needed: the service adds up what its clients command.
+
+    What a service does with the last force of a client that has gone is not documented; see `core.types.ZeroForce`.
+
+    Args:
+        service: Address.
+        device: Id of the Inverse3.
+        key: What a force is called by this service.
+
+    Raises:
+        InputError: `websockets` is not installed, or no Inverse Service is there.
+    """
+
+    def __init__(self, service: str, device: str, key: str):
+        self._service, self._device, self._key = service, device, key
+        self._socket: Any = None
+        connect(service, f"inverse3:{device}")[0].close()  # imports, too, what takes longer than there is time
+
+    def send(self) -> None:
+        """See `ZeroForce`."""
+        if self._socket is None:
+            self._socket, _ = connect(self._service, f"inverse3:{self._device}")
+        try:
+            self._socket.send(force_command(self._device, ZERO, self._key))
+            self._socket.recv(timeout=ANSWER_WITHIN, decode=False)
+        except TimeoutError:
+            pass
+        except Exception:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """See `ZeroForce`."""
+        socket, self._socket = self._socket, None
+        if socket is not None:
+            socket.close()
+
+
+def zero_force(address: str) -> ZeroCursorForce:
+    """What the guardian sends."""
+    return ZeroCursorForce(*json.loads(address))
 
 
 def create(spec: DeviceSpec) -> Inverse3Device:

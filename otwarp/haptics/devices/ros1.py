@@ -4,7 +4,7 @@ Listens to `pose` (geometry_msgs/PoseStamped, millimetres, the device's axes), `
 `force_feedback` (geomagic_control/DeviceFeedback, N). Buttons: the grey one is bit 0, the white one bit 1.
 
 The driver node of the public release adds 1 N·s/m of damping when a force arrives, and renders the last force for
-ever: if this process is killed, nobody tells it to stop.
+ever. So the guardian has a publisher of its own on `force_feedback`, which the driver is connected to all the time.
 
 Never run on the hardware: tested against a node that publishes as the driver does.
 """
@@ -34,6 +34,10 @@ SILENCE = 0.5
 """Seconds without a pose after which the device is lost."""
 WAIT = 3.0
 """Seconds that `open` waits for the first pose."""
+HEARD_WITHIN = 1.0
+"""Seconds in which a driver connects to a new publisher of forces; one that listens later is connected to later."""
+GUARDIAN = "_guardian_"
+"""What names the guardian's node."""
 FARTHEST = 10.0
 """Metres beyond which a pose is not that of a hand."""
 TOUCH_FORCE, TOUCH_CONTINUOUS = 3.3, 0.88
@@ -77,6 +81,7 @@ class Ros1Device:
         self._feedback: Any = None
         self._types: Any = None
         self._locks: Any = None
+        self.address = self._namespace
         self._position: Vec3 = ZERO
         self._buttons = 0
         self._heard: float | None = None
@@ -90,10 +95,10 @@ class Ros1Device:
         """Connect, and wait for the first pose.
 
         Raises:
-            InputError: The master is not there, the namespace is no name, or no pose comes.
+            InputError: The master is not there, the namespace is no name, another node sends forces, or no pose comes.
         """
         self.close()
-        node = self._connect(f"otwarp_{self._namespace.strip('/').replace('/', '_')}_{os.getpid()}")
+        node = self._connect(f"{node_name(self._namespace)}_{os.getpid()}")
         try:
             self._types = import_module(f"{HOME}.messages").types()
             self._locks = import_module("numpy").zeros(3, dtype=bool)
@@ -101,6 +106,7 @@ class Ros1Device:
             node.subscribe(f"{self._namespace}/joy", JOY, self._joy)
             node.subscribe(f"{self._namespace}/button", BUTTON, self._button)
             self._feedback = node.publisher(f"{self._namespace}/force_feedback", FEEDBACK, queue=1)
+            self._refuse_another_owner(node)
             deadline = time.monotonic() + self._wait
             while self._pose.latest() is None:
                 if time.monotonic() > deadline:
@@ -112,6 +118,20 @@ class Ros1Device:
             node.close()
             raise
         self._node, self._heard = node, None
+
+    def _refuse_another_owner(self, node: Any) -> None:
+        """A device has one hand; two nodes that open it at the same time both see the other.
+
+        Raises:
+            InputError: Another node sends forces to the driver, which would render now the one's, now the other's.
+        """
+        topic, guardians = f"{self._namespace}/force_feedback", f"/{node_name(self._namespace)}{GUARDIAN}"
+        others = [name for name in node.other_publishers(topic) if not name.startswith(guardians)]
+        if others:
+            raise InputError(
+                f"device {self._info.name!r}: {', '.join(others)} publishes {topic} already; a device has one owner: "
+                "end that node first"
+            )
 
     def _joy(self, message: Any) -> None:
         """Buttons as they are, with every pose."""
@@ -138,7 +158,9 @@ class Ros1Device:
         if fresh or self._heard is None:
             self._heard = time
         elif time - self._heard > SILENCE:
-            raise DeviceLost(f"{self._info.name}: no pose for {SILENCE:g} s")
+            driver = ", ".join(self._pose.peers) or "its driver"
+            what = "is connected and silent" if self._pose.connections else "has gone"
+            raise DeviceLost(f"driver {driver} {what}: no pose for {SILENCE:g} s")
         return DeviceSample(time, self._position, self._buttons, fresh)
 
     def write(self, force: Vec3) -> None:
@@ -156,6 +178,52 @@ class Ros1Device:
             self._feedback.publish(t.DeviceFeedback(t.Vector3(*ZERO), t.Vector3(*ZERO), self._locks))
             self._buttons = 0
             node.close()
+
+
+class ZeroFeedback:
+    """Zero force on `force_feedback` from a node of its own, connected before it is needed; see `core.types.ZeroForce`.
+
+    Args:
+        namespace: Of the topics.
+        connect: Makes a node of a name.
+
+    Raises:
+        InputError: The master is not there.
+    """
+
+    def __init__(self, namespace: str, connect: Callable[[str], Any] = open_client):
+        self._node = connect(f"{node_name(namespace)}{GUARDIAN}{os.getpid()}")
+        t = import_module(f"{HOME}.messages").types()
+        locks = import_module("numpy").zeros(3, dtype=bool)
+        self._zero = t.DeviceFeedback(t.Vector3(*ZERO), t.Vector3(*ZERO), locks)
+        self._feedback = self._node.publisher(f"{namespace}/force_feedback", FEEDBACK, queue=1)
+        deadline = time.monotonic() + HEARD_WITHIN
+        while self._feedback.connections == 0 and time.monotonic() < deadline:
+            time.sleep(0.01)
+
+    def send(self) -> None:
+        """See `ZeroForce`.
+
+        Raises:
+            InputError: No driver listens.
+        """
+        self._feedback.publish(self._zero)
+        if self._feedback.connections == 0:
+            raise InputError(f"nobody listens to {self._feedback.topic}")
+
+    def close(self) -> None:
+        """See `ZeroForce`."""
+        self._node.close()
+
+
+def zero_force(address: str) -> ZeroFeedback:
+    """What the guardian sends."""
+    return ZeroFeedback(address)
+
+
+def node_name(namespace: str) -> str:
+    """How the names of our nodes for a device begin."""
+    return f"otwarp_{namespace.strip('/').replace('/', '_')}"
 
 
 def find_devices() -> tuple[str, ...]:

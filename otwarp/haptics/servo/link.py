@@ -6,14 +6,12 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
 from otwarp.haptics.core.config import Gains
 from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
 from otwarp.haptics.core.types import STATES, DeviceInfo, SceneFrame, ServoFrame, SphereFrame, TrapFrame
-from otwarp.haptics.devices import DeviceSpec
 
 TEXT = 160
 """Bytes of a line about one device."""
@@ -198,25 +196,26 @@ class StatusLayout:
     def pack(self, buffer: bytearray, value: ServoStatus) -> None:
         """See `shared_memory.Layout`."""
         head = (value.tick, value.time, RUNS.index(value.state), value.late, value.lateness, value.refused, value.torn)
-        flat: list[float | bytes] = [*head, _cut(value.grants, GRANTS)]
+        flat: list[float | bytes] = [*head, cut(value.grants, GRANTS)]
         for hand in value.hands:
-            flat += (hand.present, hand.losses, _cut(hand.message, TEXT))
+            flat += (hand.present, hand.losses, cut(hand.message, TEXT))
         self._record.pack(buffer, flat)
 
     def unpack(self, buffer: bytearray) -> ServoStatus:
         """See `shared_memory.Layout`."""
         tick, time, state, late, lateness, refused, torn, grants, *rest = self._record.unpack(buffer)
         rows = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
-        hands = tuple(HandStatus(bool(present), losses, _text(message)) for present, losses, message in rows)
-        return ServoStatus(tick, time, RUNS[state], late, lateness, refused, torn, hands, _text(grants))
+        hands = tuple(HandStatus(bool(present), losses, text_of(message)) for present, losses, message in rows)
+        return ServoStatus(tick, time, RUNS[state], late, lateness, refused, torn, hands, text_of(grants))
 
 
-def _cut(text: str, size: int) -> bytes:
+def cut(text: str, size: int) -> bytes:
     """A line as UTF-8 of at most `size` bytes."""
     return " ".join(text.split()).encode()[:size]
 
 
-def _text(data: bytes) -> str:
+def text_of(data: bytes) -> str:
+    """The line that `cut` made."""
     return data.rstrip(b"\0").decode(errors="ignore")
 
 
@@ -381,18 +380,3 @@ class HandSetup:
     chain: Callable[[DeviceInfo], ChainLike]
     pointer: str | None = None
     name: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ServoOrder:
-    """All that the process must know, see `process.ServoProcess`."""
-
-    specs: tuple[DeviceSpec, ...]
-    chains: tuple[Callable[[DeviceInfo], ChainLike], ...]
-    names: dict[str, Any]
-    spheres: int
-    traps: int
-    rate: float
-    spin: float
-    realtime: bool
-    cpu: int | None

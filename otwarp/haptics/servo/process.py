@@ -1,68 +1,66 @@
-"""The servo in a process of its own: `ServoProcess`, as its parent holds it, and `child`, what runs there.
+"""The servo in a process of its own: `ServoProcess`, as its parent holds it.
 
-The child is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module again, and
-whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Its end comes by order, by a
-signal, or by the death of its parent (the pipe between them closes; on POSIX its parent's number changes as well); in
-each case the chains let go, every device gets zero force, and only then it ends.
+The child (`child`) is a fresh interpreter, not a `multiprocessing` one: that would import the parent's main module
+again, and whatever that imports. It loads neither Warp nor NumPy unless a device or a chain does. Beside it runs a
+guardian (`guardian`), if the driver of a device goes on without the servo.
 """
 
 from __future__ import annotations
 
-import gc
 import math
 import os
 import pickle
-import signal
-import struct
 import subprocess
 import sys
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import checked_gains
-from otwarp.haptics.core.realtime import RealClock, parent_is_gone, request_realtime
 from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
 from otwarp.haptics.core.types import CYCLE, SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.servo.child import ServoOrder
+from otwarp.haptics.servo.guard import (
+    LENGTH,
+    Address,
+    AddressLayout,
+    Guard,
+    GuardOrder,
+    Residue,
+    needs_guardian,
+    residue,
+)
 from otwarp.haptics.servo.link import (
     Cycles,
     HandLayout,
     HandSetup,
-    HandStatus,
     Orders,
     OrdersLayout,
     SceneLayout,
-    SceneReader,
-    ServoOrder,
     ServoStatus,
     Start,
     StartLayout,
     StatusLayout,
 )
-from otwarp.haptics.servo.servo import Hand, Servo
+from otwarp.haptics.servo.servo import DISARM_AFTER
 
 RATES = (10.0, 5000.0)
 START_WITHIN = 60.0
 """Seconds in which the child must say that it runs; a cold disk and a busy machine take some."""
 STOP_WITHIN = 5.0
-"""Seconds in which it must have ended; then it is killed, and the device's own watchdog has to do the rest."""
+"""Seconds in which it must have ended; then it is killed, and the guardian or the device itself has to do the rest."""
 POLL = 0.005
 KEPT = 16384
 """States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
-SWITCH = 2e-4
-"""Seconds after which Python takes the interpreter from a thread that re-opens a device; 5 ms by default."""
-ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
-"""Signals that end a servo in order: a closed terminal and Ctrl-\\ reach the whole group of processes."""
-UNHEEDED = ("SIGINT", "SIGTSTP", "SIGTTIN", "SIGTTOU")
-"""Signals that a servo does not heed. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
-parent alone, for a servo that stood still would leave the last force on, with nobody there to take it back."""
-LENGTH = struct.Struct("!Q")
-"""Goes before the pickled order in the pipe."""
+GUARD_SHARE = 0.6
+"""Part of the time after which a gap disarms that a guardian lets pass: zero force is there before it is over."""
+
+T = TypeVar("T", bound=Mailbox[Any] | Ring)
 
 
 class ServoProcess:
@@ -76,9 +74,10 @@ class ServoProcess:
         spin: See `clock.RealClock` [s].
         realtime: Whether to ask the system for punctuality.
         cpu: Core to stay on, or None.
+        disarm_after: Seconds between two cycles from which on all sides disarm [s].
 
     Raises:
-        InputError: A device or a number that cannot be.
+        InputError: A device or a number that cannot be, or no room for the mailboxes.
     """
 
     def __init__(
@@ -91,6 +90,7 @@ class ServoProcess:
         spin: float = 0.0,
         realtime: bool = True,
         cpu: int | None = None,
+        disarm_after: float = DISARM_AFTER,
     ):
         for name, value, (low, high) in (("rate", rate, RATES), ("spin", spin, (0.0, 1.0 / RATES[0]))):
             if not low <= value <= high:
@@ -105,12 +105,21 @@ class ServoProcess:
         for spec in specs:
             create_device(spec)  # a bad argument is an error here, not in a process that ends
         n = len(specs)
-        self._scenes = Mailbox.create(SceneLayout(spheres, traps))
-        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in specs]
-        self._orders_box = Mailbox.create(OrdersLayout(n))
-        self._status_box = Mailbox.create(StatusLayout(n))
-        self._rings = [Ring.create(math.ceil(SECONDS * rate)) for _ in specs]
-        self._start_boxes = [Mailbox.create(StartLayout(spheres, traps)) for _ in specs]
+        with ExitStack() as made:  # one that finds no room takes the others with it
+
+            def keep(box: T) -> T:
+                made.callback(box.close)
+                return box
+
+            self._scenes = keep(Mailbox.create(SceneLayout(spheres, traps)))
+            self._boxes = [keep(Mailbox.create(HandLayout(traps))) for _ in specs]
+            self._orders_box = keep(Mailbox.create(OrdersLayout(n)))
+            self._status_box = keep(Mailbox.create(StatusLayout(n)))
+            self._rings = [keep(Ring.create(math.ceil(SECONDS * rate))) for _ in specs]
+            self._start_boxes = [keep(Mailbox.create(StartLayout(spheres, traps))) for _ in specs]
+            self._addresses = [keep(Mailbox.create(AddressLayout())) for _ in specs]
+            self._guard = Guard(specs) if needs_guardian(specs) else None
+            self._close_boxes = made.pop_all().close
         self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
         self._starts: list[Start | None] = [None] * n
         self._lost = [0] * n
@@ -121,17 +130,21 @@ class ServoProcess:
         self._status: ServoStatus | None = None
         self._hands: list[ServoFrame | None] = [None] * n
         names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
-        boxes = {"hands": self._boxes, "rings": self._rings, "starts": self._start_boxes}
+        boxes = {"hands": self._boxes, "rings": self._rings, "starts": self._start_boxes, "addresses": self._addresses}
         names |= {kind: [box.name for box in each] for kind, each in boxes.items()}
-        self._order = ServoOrder(
-            specs, tuple(hand.chain for hand in hands), names, spheres, traps, rate, spin, realtime, cpu
-        )
+        if self._guard is not None:
+            names["guard"] = self._guard.box.name
+        chains = tuple(hand.chain for hand in hands)
+        self._order = ServoOrder(specs, chains, names, spheres, traps, rate, spin, realtime, cpu, disarm_after)
         self._process: subprocess.Popen[bytes] | None = None
+        self._known: list[Address | None] = [None] * n
+        self._traps = traps
         self._over = False
 
     @property
     def names(self) -> dict[str, Any]:
-        """Names of the mailboxes: `scenes`, `orders`, `status`, and lists of them: `hands`, `rings`, `starts`."""
+        """Names of the mailboxes: `scenes`, `orders`, `status`, `guard` where there is one, and lists of them: `hands`,
+        `rings`, `starts`, `addresses`."""
         return dict(self._order.names)
 
     @property
@@ -140,21 +153,26 @@ class ServoProcess:
         return self._process.pid if self._process else None
 
     @property
+    def guardian(self) -> int | None:
+        """Number of the guardian's process; None where no device needs one."""
+        return self._guard.pid if self._guard else None
+
+    @property
     def alive(self) -> bool:
         """Whether the child runs."""
         return self._process is not None and self._process.poll() is None
 
     def start(self) -> ServoStatus:
-        """Start the child; returns when all devices are open and the loop runs, disarmed.
+        """Start the child; returns when all devices are open, the guardian is ready and the loop runs, disarmed.
 
         Raises:
-            InputError: A device is not there, or the child ended or said nothing; the line says why.
+            InputError: A device is not there, the guardian cannot reach it, or the child ended or said nothing.
         """
         if self._process is not None or self._over:
             raise InputError("servo: start may be called once, before stop")
         message = pickle.dumps(self._order)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        command = [sys.executable, "-c", "from otwarp.haptics.servo.process import child; child()"]
+        command = [sys.executable, "-c", "from otwarp.haptics.servo.child import child; child()"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         pipe = self._pipe()
         try:
@@ -163,17 +181,26 @@ class ServoProcess:
         except OSError as error:
             self.stop()
             raise InputError(f"servo: its process ended at once ({error})") from None
+        if self._guard is not None:
+            after, order = GUARD_SHARE * self._order.disarm_after, self._order
+            names, number = order.names, self._process.pid
+            self._guard.start(GuardOrder(self._guard.kinds, names, self._traps, after, number, order.realtime))
         end = time.monotonic() + START_WITHIN
         while time.monotonic() < end:
             gone = not self.alive  # asked first: what it said last is in the mailbox by then
             self.heartbeat()
             status = self.status()
-            if status is not None and status.state == "running":
+            if status is not None and status.state == "running" and self._is_guarded():
                 return status
             if gone:
                 break
             time.sleep(POLL)
-        why = status.grants if (status := self.status()) is not None and status.state == "failed" else ""
+        status, why = self.status(), ""
+        if status is not None and status.state == "failed":
+            why = status.grants
+        elif status is not None and self._guard is not None:
+            said = "; ".join(watch.message for watch in self._guard.report.hands if watch.message)
+            why = f"servo: its guardian is not ready ({said or 'it does not answer'})"
         code = self._process.poll()
         self.stop()
         raise InputError(why or f"servo: its process {'does not answer' if code is None else f'ended with {code}'}")
@@ -275,6 +302,19 @@ class ServoProcess:
             self._status = new
         return self._status
 
+    def residue(self, hand: int) -> Residue | None:
+        """What is known of a side's force while the servo does not run (ended, killed, stopped); None while it does."""
+        self._which(hand)
+        process = self._process
+        if process is None:
+            return None
+        status, guard = self.status(), self._guard
+        over = self._over or (status is not None and status.state in ("stopped", "failed"))
+        watch = None
+        if guard is not None:
+            watch = (guard.report if self._over else guard.look(over)).hands[hand]
+        return residue(self._order.specs[hand], process.poll(), status, self.hand(hand), watch)
+
     def stop(self) -> None:
         """Let the forces fall, end the child and close the mailboxes; may be called more than once."""
         if self._over:
@@ -298,8 +338,9 @@ class ServoProcess:
                 self.hand(i)
                 self._rest[i] = self.drain(i)
         self._over = True
-        for box in (self._scenes, self._orders_box, self._status_box, *self._boxes, *self._rings, *self._start_boxes):
-            box.close()
+        if self._guard is not None:
+            self._guard.stop()
+        self._close_boxes()
 
     def __enter__(self) -> ServoProcess:
         self.start()
@@ -321,75 +362,19 @@ class ServoProcess:
             raise InputError("servo: stopped; make another to go on")
         self._orders = orders
         self._orders_box.write(orders)
+        if self._guard is not None:
+            self._guard.look(over=self._status is not None and self._status.state in ("stopped", "failed"))
+
+    def _is_guarded(self) -> bool:
+        """Whether the guardian is ready for every device that needs it."""
+        if self._guard is None:
+            return True
+        self._known = [box.read() or known for box, known in zip(self._addresses, self._known, strict=True)]
+        known = [address.number if address is not None else 0 for address in self._known]
+        return all(watch.ready == number for watch, number in zip(self._guard.report.hands, known, strict=True))
 
     def _pipe(self) -> BinaryIO:
         pipe = self._process.stdin if self._process else None
         if pipe is None:
             raise InputError("servo: not started")
         return pipe  # type: ignore[return-value]
-
-
-def child() -> None:
-    """What the child does: take its order from stdin, run the servo, end with its devices at zero force."""
-    pipe = sys.stdin.buffer
-    size = pipe.read(LENGTH.size)
-    if len(size) < LENGTH.size:
-        return  # the parent died before it had said anything
-    order: ServoOrder = pickle.loads(pipe.read(LENGTH.unpack(size)[0]))
-    ended = threading.Event()
-    threading.Thread(target=lambda: (pipe.read(1), ended.set()), daemon=True).start()
-    _heed_signals(ended)
-    # os._exit: a thread may hang in a driver, or wait for the pipe; the devices are at zero force by now
-    os._exit(_serve(order, ended.is_set))
-
-
-def _heed_signals(ended: threading.Event) -> None:
-    """No signal that a terminal sends ends this process, or stops it, with a force on; systems lack some of them."""
-    for name in ENDING:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), lambda *_: ended.set())
-    for name in UNHEEDED:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-
-
-def _serve(order: ServoOrder, ended: Callable[[], bool]) -> int:
-    """Attach, open, run; 0, or 2 after an InputError, which the status tells the parent."""
-    n, names = len(order.specs), order.names
-    status = Mailbox.attach(StatusLayout(n), names["status"])
-    try:
-        orders = Mailbox.attach(OrdersLayout(n), names["orders"])
-        scenes = SceneReader(Mailbox.attach(SceneLayout(order.spheres, order.traps), names["scenes"]))
-        start = StartLayout(order.spheres, order.traps)
-        hands = [
-            Hand(
-                create_device(spec),
-                chain,
-                Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
-                beside=True,
-                ring=Ring.attach(names["rings"][i]),
-                starts=Mailbox.attach(start, names["starts"][i]),
-            )
-            for i, (spec, chain) in enumerate(zip(order.specs, order.chains, strict=True))
-        ]
-        gone = parent_is_gone()
-        grants = request_realtime(cpu=order.cpu) if order.realtime else ()
-        granted = "; ".join(f"{g.what}: {g.detail}" if g.granted else f"no {g.what} ({g.detail})" for g in grants)
-        # nothing in the loop makes cycles of references, and a collection would take milliseconds
-        gc.collect()
-        gc.freeze()
-        gc.disable()
-        sys.setswitchinterval(SWITCH)
-        clock, orphaned = RealClock(order.spin), lambda: ended() or gone()
-        servo = Servo(clock, hands, scenes, orders, status, rate=order.rate, orphaned=orphaned, grants=granted)
-    except InputError as error:
-        status.write(ServoStatus(0, 0.0, "failed", 0, 0.0, 0, 0, (HandStatus(),) * n, str(error)))
-        return 2
-    try:
-        servo.run()
-    except InputError:  # its last report says it
-        return 2
-    except Exception as error:
-        sys.excepthook(type(error), error, error.__traceback__)
-        return 1
-    return 0

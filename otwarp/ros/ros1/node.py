@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import socket
 import threading
 import time
 from typing import Any
@@ -149,6 +150,35 @@ class Ros1Node:
                 subscription.close()
                 raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
         return subscription
+
+    def other_publishers(self, topic: str) -> list[str]:
+        """Names of the nodes, besides this one, that publish a topic and live: a master keeps those that were killed.
+
+        Raises:
+            InputError: The master is gone.
+        """
+        try:
+            publishers, *_ = self._ask("getSystemState")
+            names_of = {name: nodes for name, nodes in publishers}
+            return [node for node in names_of.get(topic, []) if node != self.name and self._lives(node)]
+        except (NoAnswer, Refused, TypeError, ValueError) as error:
+            raise InputError(f"{MASTER} is {self.master!r}: {error}") from None
+
+    def _lives(self, node: str) -> bool:
+        """Whether somebody takes connections where a node is registered; one that is stopped does, and lives."""
+        try:
+            where = names.address(self._ask("lookupNode", node))
+        except Refused:
+            return False
+        if where is None:
+            return False
+        try:
+            socket.create_connection(where, timeout=MASTER_TIMEOUT).close()
+        except TimeoutError:
+            return True
+        except OSError:
+            return False
+        return True
 
     def close(self) -> None:
         """Send what is queued for at most `LINGER`, take all registrations back and stop; may be called again."""

@@ -58,6 +58,11 @@ class Subscription:
         """How many publishers are connected."""
         return 0 if self.closed else self.topic.connections
 
+    @property
+    def peers(self) -> tuple[str, ...]:
+        """Names of the nodes that publish, or that did last if none is connected."""
+        return self.topic.peers
+
     def latest(self) -> tuple[int, Any] | None:
         """(how many messages had come with it, the newest message), or None before the first."""
         return self._newest
@@ -121,6 +126,7 @@ class SubscribedTopic:
         self._links: dict[str, PublisherLink] = {}
         self._listeners: tuple[Subscription, ...] = ()
         self._latched: dict[str, Any] = {}
+        self._peers: tuple[str, ...] = ()
         self.changing = threading.Lock()
         self._closed = False
 
@@ -128,6 +134,17 @@ class SubscribedTopic:
     def connections(self) -> int:
         """How many publishers are connected."""
         return sum(link.connected for link in list(self._links.values()))
+
+    @property
+    def peers(self) -> tuple[str, ...]:
+        """Names of the nodes that publish, or that did last if none is connected."""
+        now = tuple(sorted(link.peer for link in list(self._links.values()) if link.connected))
+        self._peers = now or self._peers
+        return self._peers
+
+    def greeted(self, peer: str) -> None:
+        """A publisher of this name has connected."""
+        self._peers = (peer,)
 
     def join(self, callback: Callback | None) -> Subscription:
         """One more listener; it gets the last message of publishers that latch."""
@@ -212,6 +229,7 @@ class PublisherLink:
         topic: What it listens for.
 
     Attributes:
+        peer: Name of the node, once it has said it.
         wanted: Whether the master lists the publisher; False lets the connection be the last.
         connected: Whether messages may come.
     """
@@ -220,6 +238,7 @@ class PublisherLink:
         self.uri, self._topic = uri, topic
         self.wanted = True
         self._latching = False
+        self.peer = uri
         self._stopped = threading.Event()
         self._socket: socket.socket | None = None
         self.connected = False
@@ -232,13 +251,13 @@ class PublisherLink:
             try:
                 self._listen()
             except Malformed as error:
-                log.note("malformed", f"{name} from {self.uri}: {error}")
+                log.note("malformed", f"{name} from {self._whom()}: {error}")
             except WrongPublisher as error:
-                log.note("md5" if "md5sum" in str(error) else "refused", f"{name} from {self.uri}: {error}")
+                log.note("md5" if "md5sum" in str(error) else "refused", f"{name} from {self._whom()}: {error}")
                 pause = LONGEST_PAUSE
             except (NoAnswer, Refused, OSError) as error:
                 if not self._stopped.is_set():
-                    log.note("connection", f"{name} from {self.uri}: {error or type(error).__name__}")
+                    log.note("connection", f"{name} from {self._whom()}: {error or type(error).__name__}")
             finally:
                 self.connected = False
             with self._topic.changing:
@@ -249,6 +268,10 @@ class PublisherLink:
                 pause = FIRST_PAUSE
             self._stopped.wait(pause)
             pause = min(2.0 * pause, LONGEST_PAUSE)
+
+    def _whom(self) -> str:
+        """The publisher, for messages."""
+        return self.uri if self.peer == self.uri else f"{self.peer} ({self.uri})"
 
     def _listen(self) -> None:
         """Connect and hand messages on until the connection ends."""
@@ -265,6 +288,7 @@ class PublisherLink:
                     sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
             frames, chunk = Frames(topic.most), self._greet(sock)
             self.connected = True
+            topic.greeted(self.peer)
             sock.settimeout(None)
             while not self._stopped.is_set():
                 bodies = frames.feed(chunk)
@@ -306,6 +330,7 @@ class PublisherLink:
             if theirs not in (mine, "*"):
                 raise WrongPublisher(f"{field} is {str(theirs)[:80]}, must be {mine}")
         self._latching = header.get("latching") == "1"
+        self.peer = header.get("callerid", self.uri)[:80]
         return rest
 
     def stop(self) -> None:

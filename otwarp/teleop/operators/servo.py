@@ -1,8 +1,6 @@
 """The session's side of the servo: `Hands` sends it scenes and takes in commanded traps and forces.
 
-The servo is a process of its own (`servo_process`), or runs on the live loop's virtual clock (`VirtualServo`): there
-every wait of the loop runs the cycles that fall into it, for tests and studies that must come out the same on every
-machine. Devices, chains, loop and simulation are the real ones, only time is not.
+The servo is a process of its own (`servo_process`), or runs on the live loop's virtual clock (`virtual_servo`).
 """
 
 from __future__ import annotations
@@ -14,24 +12,11 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import make_chain
-from otwarp.haptics.core.config import checked_gains
-from otwarp.haptics.core.realtime import VirtualClock
-from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import SceneFrame, ServoFrame, Vec3
-from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.core.types import ZERO, SceneFrame, ServoFrame, Vec3
 from otwarp.haptics.force.compiled import CompiledLaw
-from otwarp.haptics.servo.link import (
-    HandLayout,
-    HandSetup,
-    Orders,
-    OrdersLayout,
-    SceneLayout,
-    SceneReader,
-    ServoStatus,
-    StatusLayout,
-)
+from otwarp.haptics.servo.guard import Residue
+from otwarp.haptics.servo.link import HandSetup, ServoStatus
 from otwarp.haptics.servo.process import ServoProcess
-from otwarp.haptics.servo.servo import Hand, Servo
 from otwarp.teleop.core import HandFrame
 from otwarp.teleop.operators.hands import HandPlan, LocalScene
 
@@ -69,6 +54,10 @@ class ServoLike(Protocol):
 
     def status(self) -> ServoStatus | None:
         """What the servo last reported."""
+        ...
+
+    def residue(self, hand: int) -> Residue | None:
+        """What is known of a hand's force while the servo does not run; None while it does."""
         ...
 
     def stop(self) -> None:
@@ -114,7 +103,8 @@ def servo_process(
         )
         for plan in plans
     ]
-    return ServoProcess(setups, spheres=len(local.kinds), traps=traps, rate=rate, **options)
+    least = min(plan.config.safety.disarm_after for plan in plans)
+    return ServoProcess(setups, spheres=len(local.kinds), traps=traps, rate=rate, disarm_after=least, **options)
 
 
 class Hands:
@@ -168,15 +158,19 @@ class Hands:
         if servo is None:
             return {}
         self.status = status = servo.status()
-        # one that ended by itself has let the forces of its devices fall; the session goes on without hands
+        # the session goes on without hands when their servo has ended
         self._dead = self._dead or not servo.alive
         frames = []
         for n, frame in enumerate(self.frames):
             reported = status.hands[n] if status else None
-            now, present = servo.hand(n), reported is not None and reported.present and not self._dead
+            now, residue = servo.hand(n), servo.residue(n)
             self._notice(n, now)
             message = reported.message if reported and reported.message else self._notes[n]
-            message = "the servo has ended, nothing is felt any more; start the session anew" if self._dead else message
+            if residue is not None:
+                message = residue.message
+                if now is not None and residue.zero:  # what the servo sent last is not there any more
+                    now = replace(now, force=ZERO, state="disarmed")
+            present = reported is not None and reported.present and residue is None
             frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)
         if self._dead:
@@ -252,141 +246,3 @@ class Hands:
 
 ServoFactory = Callable[[Sequence[HandPlan], LocalScene], ServoLike]
 """Makes the servo of a session; tests give a double."""
-
-
-class LinkedClock(VirtualClock):
-    """Time passes by waiting; the servo lives through it.
-
-    Attributes:
-        servo: That is linked to it.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.servo: VirtualServo | None = None
-
-    def sleep_until(self, deadline: float) -> None:
-        """See `Clock`."""
-        while self.servo is not None and self.servo.running and self.servo.next <= deadline:
-            self._now = max(self._now, self.servo.next)
-            self.servo.cycle()
-        self._now = max(self._now, deadline)
-
-
-class VirtualServo:
-    """`ServoLike` in this process.
-
-    Args:
-        clock: Of the loop.
-        plans: Hands.
-        local: What they feel.
-        traps: Number of traps of the scene.
-
-    Attributes:
-        forces: Every cycle of each hand.
-        next: When the next cycle is due [s].
-        running: Whether it was started, and not stopped.
-    """
-
-    def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
-        n = len(plans)
-        self._clock = clock
-        rate = plans[0].config.chain.rate
-        self._period = 1.0 / rate
-        self._scenes = Mailbox.create(SceneLayout(len(local.kinds), traps))
-        self._orders_box = Mailbox.create(OrdersLayout(n))
-        self._status_box = Mailbox.create(StatusLayout(n))
-        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
-        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
-        specs = parse_devices([plan.device for plan in plans])
-        self._hands = [
-            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
-            for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
-        ]
-        self._servo = Servo(
-            clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
-        )
-        self._seen: list[ServoFrame | None] = [None] * n
-        self.forces: list[list[ServoFrame]] = [[] for _ in plans]
-        self.next = 0.0
-        self.running = False
-        clock.servo = self
-
-    def cycle(self) -> None:
-        """One cycle."""
-        self._servo.cycle()
-        self.next += self._period
-        for n in range(len(self._boxes)):
-            now = self.hand(n)
-            if now is not None:
-                self.forces[n].append(now)
-
-    def start(self) -> ServoStatus:
-        """See `ServoLike`."""
-        for hand in self._hands:
-            hand.open()
-        self.running, self.next = True, self._clock.now() + self._period
-        self._servo.cycle()
-        status = self.status()
-        assert status is not None
-        return status
-
-    @property
-    def alive(self) -> bool:
-        """See `ServoLike`."""
-        return self.running
-
-    def publish(self, scene: SceneFrame) -> None:
-        """See `ServoLike`."""
-        self._scenes.write(scene)
-        self.heartbeat()
-
-    def heartbeat(self) -> None:
-        """See `ServoLike`."""
-        self._tell(self._orders.next())
-
-    def arm(self, hand: int | None = None) -> None:
-        """See `ServoLike`."""
-        for n in range(len(self._boxes)) if hand is None else (hand,):
-            self._tell(self._orders.next(arm=n))
-
-    def disarm(self, hand: int | None = None) -> None:
-        """See `ServoLike`."""
-        for n in range(len(self._boxes)) if hand is None else (hand,):
-            self._tell(self._orders.next(disarm=n))
-
-    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
-        """See `ServoLike`."""
-        new, was = checked_gains(motion_gain, force_gain), self._orders.gains
-        pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
-        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
-
-    def hand(self, hand: int) -> ServoFrame | None:
-        """See `ServoLike`."""
-        new = self._boxes[hand].read()
-        if new is not None:
-            self._seen[hand] = new
-        return self._seen[hand]
-
-    def status(self) -> ServoStatus | None:
-        """See `ServoLike`."""
-        return self._status_box.read() or self._last_status()
-
-    def stop(self) -> None:
-        """See `ServoLike`."""
-        if self.running:
-            self.running = False
-            for hand in self._hands:
-                hand.release(self._clock.now())
-            for n in range(len(self._boxes)):
-                self.hand(n)
-        self._clock.servo = None
-
-    def _last_status(self) -> ServoStatus:
-        return ServoStatus(
-            self._servo.tick, self._clock.now(), "running", 0, 0.0, 0, 0, tuple(h.status for h in self._hands)
-        )
-
-    def _tell(self, orders: Orders) -> None:
-        self._orders = orders
-        self._orders_box.write(orders)

@@ -15,19 +15,17 @@ from otwarp.haptics.core.types import ZERO, Device, DeviceLost, TrapFrame
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.dualsense import (
     BLUETOOTH_RATE,
-    INPUT_SEED,
     RANGES,
     REFRESH,
     SILENCE,
     USB_RATE,
     DualSense,
-    checksum,
     create,
     find_devices,
-    trigger_effect,
 )
+from otwarp.haptics.devices.dualsense_report import INPUT_SEED, checksum, trigger_effect
 from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound, HidWanted
-from otwarp.haptics.servo.servo import REOPEN_AFTER
+from otwarp.haptics.servo.hand import REOPEN_AFTER
 from tests.haptics.devices.test_dualsense_report import RECORDED_SIMPLE, bluetooth, usb
 from tests.haptics.hid_double import AtOnce, Plugged, System
 from tests.haptics.servo.test_servo import Rig

@@ -20,8 +20,8 @@ from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
 from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices
+from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import HandLayout
-from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.dhd_double import FUNCTIONS, PATIENCE, Dhd, Robot
 from tests.haptics.spring import SpringChain
 

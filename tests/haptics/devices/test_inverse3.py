@@ -29,9 +29,9 @@ from otwarp.haptics.devices.inverse3_messages import (
     read_inventory,
     read_state,
 )
+from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import HandLayout, HandSetup
 from otwarp.haptics.servo.process import ServoProcess
-from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.haply_service import PATIENCE, HaplyService
 from tests.haptics.servo.test_servo_process import publishing, until
 from tests.haptics.spring import SpringChain

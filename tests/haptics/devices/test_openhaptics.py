@@ -26,9 +26,9 @@ from otwarp.haptics.devices import create_device, openhaptics, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange, share
 from otwarp.haptics.devices.libhd import OVERRIDE, library_path
 from otwarp.haptics.devices.openhaptics import OpenHapticsDevice
+from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import HandLayout, HandSetup
 from otwarp.haptics.servo.process import ServoProcess
-from otwarp.haptics.servo.servo import REOPEN_AFTER, Hand
 from tests.haptics.servo.test_servo_process import publishing, until
 from tests.haptics.spring import SpringChain
 

@@ -19,7 +19,7 @@ from otwarp.haptics.core.types import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound
 from otwarp.haptics.devices.spacemouse import MODELS, MOST_REPORTS, SILENCE, SpaceMouseState, create, find_devices
-from otwarp.haptics.servo.servo import REOPEN_AFTER
+from otwarp.haptics.servo.hand import REOPEN_AFTER
 from tests.haptics.hid_double import Plugged, System
 from tests.haptics.servo.test_servo import Rig
 

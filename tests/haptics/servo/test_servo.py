@@ -12,6 +12,7 @@ from otwarp.haptics.core.realtime import RealClock, VirtualClock, next_deadline
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, SceneFrame, SphereFrame
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
+from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import (
     RUNS,
     HandLayout,
@@ -23,7 +24,7 @@ from otwarp.haptics.servo.link import (
     ServoStatus,
     StatusLayout,
 )
-from otwarp.haptics.servo.servo import PARENT_SILENCE, REOPEN_AFTER, STATUS_EVERY, Hand, Servo
+from otwarp.haptics.servo.servo import PARENT_SILENCE, STATUS_EVERY, Servo
 from tests.haptics.spring import DECAY, DISARM, RAMP, SLEW, STIFFNESS, SpringChain
 
 PERIOD = 0.001

@@ -74,6 +74,7 @@ class MasterDouble:
         self._server.register_function(lambda caller: [1, "", 4711], "getPid")
         self._server.register_function(self._lookup, "lookupNode")
         self._server.register_function(self._published, "getPublishedTopics")
+        self._server.register_function(self._state, "getSystemState")
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 
@@ -119,6 +120,11 @@ class MasterDouble:
     def _published(self, caller: str, subgraph: str) -> list[Any]:
         with self._lock:
             return [1, "", [[topic, kind] for topic, nodes in self.publishers.items() for _, kind in nodes.values()]]
+
+    def _state(self, caller: str) -> list[Any]:
+        with self._lock:
+            books = [[[topic, list(nodes)] for topic, nodes in of.items()] for of in (self.publishers, self.subscribers)]
+        return [1, "", [*books, []]]
 
     def _update_subscribers(self, topic: str) -> None:
         """Tell subscribers of a topic who publishes it, as a master does: in threads of its own."""
@@ -204,6 +210,10 @@ class LocalNode:
         self.sent: dict[str, list[Any]] = {}
         self.subscribed: dict[str, SubscribedTopic] = {}
         self.closed: list[str] = []
+        self.others: list[str] = []
+
+    def other_publishers(self, topic: str) -> list[str]:
+        return self.others
 
     def publisher(self, topic: str, type_name: str, latch: bool = False, queue: int = 16) -> LocalPublisher:
         return LocalPublisher(self, topic, type_name)

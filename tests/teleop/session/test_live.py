@@ -15,7 +15,7 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.teleop import core as c
 from otwarp.teleop.core import LiveFrame
 from otwarp.teleop.operators.hands import plan_hands
-from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
+from otwarp.teleop.operators.virtual_servo import LinkedClock, VirtualServo
 from otwarp.teleop.session.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
 

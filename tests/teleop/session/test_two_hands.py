@@ -7,7 +7,7 @@ import pytest
 
 from otwarp.haptics.core.config import FACING_USER, HandConfig, HapticsConfig
 from otwarp.teleop.operators.hands import plan_hands
-from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
+from otwarp.teleop.operators.virtual_servo import LinkedClock, VirtualServo
 from otwarp.teleop.session.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
 

@@ -1,0 +1,173 @@
+"""A servo on the live loop's virtual clock, in the loop's process.
+
+Every wait of the loop runs the cycles that fall into it, for tests and studies that must come out the same on every
+machine. Devices, chains, loop and simulation are the real ones, only time is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from otwarp.haptics.chain.chain import make_chain
+from otwarp.haptics.core.config import checked_gains
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.core.types import SceneFrame, ServoFrame
+from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.servo.guard import ENDED, Residue
+from otwarp.haptics.servo.hand import Hand
+from otwarp.haptics.servo.link import (
+    HandLayout,
+    Orders,
+    OrdersLayout,
+    SceneLayout,
+    SceneReader,
+    ServoStatus,
+    StatusLayout,
+)
+from otwarp.haptics.servo.servo import Servo
+from otwarp.teleop.operators.hands import HandPlan, LocalScene
+
+
+class LinkedClock(VirtualClock):
+    """Time passes by waiting; the servo lives through it.
+
+    Attributes:
+        servo: That is linked to it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.servo: VirtualServo | None = None
+
+    def sleep_until(self, deadline: float) -> None:
+        """See `Clock`."""
+        while self.servo is not None and self.servo.running and self.servo.next <= deadline:
+            self._now = max(self._now, self.servo.next)
+            self.servo.cycle()
+        self._now = max(self._now, deadline)
+
+
+class VirtualServo:
+    """`ServoLike` in this process.
+
+    Args:
+        clock: Of the loop.
+        plans: Hands.
+        local: What they feel.
+        traps: Number of traps of the scene.
+
+    Attributes:
+        forces: Every cycle of each hand.
+        next: When the next cycle is due [s].
+        running: Whether it was started, and not stopped.
+    """
+
+    def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
+        n = len(plans)
+        self._clock = clock
+        rate = plans[0].config.chain.rate
+        self._period = 1.0 / rate
+        self._scenes = Mailbox.create(SceneLayout(len(local.kinds), traps))
+        self._orders_box = Mailbox.create(OrdersLayout(n))
+        self._status_box = Mailbox.create(StatusLayout(n))
+        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
+        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
+        specs = parse_devices([plan.device for plan in plans])
+        self._hands = [
+            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
+            for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
+        ]
+        self._servo = Servo(
+            clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
+        )
+        self._seen: list[ServoFrame | None] = [None] * n
+        self.forces: list[list[ServoFrame]] = [[] for _ in plans]
+        self.next = 0.0
+        self.running = False
+        clock.servo = self
+
+    def cycle(self) -> None:
+        """One cycle."""
+        self._servo.cycle()
+        self.next += self._period
+        for n in range(len(self._boxes)):
+            now = self.hand(n)
+            if now is not None:
+                self.forces[n].append(now)
+
+    def start(self) -> ServoStatus:
+        """See `ServoLike`."""
+        for hand in self._hands:
+            hand.open()
+        self.running, self.next = True, self._clock.now() + self._period
+        self._servo.cycle()
+        status = self.status()
+        assert status is not None
+        return status
+
+    @property
+    def alive(self) -> bool:
+        """See `ServoLike`."""
+        return self.running
+
+    def publish(self, scene: SceneFrame) -> None:
+        """See `ServoLike`."""
+        self._scenes.write(scene)
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        """See `ServoLike`."""
+        self._tell(self._orders.next())
+
+    def arm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(arm=n))
+
+    def disarm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(disarm=n))
+
+    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """See `ServoLike`."""
+        new, was = checked_gains(motion_gain, force_gain), self._orders.gains
+        pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
+        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
+
+    def hand(self, hand: int) -> ServoFrame | None:
+        """See `ServoLike`."""
+        new = self._boxes[hand].read()
+        if new is not None:
+            self._seen[hand] = new
+        return self._seen[hand]
+
+    def status(self) -> ServoStatus | None:
+        """See `ServoLike`."""
+        return self._status_box.read() or self._last_status()
+
+    def residue(self, hand: int) -> Residue | None:
+        """See `ServoLike`."""
+        return None if self.running else Residue(True, f"{ENDED}; start the session anew")
+
+    def stop(self) -> None:
+        """See `ServoLike`."""
+        if self.running:
+            self.running = False
+            for hand in self._hands:
+                hand.release(self._clock.now())
+            for n in range(len(self._boxes)):
+                self.hand(n)
+        self._clock.servo = None
+
+    def _last_status(self) -> ServoStatus:
+        return ServoStatus(
+            self._servo.tick, self._clock.now(), "running", 0, 0.0, 0, 0, tuple(h.status for h in self._hands)
+        )
+
+    def _tell(self, orders: Orders) -> None:
+        self._orders = orders
+        self._orders_box.write(orders)
