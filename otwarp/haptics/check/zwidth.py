@@ -32,6 +32,7 @@ from otwarp.haptics.core.config import (
     SafetyConfig,
 )
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
+from otwarp.haptics.servo.guard import SHARE, kinds_that_keep
 
 REST = 1.0
 """Part of the first quarter's largest speed that the last may have. A linear loop grows or dies exponentially, so that
@@ -348,5 +349,11 @@ def limits() -> tuple[FeltLimit, ...]:
             "force after the last state",
             f"falls from {1e3 * safety.decay_after:.0f} ms, zero at {1e3 * safety.disarm_after:.0f} ms",
             "watchdog: a simulation that died is not felt for ever",
+        ),
+        FeltLimit(
+            "force of a servo that was killed or stopped",
+            f"zero after {1e3 * SHARE * safety.disarm_after:.0f} ms and the way to the driver",
+            f"guardian, for {', '.join(kinds_that_keep('driver'))}; {' and '.join(kinds_that_keep('library'))} run "
+            "inside the servo and end with it: there the device's own timeout has to act",
         ),
     )

@@ -32,6 +32,8 @@ SILENCE = 0.2
 """Seconds without word of the guardian after which the sides that need it disarm: it speaks every 5 ms."""
 STANDS = 0.2
 """Seconds without a cycle after which a parent says that the servo stands still."""
+SHARE = 0.6
+"""Part of the time after which a gap disarms that a guardian lets pass: zero force is there before it is over."""
 RESTART_AFTER = 1.0
 """Seconds from one start of a guardian to the next, where one is killed again and again."""
 END_WITHIN = 2.0
@@ -217,6 +219,11 @@ class Guard:
                 process.wait()
             self.report = self.box.read() or self.report
         self.box.close()
+
+
+def kinds_that_keep(keeps: str) -> list[str]:
+    """Kinds of devices whose last force stays with the `driver`, with a `library`, or with `nothing`."""
+    return [kind for kind, row in KINDS.items() if row.keeps == keeps]
 
 
 def needs_guardian(specs: Sequence[DeviceSpec]) -> bool:

@@ -37,6 +37,8 @@ from otwarp.haptics.servo.link import HandStatus, Start
 
 MOST_BUTTONS = 2**63
 """Buttons are bits of a number below it; a device that says otherwise cannot be relied on."""
+SETTLE = 0.1
+"""Seconds after a gap in which the device is not read: its driver's thread stood still as well, and has to catch up."""
 REOPEN_AFTER = 0.5
 """Seconds from the loss of a device to the first attempt to open it again, and from one attempt to the next."""
 
@@ -98,7 +100,7 @@ class Hand:
         self._ring, self._starts, self._recording = ring, starts, False
         self._addresses, self.opened, self.guarded = addresses, 0, False
         self._opening: Opening | None = None
-        self._try_at = math.inf
+        self._try_at, self._read_from = math.inf, -math.inf
         self._begun = False
         self._last = ServoFrame(0, 0.0, ZERO, ZERO, (), "disarmed", 0.0)
         self._sample: DeviceSample | None = None
@@ -165,7 +167,7 @@ class Hand:
         except Exception as error:
             self._lose(now, str(error) or type(error).__name__)
             return
-        self._last = replace(self._last, force=ZERO, state="disarmed")
+        self._last, self._read_from = replace(self._last, force=ZERO, state="disarmed"), now + SETTLE
         if self._begun:
             self._say(message)
 
@@ -194,7 +196,9 @@ class Hand:
         self._sample, self._flags = None, 0
         if not self.status.present:
             self._look_for_it(now)
-        state = self._feel(now, scene) if self.status.present else None
+        state = None
+        if self.status.present:
+            state = self._feel(now, scene) if now >= self._read_from else self._resting(now)
         if state is None:  # away, or at fault: no force, and the traps stay where they are
             state = replace(self._last, tick=self._last.tick + 1, time=now, force=ZERO, state="fault")
         self._last = state
@@ -205,6 +209,10 @@ class Hand:
             except Exception:  # whatever a driver calls a sample, its hand goes on
                 self._ring.miss()
 
+    def _resting(self, now: float) -> ServoFrame:
+        """A cycle without a look at the device."""
+        return replace(self._last, tick=self._last.tick + 1, time=now)
+
     def _feel(self, now: float, scene: SceneFrame) -> ServoFrame | None:
         """A cycle of a device that is there; None when it is lost or the chain failed."""
         device, rendering = self._device, self._rendering
@@ -213,7 +221,7 @@ class Hand:
             if not 0 <= sample.buttons < MOST_BUTTONS:
                 raise DeviceLost(f"buttons are {sample.buttons!r}")
             if not self._begun:  # a chain would look in vain for its traps
-                state = replace(self._last, tick=self._last.tick + 1, time=now, position=sample.position)
+                state = replace(self._resting(now), position=sample.position)
             else:
                 stepped = rendering.chain is not None
                 state = rendering.step(sample, scene)

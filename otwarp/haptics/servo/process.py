@@ -27,6 +27,7 @@ from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.child import ServoOrder
 from otwarp.haptics.servo.guard import (
     LENGTH,
+    SHARE,
     Address,
     AddressLayout,
     Guard,
@@ -57,8 +58,6 @@ STOP_WITHIN = 5.0
 POLL = 0.005
 KEPT = 16384
 """States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
-GUARD_SHARE = 0.6
-"""Part of the time after which a gap disarms that a guardian lets pass: zero force is there before it is over."""
 
 T = TypeVar("T", bound=Mailbox[Any] | Ring)
 
@@ -182,7 +181,7 @@ class ServoProcess:
             self.stop()
             raise InputError(f"servo: its process ended at once ({error})") from None
         if self._guard is not None:
-            after, order = GUARD_SHARE * self._order.disarm_after, self._order
+            after, order = SHARE * self._order.disarm_after, self._order
             names, number = order.names, self._process.pid
             self._guard.start(GuardOrder(self._guard.kinds, names, self._traps, after, number, order.realtime))
         end = time.monotonic() + START_WITHIN

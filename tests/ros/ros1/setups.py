@@ -123,7 +123,9 @@ class MasterDouble:
 
     def _state(self, caller: str) -> list[Any]:
         with self._lock:
-            books = [[[topic, list(nodes)] for topic, nodes in of.items()] for of in (self.publishers, self.subscribers)]
+            books = [
+                [[topic, list(nodes)] for topic, nodes in of.items()] for of in (self.publishers, self.subscribers)
+            ]
         return [1, "", [*books, []]]
 
     def _update_subscribers(self, topic: str) -> None:
