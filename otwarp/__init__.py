@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from otwarp.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from otwarp.errors import InputError, SimulationError
+    from otwarp.errors import InputError, PlausibilityWarning, SimulationError
     from otwarp.kernels.core.types import ForceInput, Wrench
     from otwarp.scene import Scene
     from otwarp.simulation.simulation import Simulation
@@ -24,12 +24,22 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["ForceInput", "InputError", "Scene", "Simulation", "SimulationError", "Wrench", "__version__", "force"]
+__all__ = [
+    "ForceInput",
+    "InputError",
+    "PlausibilityWarning",
+    "Scene",
+    "Simulation",
+    "SimulationError",
+    "Wrench",
+    "__version__",
+    "force",
+]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "errors": ("InputError", "SimulationError"),
+        "errors": ("InputError", "PlausibilityWarning", "SimulationError"),
         "kernels.core.types": ("ForceInput", "Wrench"),
         "scene": ("Scene",),
         "simulation.simulation": ("Simulation",),

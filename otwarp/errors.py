@@ -1,4 +1,4 @@
-"""The two errors a user meets: bad input, and a run that had to stop."""
+"""What a user meets: bad input, input that is hardly meant, and a run that had to stop."""
 
 from __future__ import annotations
 
@@ -8,6 +8,13 @@ class InputError(ValueError):
 
     The message is one line that names the file, prim, attribute or argument, its value and the allowed range.
     The command line prints it and exits with code 2.
+    """
+
+
+class PlausibilityWarning(UserWarning):
+    """What a scene says is allowed, yet hardly meant: the message names file, prim, value and what is usual.
+
+    `warnings.simplefilter("error", otwarp.PlausibilityWarning)` makes it an error, `"ignore"` silences it.
     """
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -73,7 +76,7 @@ def cli(context: click.Context) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code; every error is one line on standard error."""
     try:
-        with terminable():
+        with terminable(), plain_warnings():
             result = cli.main(args=arguments, prog_name="otwarp", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
@@ -90,6 +93,17 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(*(("terminated", EXIT_TERMINATED) if terminated else ("interrupted", EXIT_INTERRUPTED)))
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted", EXIT_INTERRUPTED)
+
+
+@contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Say warnings in one line each, without the place in otwarp's source that they come from."""
+    kept = warnings.formatwarning
+    warnings.formatwarning = lambda message, *where: f"otwarp: warning: {' '.join(str(message).split())}\n"
+    try:
+        yield
+    finally:
+        warnings.formatwarning = kept
 
 
 def _fail(message: str, code: int) -> int:

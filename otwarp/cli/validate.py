@@ -18,13 +18,20 @@ if TYPE_CHECKING:
 @click.command()
 @scene_argument
 @json_option
+@click.option("--strict", is_flag=True, help="Let warnings count as errors.")
 @click.pass_context
-def validate(context: click.Context, scene: Path, as_json: bool) -> int:
-    """Check SCENE against the vocabulary, USD's own validators and what a run needs. Exit code 2 if it cannot run."""
+def validate(context: click.Context, scene: Path, strict: bool, as_json: bool) -> int:
+    """Check SCENE against the vocabulary, USD's own validators, what a run needs and what is plausible.
+
+    Exit code 2 if it cannot run, or with --strict if there is anything to warn of.
+    """
     from otwarp.scene.read.validate import validate as check
 
     report = check(scene)
-    report = dataclasses.replace(report, findings=(*report.findings, *_findings_of_a_run(scene)))
+    findings = (*report.findings, *_findings_of_a_run(scene))
+    if strict:
+        findings = tuple(dataclasses.replace(finding, severity="error") for finding in findings)
+    report = dataclasses.replace(report, findings=findings)
     if as_json:
         findings = [{"severity": f.severity, "prim": f.prim, "message": f.message} for f in report.findings]
         click.echo(json.dumps({"scene": str(scene), "valid": report.ok, "findings": findings}, indent=2))

@@ -113,7 +113,7 @@ def check_run(scene: Scene) -> list[str]:
     in the cache are made for that.
 
     Returns:
-        What building the model warns of, one line each.
+        What building the model warns of, one line each, but for what is implausible: `otwarp.scene.validate` says that.
 
     Raises:
         InputError: In one line, as `record_run` would.

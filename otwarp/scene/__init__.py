@@ -9,11 +9,13 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | room | what it is | open first |
 |---|---|---|
 | `description`, `track`, `scene` | plain frozen dataclasses in µm, s, pN, mW, K: neither USD nor Warp | `description` |
+| `finding` | what is wrong or odd in a scene | `finding` |
 | `obstacle_shapes` | the table of shapes: prim, distance, outline | `obstacle_shapes` |
 | `transforms`, `meshes` | rigid transforms and triangle meshes, NumPy | `transforms` |
 | `vocabulary` | the one table of `ot:` attributes, which all the rest follows | `vocabulary/__init__` |
 | `schema` | the USD schema files, written from the table | `schema/generate` |
 | `read` | stage → fields of a `Scene`, and `validate` | `read/load` |
+| `plausibility` | scene → what it hardly means: slips of units, traps that hold nothing | `plausibility/__init__` |
 | `write` | description → stage | `write/builder` |
 | `recording` | frames of a run → `run.usda` | `recording/usd` |
 | `drawing` | stage → shapes, lights and camera of a picture | `drawing/drawables` |
@@ -44,12 +46,13 @@ from otwarp.scene.description import (
     Trap,
     Vec3,
 )
+from otwarp.scene.finding import Finding
 from otwarp.scene.scene import Scene
 from otwarp.scene.schema import SCHEMA_FOLDER, register
 from otwarp.scene.track import Track
 
 if TYPE_CHECKING:
-    from otwarp.scene.read.validate import Finding, Report, validate
+    from otwarp.scene.read.validate import Report, validate
     from otwarp.scene.write.body_file import write_body
     from otwarp.scene.write.builder import SceneBuilder
     from otwarp.scene.write.export import export_in_metres
@@ -85,7 +88,7 @@ __all__ = [
 __getattr__, _ = lazy_names(
     __name__,
     {
-        "read.validate": ("Finding", "Report", "validate"),
+        "read.validate": ("Report", "validate"),
         "write.body_file": ("write_body",),
         "write.builder": ("SceneBuilder",),
         "write.export": ("export_in_metres",),

@@ -219,6 +219,7 @@ class Obstacle(ByValue):
             the straight part, 0); plane and mesh: zeros [µm].
         vertices: (n, 3) µm, mesh only, scale applied.
         triangles: (m, 3) vertex indices, mesh only.
+        double_sided: Whether a mesh that is not closed is meant to be a sheet; says nothing of other shapes.
         hydrodynamic: Whether the liquid sticks to it and hinders what moves nearby; a plane at rest only.
     """
 
@@ -229,6 +230,7 @@ class Obstacle(ByValue):
     size: Vec3 = (0.0, 0.0, 0.0)
     vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int32))
+    double_sided: bool = False
     hydrodynamic: bool = False
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
+from otwarp.scene.finding import Finding
 from otwarp.scene.track import ByValue
 
 
@@ -14,7 +15,7 @@ from otwarp.scene.track import ByValue
 class Scene(ByValue):
     """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
 
-    `file` is where it was read from (not part of equality).
+    `file` is where it was read from, and `remarks` what is odd in the file itself (neither is part of equality).
     """
 
     file: Path | None = field(default=None, compare=False)
@@ -27,6 +28,7 @@ class Scene(ByValue):
     flow: Flow | None = None
     camera: Camera | None = None
     goal: Goal | None = None
+    remarks: tuple[Finding, ...] = field(default=(), compare=False)
 
     @classmethod
     def load(cls, file: str | Path, *, duration: float | None = None) -> Scene:

@@ -53,3 +53,7 @@ class Track(ByValue):
     def at(self, time: float) -> np.ndarray:
         """(k,) value at `time` [s]."""
         return np.array([np.interp(time, self.times, column) for column in self.values.T])
+
+    def at_times(self, times: np.ndarray) -> np.ndarray:
+        """(n, k) values at `times` (n,) [s]."""
+        return np.stack([np.interp(times, self.times, column) for column in self.values.T], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -12,12 +13,13 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.device import pick_device
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Scene
+from otwarp.scene.plausibility import judge
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arrays import Place
@@ -113,6 +115,7 @@ class Model:
         options = options or StepOptions()
         asked = options.of(scene)
         _check(asked, worlds, seed)
+        _warn_of_oddities(scene)
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
         scales = _time_scales(known, from_scene=options.time_step is None and scene.file is not None)
@@ -170,6 +173,13 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
     if not scene.bodies:
         where = f"{scene.file}: {scene.root}" if scene.file else scene.root
         raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+
+
+def _warn_of_oddities(scene: Scene) -> None:
+    """Say what is implausible in a scene; Python says the same from the same line once."""
+    for finding in judge(scene):
+        text = f"{scene.file or scene.root}: {finding.prim}: {finding.message}"
+        warnings.warn(text, PlausibilityWarning, stacklevel=2)
 
 
 def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:

@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from otwarp.errors import InputError
 from otwarp.scene.drawing.draw_list import Lights, View
+from otwarp.scene.read.lenses import check_lens
 from otwarp.scene.read.typed import Values
 
 _APERTURE_UNIT = 0.1
@@ -50,10 +51,7 @@ def read_view(prim: Usd.Prim, to_world: np.ndarray, scale: float, centre: np.nda
     Raises:
         InputError: Focal length or aperture is not positive.
     """
-    lens = {name: values.number(prim, name) for name in ("focalLength", "horizontalAperture", "verticalAperture")}
-    for name, value in lens.items():
-        if not 0.0 < value < np.inf:
-            raise values.bad(prim, name, value, "in (0, inf)")
+    lens = check_lens(values, prim)
     orthographic = values.value(prim, "projection") == UsdGeom.Tokens.orthographic
     right, up, backward = (_unit(to_world[:3, k]) for k in range(3))
     position = to_world[:3, 3] * scale

@@ -20,10 +20,15 @@ def read_robot(source: Source, prim: Usd.Prim) -> Body:
     """Read one prim with OtBodyAPI and the OtSphereAPI spheres and OtRodAPI rods below it.
 
     Raises:
-        InputError: No sphere, a nested body, or a sphere or rod that is scaled unevenly.
+        InputError: No sphere, a nested body, a mirrored one, or a sphere or rod that is scaled unevenly.
     """
     fields, _ = _fields(source, prim, vocabulary.BODY)
     position, rotation, scale = source.pose(prim)
+    if np.prod(scale) < 0.0:
+        shown = ", ".join(f"{s / source.unit:g}" for s in scale)
+        raise source.bad(
+            prim, "xformOp:scale", f"({shown}), mirrored", "no reflection on a body; move its spheres instead"
+        )
     spheres, rods = [], []
     for child in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
         if child != prim and (source.has(child, "OtBodyAPI") or source.has(child, "OtCellAPI")):

@@ -12,8 +12,10 @@ from otwarp.scene.read.attributes import check_prim
 from otwarp.scene.read.bodies import read_cell, read_instances, read_robot
 from otwarp.scene.read.diagnostics import reading
 from otwarp.scene.read.environment import read_camera, read_flow, read_goal, read_medium, read_settings
+from otwarp.scene.read.lenses import check_lens
 from otwarp.scene.read.obstacles import is_collider, read_obstacle
 from otwarp.scene.read.overlap import check_overlaps
+from otwarp.scene.read.remarks import remarks
 from otwarp.scene.read.source import Source, open_stage
 from otwarp.scene.read.traps import check_holds, read_trap
 
@@ -57,6 +59,8 @@ class _Sorted:
         for prim in every:
             check_prim(source.file, prim, source.applied(prim))
             source.values.check(prim)
+            if prim.IsA(UsdGeom.Camera):
+                check_lens(source.values, prim)
             if not any(prim.GetPath().HasPrefix(path) for path in prototypes):
                 self._put(source, prim)
 
@@ -123,4 +127,5 @@ def _read(source: Source, duration: float | None) -> dict[str, Any]:
         flow=read_flow(source, found.single["OtFlowAPI"]),
         camera=read_camera(source, found.single["OtCameraAPI"]),
         goal=read_goal(source, found.single["OtGoalAPI"], bodies),
+        remarks=tuple(remarks(source, [*found.bodies, *found.single["OtFlowAPI"], *found.single["OtGoalAPI"]])),
     )

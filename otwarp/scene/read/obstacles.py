@@ -125,4 +125,9 @@ def _mesh(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[
     left_handed = source.values.value(prim, "orientation") == UsdGeom.Tokens.leftHanded
     if left_handed != (float(np.prod(scale)) < 0.0):  # keep the outside outside
         triangles = triangles[:, ::-1]
-    return {"shape": "mesh", "vertices": points * scale, "triangles": np.ascontiguousarray(triangles, dtype=np.int32)}
+    return {
+        "shape": "mesh",
+        "vertices": points * scale,
+        "triangles": np.ascontiguousarray(triangles, dtype=np.int32),
+        "double_sided": source.values.value(prim, "doubleSided", constant=True),
+    }

@@ -13,25 +13,16 @@ from pxr import Usd, UsdGeom
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Body, Trap, Vec3
+from otwarp.scene.finding import Finding
+from otwarp.scene.plausibility import judge
 from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.diagnostics import USD_ERRORS, quiet_usd, usd_reason
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.read.source import Source, open_stage
+from otwarp.scene.scene import Scene
 
 _LIGHTS = ("DistantLight", "DomeLight", "SphereLight", "RectLight", "DiskLight", "CylinderLight")
 _BRANCH = ("threshold", "inverse_square", "offset")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One thing found: `error` stops a run, `warning` does not; `prim` is a path, or `/` for the stage."""
-
-    severity: Literal["error", "warning"]
-    prim: str
-    message: str
-
-    def __str__(self) -> str:
-        return f"{self.severity}: {self.prim}: {self.message}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +55,8 @@ def validate(path: str | Path) -> Report:
     see `otwarp.record.run.check_run`; `otwarp validate` does both.
 
     Returns:
-        The report: the loader's error if any, the errors and warnings of USD's own validators, then advice.
+        The report: the loader's error if any, the errors and warnings of USD's own validators, advice, then what is
+        implausible.
     """
     path = Path(path)
     try:
@@ -81,6 +73,7 @@ def validate(path: str | Path) -> Report:
         findings += _usd_findings(stage)
         if fields is not None:
             findings += _advice(Source(stage, str(path)), fields["bodies"], fields["traps"])
+            findings += judge(Scene(**fields))
     return Report(file=path, findings=tuple(findings))
 
 

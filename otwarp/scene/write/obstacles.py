@@ -53,6 +53,7 @@ def _shapes(obstacle: Obstacle) -> dict[str, tuple[type, dict[str, Any]]]:
         "FaceVertexCounts": Vt.IntArray(len(faces), 3),
         "FaceVertexIndices": Vt.IntArray.FromNumpy(faces.ravel()),
         "SubdivisionScheme": UsdGeom.Tokens.none,
+        "DoubleSided": obstacle.double_sided,
     }
     return {
         "plane": (UsdGeom.Plane, up | {"Width": PLANE_WIDTH, "Length": PLANE_WIDTH, "DoubleSided": True}),

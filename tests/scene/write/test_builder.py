@@ -48,7 +48,7 @@ MOVING_TRAP = Trap(
 )
 STILL_TRAP = Trap(
     prim="/World/Traps/Right",
-    position=Track.constant((4.7, 0.1, 5.0)),
+    position=Track.constant((8.7, 0.1, 5.0)),
     power=Track.constant(18.3),
     radial=TrapLaw(stiffness=3.7, cutoff=9.1, power=20.0),
     model="harmonic",
@@ -131,7 +131,7 @@ GOAL = Goal(
     robots=("/World/Robot",),
     tolerance=1.1,
     lost_distance=5.2,
-    cell_lost_distance=6.3,
+    cell_lost_distance=10.3,
     distance_warning=2.4,
 )
 MEDIUM = Medium(refractive_index=1.34, viscosity=0.001, temperature=310.15, density=1010e-12)
@@ -233,7 +233,7 @@ def test_beams_are_two_cones_that_meet_at_the_focus() -> None:
         prim = stage.GetPrimAtPath(f"/World/Traps/Right/{name}")
         cone = UsdGeom.Cone(prim)
         tip = cache.GetLocalToWorldTransform(prim).Transform(Gf.Vec3d(0, 0, cone.GetHeightAttr().Get() / 2))
-        assert tuple(tip) == pytest.approx((4.7, 0.1, 5.0), rel=ROUNDING)
+        assert tuple(tip) == pytest.approx((8.7, 0.1, 5.0), rel=ROUNDING)
         assert UsdGeom.Imageable(prim).ComputePurpose() == "default"
 
 

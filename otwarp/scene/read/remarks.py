@@ -1,0 +1,59 @@
+"""What USD lets a file say without any effect: told beside the scene, since the `Scene` no longer shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from pxr import Usd, UsdGeom
+
+from otwarp.scene.finding import Finding
+from otwarp.scene.read.source import Source
+
+_INVERSE = "!invert!"
+
+
+def remarks(source: Source, placed: Iterable[Usd.Prim]) -> Iterator[Finding]:
+    """Warnings about a file that can be read.
+
+    Args:
+        source: The open stage.
+        placed: Prims of which only the place at the start counts: bodies, flow and goal.
+    """
+    for prim in Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        yield from _unlisted(source, prim)
+    for prim in placed:
+        yield from _played(prim)
+
+
+def _unlisted(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
+    """Transform ops that `xformOpOrder` leaves out, which USD then ignores."""
+    if not prim.IsA(UsdGeom.Xformable):
+        return
+    authored = [a for a in prim.GetAuthoredAttributes() if a.GetNamespace() and a.GetName().startswith("xformOp:")]
+    if not authored:
+        return
+    listed = {op.removeprefix(_INVERSE) for op in source.values.value(prim, "xformOpOrder", absent=())}
+    idle = [a.GetName() for a in authored if a.GetName() not in listed and a.HasAuthoredValue()]
+    if idle:
+        message = f"{', '.join(idle)} has no effect: xformOpOrder does not name it"
+        yield Finding(prim=str(prim.GetPath()), message=message)
+
+
+def _played(prim: Usd.Prim) -> Iterator[Finding]:
+    """Time samples that place what the simulation moves."""
+    path, ancestor = str(prim.GetPath()), prim
+    if prim.IsA(UsdGeom.PointInstancer):
+        for name in ("positions", "orientations", "orientationsf", "scales"):
+            if prim.GetAttribute(name).GetNumTimeSamples() > 1:
+                yield Finding(prim=path, message=f"time samples of {name} are not played: only the start counts")
+    while ancestor and not ancestor.IsPseudoRoot():
+        xformable = UsdGeom.Xformable(ancestor)
+        if xformable:
+            if xformable.TransformMightBeTimeVarying():
+                of = "" if ancestor == prim else f" of {ancestor.GetPath()}"
+                message = f"time samples of the transform{of} are not played: only the place at the start counts"
+                yield Finding(prim=path, message=message)
+                return
+            if xformable.GetResetXformStack():
+                return
+        ancestor = ancestor.GetParent()
