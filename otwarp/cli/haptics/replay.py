@@ -33,7 +33,8 @@ def replay(recording: Path, as_json: bool) -> int:
     if as_json:
         click.echo(json_text(report.to_dict()))
     else:
-        click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}")
+        law = f", its force law {report.law}" if report.law else ""
+        click.echo(f"{report.file}: {report.states} states, recorded by otwarp {report.recorded}{law}")
         if not report.complete:
             click.echo(f"cut short: {report.seconds:.1f} s of it could be read")
         for hand in report.hands:

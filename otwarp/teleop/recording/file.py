@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import importlib.util
+import json
 import os
 import shutil
 import struct
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.core.types import SceneFrame
 from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.haptics.force.table import ForceGrid, TableLaw
@@ -35,24 +37,22 @@ from otwarp.haptics.recording import (
     part_of,
 )
 from otwarp.laws.trap_law import FIELDS, TrapLaw
-from otwarp.scene import Scene
+from otwarp.scene import IDENTITY, Scene
 from otwarp.teleop.core import HANDS, LiveFrame
+from otwarp.teleop.recording.markers import METRE, WORLD, device_rotation, frame_of, marker_array, moving
+from otwarp.teleop.recording.schemas import SCHEMAS, schemas
 
 FORMAT = 1
 """Version of what a recording holds."""
-UNITS = "scene: um, s, pN, mW; hands: m, N; frames in /tf are in um"
-COMMANDS, PACE, END, SCENE = "/otwarp/commands", "/otwarp/pace", "/otwarp/end", "/otwarp/scene"
-CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
-"""Followed by the name of the hand."""
-WORLD = "world"
-"""Frame of the scene, in µm."""
-
+UNITS = "scene: um, s, pN, mW; hands: m, N; /tf and /scene/markers: m"
+SCENE, CYCLES = "/otwarp/scene", "/otwarp/cycles/"
+"""`CYCLES` is followed by the name of the hand."""
 FLUSH_EVERY = 1.0
 """Seconds of a session that are lost at most when it is killed."""
 
 TEXT, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64MultiArray"
 POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped", "tf2_msgs/msg/TFMessage"
-
+MARKERS = "visualization_msgs/msg/MarkerArray"
 
 HEAD = b"\x00\x01\x00\x00"
 """CDR, little-endian; what follows is aligned from its own beginning."""
@@ -98,7 +98,7 @@ class RecordingFile:
 
     Args:
         path: Where it will be; until `close` it is `PATH.part/NAME.part.mcap`.
-        scene: Names of bodies and traps.
+        scene: What moves.
 
     Raises:
         OSError: It cannot be written.
@@ -116,13 +116,25 @@ class RecordingFile:
         self._writer.open()
         self._topics: dict[str, Any] = {}
         self._flushed = monotonic()
-        # tf names have no leading slash
-        names = [name.lstrip("/") for name in (*(b.name for b in scene.bodies), *(t.prim for t in scene.traps))]
+        self._moving = [obstacle for obstacle in scene.obstacles if moving(obstacle)]
+        movers = (*(b.name for b in scene.bodies), *(t.prim for t in scene.traps), *(o.prim for o in self._moving))
+        names = [frame_of(name) for name in movers]
         self._transforms, self._poses = transforms(WORLD, names), np.zeros((len(names), 7))
         self._poses[:, 6] = 1.0
+        self._logged = 0
         self._of_hand = {hand: (pose(f"{hand}_device"), wrench(f"{hand}_device")) for hand in HANDS}
         self._arrays: dict[tuple[str, tuple[int, ...]], Template] = {}
         self._warned: tuple[str, ...] = ()
+        self._scene = scene
+
+    def scenery(self, time: int, axis_maps: Mapping[str, Matrix]) -> None:
+        """What stays as it is: schemas, the shapes in their frames, and each device's frame, turned as it is mapped."""
+        self.text(SCHEMAS, time, json.dumps(schemas(), ensure_ascii=False))
+        still = transforms(WORLD, [f"{hand}_device" for hand in axis_maps])
+        turns = [(0.0, 0.0, 0.0, *device_rotation(axis_map)) for axis_map in axis_maps.values()]
+        self._write("/tf_static", TRANSFORMS, time, still.fill(time, np.array(turns).ravel()))
+        drawn = self._store.serialize_cdr(marker_array(self._scene, time, self._store), MARKERS)
+        self._write("/scene/markers", MARKERS, time, drawn)
 
     def text(self, topic: str, time: int, text: str) -> None:
         """A line, or JSON."""
@@ -140,18 +152,20 @@ class RecordingFile:
         """A frame of the session: poses, forces, loads, distances, warnings."""
         frame, tf = live.frame, self._poses
         bodies = len(frame.position[0])
-        tf[:bodies, :3], tf[:bodies, 3:], tf[bodies:, :3] = (
-            frame.position[0],
-            frame.orientation[0],
-            frame.trap_position[0],
-        )
+        still = bodies + len(frame.trap_position[0])
+        tf[:bodies, :3], tf[:bodies, 3:] = METRE * frame.position[0], frame.orientation[0]
+        tf[bodies:still, :3] = METRE * frame.trap_position[0]
+        for row, obstacle in zip(tf[still:], self._moving, strict=True):
+            turn = obstacle.orientation.at(frame.time)
+            row[:3], row[3:] = METRE * obstacle.position.at(frame.time), turn / np.linalg.norm(turn)
         self._write("/tf", TRANSFORMS, time, self._transforms.fill(time, tf.ravel()))
         for hand in live.hands:
             if hand.now is not None:
                 pose, wrench = self._of_hand[hand.name]
-                still = (0.0, 0.0, 0.0, 1.0)
-                self._write(f"/hand/{hand.name}/pose", POSE, time, pose.fill(time, (*hand.now.position, *still)))
-                self._write(f"/hand/{hand.name}/force", WRENCH, time, wrench.fill(time, (*hand.now.force, *still[:3])))
+                self._write(f"/hand/{hand.name}/pose", POSE, time, pose.fill(time, (*hand.now.position, *IDENTITY)))
+                self._write(
+                    f"/hand/{hand.name}/force", WRENCH, time, wrench.fill(time, (*hand.now.force, 0.0, 0.0, 0.0))
+                )
         self._numbers("/trap/force", time, ("trap", "axis"), frame.trap_force[0])
         self._numbers("/trap/distance", time, ("trap",), frame.trap_distance[0])
         self._numbers("/trap/power", time, ("trap",), frame.trap_power[0])
@@ -186,7 +200,9 @@ class RecordingFile:
         connection = self._topics.get(topic)
         if connection is None:
             connection = self._topics[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
-        self._writer.write(connection, time, data)
+        # what comes late, as the cycles of a hand do, was logged late: its own stamps say when it was
+        self._logged = max(self._logged, time)
+        self._writer.write(connection, self._logged, data)
         now = monotonic()
         if now > self._flushed + FLUSH_EVERY:
             self._flushed = now

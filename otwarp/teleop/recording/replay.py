@@ -55,7 +55,8 @@ from otwarp.haptics.recording import (
     unpack_scene,
     unpack_text,
 )
-from otwarp.teleop.recording.file import CYCLES, END, FORMAT, SCENE, START, laws_from_dict
+from otwarp.teleop.recording.file import CYCLES, FORMAT, SCENE, laws_from_dict
+from otwarp.teleop.recording.schemas import END, START
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,7 @@ class ReplayReport:
         recorded: By which version of otwarp.
         states: Of the simulation.
         hands: Each hand.
+        law: What computed its forces, as the session said; replays use the law in Python, which has the same bits.
     """
 
     file: str
@@ -102,6 +104,7 @@ class ReplayReport:
     recorded: str
     states: int
     hands: tuple[HandReplay, ...]
+    law: str = ""
 
     @property
     def equal(self) -> bool:
@@ -147,7 +150,13 @@ def replay_recording(path: str | Path) -> ReplayReport:
                 raise
             raise InputError(f"{path}: cannot be replayed; it is damaged ({error!r})") from None
         return ReplayReport(
-            str(path), recording.complete, recording.seconds, recording.version, len(recording.states), hands
+            str(path),
+            recording.complete,
+            recording.seconds,
+            recording.version,
+            len(recording.states),
+            hands,
+            recording.law,
         )
 
 
@@ -186,6 +195,7 @@ class _Recording:
         self.config: HapticsConfig = from_dict(HapticsConfig, about.get("haptics"), f"{where}: haptics")
         self.laws: dict[int, tuple[Law, ...]] = laws_from_dict(about)
         self.kinds: Sequence[int] = tuple(about.get("kinds", ()))
+        self.law = str(about.get("settings", {}).get("law") or "")
 
     def replay(self, config: HandConfig) -> HandReplay:
         """One hand."""

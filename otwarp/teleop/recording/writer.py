@@ -29,17 +29,8 @@ from otwarp.haptics.recording import CONFIG, part_of
 from otwarp.haptics.servo.link import Cycles
 from otwarp.scene import Scene
 from otwarp.teleop.core import Command, LiveFrame, PaceNow
-from otwarp.teleop.recording.file import (
-    COMMANDS,
-    END,
-    FORMAT,
-    PACE,
-    START,
-    UNITS,
-    RecordingFile,
-    check_place,
-    laws_to_dict,
-)
+from otwarp.teleop.recording.file import FORMAT, UNITS, RecordingFile, check_place, laws_to_dict
+from otwarp.teleop.recording.schemas import COMMANDS, END, PACE, START
 
 PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
 ROOM, FRAMES = 4096, 1024
@@ -100,6 +91,7 @@ class RecordingWriter:
             "clock": {"began": self._began, "epoch": self._epoch},
         }
         self._lost = {hand.name: 0 for hand in config.hands}
+        self._axis_maps = {hand.name: hand.axis_map for hand in config.hands}
         self._starts: dict[str, Any] = {}
         self._beats: deque[int] = deque(maxlen=4 * FRAMES)
         self._waiting: queue.Queue[tuple[Callable[..., None], tuple[Any, ...]] | None] = queue.Queue(ROOM)
@@ -210,6 +202,7 @@ class RecordingWriter:
             file = RecordingFile(self.file, scene)
             # the digest of a large scene takes 0.1 s
             file.text(CONFIG, self._epoch, json.dumps(about | {"scene": _about(scene)}))
+            file.scenery(self._epoch, self._axis_maps)
             while (item := self._waiting.get()) is not None:
                 write, arguments = item
                 write(file, *arguments)

@@ -113,9 +113,9 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
     assert [t.child_frame_id for t in tf.transforms][:2] == ["World/bead_left", "World/bead_right"]
     head, place = tf.transforms[1].header, tf.transforms[1].transform.translation
     assert (head.frame_id, head.stamp.sec * 10**9 + head.stamp.nanosec) == ("world", at)
-    assert [place.x, place.y, place.z] == frames[1].frame.position[0, 1].tolist()
+    assert [place.x, place.y, place.z] == (1e-6 * frames[1].frame.position[0, 1]).tolist()
     place = tf.transforms[3].transform.translation
-    assert [place.x, place.y, place.z] == frames[1].frame.trap_position[0, 0].tolist()
+    assert [place.x, place.y, place.z] == (1e-6 * frames[1].frame.trap_position[0, 0]).tolist()
     turn = tf.transforms[1].transform.rotation
     assert [turn.x, turn.y, turn.z, turn.w] == frames[1].frame.orientation[0, 1].tolist()
 
