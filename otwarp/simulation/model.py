@@ -18,12 +18,14 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.forces.force import Load
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Scene
 from otwarp.scene.plausibility import judge
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arrays import Place
 from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.packing.commands import Samples, staged_commands
 from otwarp.simulation.packing.coupling import pack_coupling
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
 from otwarp.simulation.packing.optics import TrapOptics
@@ -119,8 +121,10 @@ class Model:
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
         scales = _time_scales(known, from_scene=options.time_step is None and scene.file is not None)
-        features = _stepped_features(known, scales.time_step)
-        data, meshes, force_data = _pack(known, features, scales.time_step, seed, Place(place, options.precision))
+        staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
+        features = dataclasses.replace(_stepped_features(known, scales.time_step), leaps=staged is not None)
+        packed = Place(place, options.precision)
+        data, meshes, force_data = _pack(known, features, scales.time_step, seed, staged, packed)
         return cls(
             scene=known.scene,
             authored=scene,
@@ -208,7 +212,7 @@ def _stepped_features(known: ResolvedScene, time_step: float) -> Features:
 
 
 def _pack(
-    known: ResolvedScene, features: Features, time_step: float, seed: int, place: Place
+    known: ResolvedScene, features: Features, time_step: float, seed: int, staged: list[Samples] | None, place: Place
 ) -> tuple[Annotated[Any, ModelData], list[wp.Mesh], list[Any]]:
     """The kernels' view, and the meshes and parameters of forces that it refers to."""
     scene, moves, values, optics = known.scene, known.moves, known.values, known.optics
@@ -223,7 +227,7 @@ def _pack(
     data.coupling = pack_coupling(scene, moves, features.coupling, place)
     data.forces, force_data = pack_forces(scene, moves, known.forces, place)
     held = _held_spheres(scene, known.held, moves)
-    data.traps = pack_traps(scene, values, held, known.held_range, optics, place)
+    data.traps = pack_traps(scene, values, held, known.held_range, optics, staged, place)
     data.time_step = wp.float64(time_step)
     data.seed = wp.uint32(seed)
     return data, meshes, force_data

@@ -103,4 +103,6 @@ def bead_dynamics(f: Features) -> Dynamics:
         return bead.mobility_dt * (k * move)
 
     noise = bead_noise_term(f)
-    return Dynamics(wp.vec3, wp.vec3, BeadConstants, wp.mat33, drift, noise, shifted, pulled_back, stiffness, relax)
+    return Dynamics(
+        wp.vec3, wp.vec3, BeadConstants, wp.mat33, drift, noise, shifted, pulled_back, stiffness, relax, f.leaps
+    )

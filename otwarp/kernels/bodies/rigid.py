@@ -227,4 +227,6 @@ def rigid_dynamics(f: Features) -> Dynamics:
     stiffness = rigid_stiffness_term(f)
     # on a CPU two copies of the drift are faster than a loop
     large = bool(f.trap_models) and not f.lanes
-    return Dynamics(Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, large)
+    return Dynamics(
+        Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, f.leaps, large
+    )  # fmt: skip

@@ -22,6 +22,7 @@ class Dynamics:
         pulled_back: `(move, drift) -> drift` found after `move`, as it counts at the start of the move.
         stiffness: `(model, control, state, constants, world, b, pose, time) -> matrix` K, symmetric part of −∂F/∂x.
         relax: `(constants, pose, stiffness, move) -> move`, Z·v with Z = M K dt.
+        early: Whether the second stage of a step looks a moment before its end, because commands may leap there.
         large: Whether the code of `drift` is so large that it should stand only once.
     """
 
@@ -35,4 +36,5 @@ class Dynamics:
     pulled_back: wp.Function
     stiffness: wp.Function | None
     relax: wp.Function | None
+    early: bool = False
     large: bool = False

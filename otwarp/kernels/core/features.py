@@ -33,6 +33,7 @@ class Features:
         bodies, traps: How many of each in a world.
         trap_models: Force models in use, keys of `TRAP_TERMS`.
         moving_traps: Traps follow key frames.
+        leaps: Some of them vary so much within a step that its stages have commands of their own.
         speed_limits: Some trap has a finite speed limit.
         spheres, rigid: There are lone spheres; there are bodies with rotation.
         brownian, gravity: Whether the terms act.
@@ -64,6 +65,7 @@ class Features:
     traps: int = 0
     trap_models: tuple[str, ...] = ()
     moving_traps: bool = False
+    leaps: bool = False
     speed_limits: bool = False
     spheres: bool = True
     rigid: bool = False

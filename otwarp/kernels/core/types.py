@@ -50,6 +50,9 @@ class TrapData:
     key_start: wp.array(dtype=wp.int32)  # (T + 1) first key of each trap
     key_time: wp.array(dtype=wp.float64)  # (keys) [s]
     key_value: wp.array(dtype=wp.vec4)  # (keys) focus [µm] and power [mW]
+    stage_start: wp.array(dtype=wp.int32)  # the same as the stages of a step see it; (0) where that is no different
+    stage_time: wp.array(dtype=wp.float64)
+    stage_value: wp.array(dtype=wp.vec4)
     hand: wp.array(dtype=wp.int32)  # (T) 0 none, 1 left, 2 right
     held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]

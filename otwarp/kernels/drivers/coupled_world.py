@@ -16,6 +16,7 @@ from otwarp.kernels.drivers.world import Stages, bounded, find_contacts_term, ma
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
 from otwarp.kernels.hydrodynamics.coupling import coupled_drift_term, fill_root_term, shake_term
 from otwarp.kernels.integrate.integrators import INTEGRATORS
+from otwarp.kernels.integrate.schemes import second_look
 
 
 def predict_all_term(f: Features) -> wp.Function:
@@ -51,6 +52,7 @@ def correct_all_term(f: Features) -> wp.Function | None:
     if INTEGRATORS[f.integrator].correct is None:
         return None
     coupled_drift = coupled_drift_term(f)
+    end_of = second_look(f.leaps)
 
     @wp.func
     def correct_all(
@@ -66,7 +68,7 @@ def correct_all_term(f: Features) -> wp.Function | None:
                 carry.turned[b] = rotate_by(body.rotation[b], body.angular[b])
         # the noise has been drawn, so its factor makes room for the pairs at the end of the step
         coupled_drift(
-            model, control, state, world, carry.there, carry.turned, time + model.time_step, carry.root, carry.force,
+            model, control, state, world, carry.there, carry.turned, end_of(model, time), carry.root, carry.force,
             carry.later,
         )  # fmt: skip
         for b in range(bodies):

@@ -18,7 +18,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     term = trap_force_term(f.trap_models)
     prepare, value_at = term.prepare, getattr(term, what)
     kind, nothing = ZEROS[what]
-    trap_command = trap_command_term(f)
+    trap_command = trap_command_term(f, stage=True)
     reach_of = reach_term(f)
 
     @wp.func

@@ -90,7 +90,9 @@ def lifted(bead: Dynamics) -> Dynamics:
         return body.bead.mobility_dt * (k * move)
 
     bead_drift, bead_noise, bead_stiffness = bead.drift, bead.noise, bead.stiffness
-    return Dynamics(Pose, vec6, BodyConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax)
+    return Dynamics(
+        Pose, vec6, BodyConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, bead.early
+    )  # fmt: skip
 
 
 def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
@@ -144,7 +146,7 @@ def either(bead: Dynamics, rigid: Dynamics) -> Dynamics:
     rigid_drift, rigid_noise, rigid_stiffness, rigid_relax = rigid.drift, rigid.noise, rigid.stiffness, rigid.relax
     # moving and turning a sphere with a twist that does not turn is the same for both
     return Dynamics(
-        Pose, vec6, BodyConstants, mat66, drift, noise, rigid.shifted, rigid.pulled_back, stiffness, relax
+        Pose, vec6, BodyConstants, mat66, drift, noise, rigid.shifted, rigid.pulled_back, stiffness, relax, bead.early
     )  # fmt: skip
 
 

@@ -35,6 +35,8 @@ class Integrator:
         decay: Of a spring of rate k by z = k·dt: mean of x after a step over x before it, e^{−z} if exact.
         variance: Its stationary variance over k_B T/k.
         first: Its correlation after one step, where that is not `decay` already.
+        course: What its stages see of a command that varies within a step: the mean ∓ the first times its first moment
+            and the second times its change. See `simulation.packing.commands`.
         stable: z up to which it is stable.
         rim: z allowed where an optical force is steepest, at a wanted accuracy of 1 %: there it is far from linear, and
             escapes depend on it. Found by `otwarp bench integrators`.
@@ -48,6 +50,7 @@ class Integrator:
     weak_order: int
     decay: Callable[[float], float]
     variance: Callable[[float], float]
+    course: tuple[float, float]
     stable: float
     rim: float
     source: str
@@ -146,6 +149,7 @@ INTEGRATORS: dict[str, Integrator] = {
         weak_order=1,
         decay=lambda z: 1.0 - z,
         variance=lambda z: 1.0 / (1.0 - 0.5 * z),
+        course=(0.0, 0.0),
         stable=2.0,
         rim=FIRST_ORDER_RIM,
         source="Maruyama 1955, doi:10.1007/BF02846028; Ermak & McCammon 1978, doi:10.1063/1.436761",
@@ -159,6 +163,7 @@ INTEGRATORS: dict[str, Integrator] = {
         decay=lambda z: 1.0 - z,
         variance=lambda z: 1.0,
         first=lambda z: 1.0 - 0.5 * z,
+        course=(0.0, 0.0),
         stable=2.0,
         rim=0.06,
         source="Leimkuhler & Matthews 2013, doi:10.1093/amrx/abs010",
@@ -170,6 +175,7 @@ INTEGRATORS: dict[str, Integrator] = {
         weak_order=2,
         decay=heun_decay,
         variance=lambda z: stationary_variance(heun_decay(z), 1.0 - 0.5 * z, z),
+        course=(2.0, 1.0 / 3.0),
         stable=2.0,
         rim=0.25,
         source="Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, section 15.1",
@@ -183,6 +189,7 @@ INTEGRATORS: dict[str, Integrator] = {
         variance=lambda z: stationary_variance(
             exponential_decay(z), 1.0 - z / 2.0 + 5.0 / 24.0 * z * z - z**3 / 16.0, z
         ),
+        course=(6.0, 0.0),
         stable=2.0,
         rim=0.25,
         source="Cox & Matthews 2002, doi:10.1006/jcph.2002.6995, with the noise of an Ornstein–Uhlenbeck process",

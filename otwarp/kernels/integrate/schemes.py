@@ -11,6 +11,29 @@ import warp as wp
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
 
+EARLY = 2.0**-16
+"""Of a step by which its second stage looks before its end, where commands leap from step to step: enough to tell
+float64 times of long runs apart."""
+
+_PART = wp.constant(wp.float64(1.0 - EARLY))
+
+
+@wp.func
+def end_of_step(model: ModelData, time: wp.float64) -> wp.float64:
+    """Time [s] at the end of the step from `time`."""
+    return time + model.time_step
+
+
+@wp.func
+def just_before_end(model: ModelData, time: wp.float64) -> wp.float64:
+    """The last moment [s] of the step from `time`."""
+    return time + _PART * model.time_step
+
+
+def second_look(early: bool) -> wp.Function:
+    """`(model, time) -> time` of the second stage of a step that starts at `time`; `early` as in `Dynamics`."""
+    return just_before_end if early else end_of_step
+
 
 def predict_euler_maruyama(d: Dynamics) -> wp.Function:
     """x + a dt + σ ΔW."""
@@ -49,6 +72,7 @@ def predict_leimkuhler_matthews(d: Dynamics) -> wp.Function:
 def correct_heun(d: Dynamics) -> wp.Function:
     """½ (a(x + moved) − a(x)) dt."""
     drift_of, shifted, pulled_back = d.drift, d.shifted, d.pulled_back
+    end_of = second_look(d.early)
 
     @wp.func
     def correct(
@@ -57,7 +81,7 @@ def correct_heun(d: Dynamics) -> wp.Function:
     ) -> d.move:  # fmt: skip
         """Half of what the drift changes [µm, rad] from the start of the step to its end."""
         there = shifted(pose, moved)
-        later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
+        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
         return 0.5 * (pulled_back(moved, later) - drift)
 
     return correct
@@ -110,6 +134,7 @@ def predict_exponential(d: Dynamics) -> wp.Function:
 def correct_exponential(d: Dynamics) -> wp.Function:
     """φ₂(−Z) ((a(x + moved) − a(x)) dt + Z moved): what the force differs from a linear one, as Heun would add it."""
     drift_of, shifted, pulled_back, stiffness_of, relax = d.drift, d.shifted, d.pulled_back, d.stiffness, d.relax
+    end_of = second_look(d.early)
     _, _, twice = exponential_terms(d)
 
     @wp.func
@@ -120,7 +145,7 @@ def correct_exponential(d: Dynamics) -> wp.Function:
         """φ₂(−Z) times the residual drift at the end of the step [µm, rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         there = shifted(pose, moved)
-        later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
+        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
         residual = pulled_back(moved, later) - drift + relax(constants, pose, stiffness, moved)
         return 0.5 * twice(constants, pose, stiffness, residual)
 
@@ -130,6 +155,7 @@ def correct_exponential(d: Dynamics) -> wp.Function:
 def exponential_at_once(d: Dynamics) -> wp.Function:
     """Both stages of the exponential step, with one look at the stiffness."""
     drift_of, noise_of, shifted, pulled_back = d.drift, d.noise, d.shifted, d.pulled_back
+    end_of = second_look(d.early)
     stiffness_of, relax = d.stiffness, d.relax
     mean, spread, twice = exponential_terms(d)
 
@@ -144,7 +170,7 @@ def exponential_at_once(d: Dynamics) -> wp.Function:
         noise = noise_of(model, constants, world, b, pose, step)
         move = mean(constants, pose, stiffness, drift) + spread(constants, pose, stiffness, noise)
         there = shifted(pose, move)
-        later = drift_of(model, control, state, constants, world, b, there, time + model.time_step)
+        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
         residual = pulled_back(move, later) - drift + relax(constants, pose, stiffness, move)
         return move + 0.5 * twice(constants, pose, stiffness, residual)
 
@@ -157,6 +183,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
     On a GPU two copies of a robot's forces run out of instruction cache.
     """
     drift_of, noise_of, shifted, pulled_back = d.drift, d.noise, d.shifted, d.pulled_back
+    end_of = second_look(d.early)
 
     @wp.func
     def move_freely(
@@ -174,7 +201,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
                 first = drift
                 move += drift
                 here = shifted(pose, move)
-                time += model.time_step
+                time = end_of(model, time)
             else:
                 move += 0.5 * (pulled_back(move, drift) - first)
         return move

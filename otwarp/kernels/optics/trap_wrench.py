@@ -20,6 +20,7 @@ from otwarp.kernels.cpu.table_block import address_of_aims, table_wrench_term
 from otwarp.kernels.optics.traps import (
     LAYER_NAMES,
     commanded_animated,
+    commanded_staged,
     commanded_still,
     limited_focus,
     table_name,
@@ -27,9 +28,14 @@ from otwarp.kernels.optics.traps import (
 )
 
 
-def trap_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now."""
+def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
+    """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now.
+
+    With `stage` where it counts to be in the stage of a step at `time`.
+    """
     commanded = commanded_animated if f.moving_traps else commanded_still
+    if f.leaps and stage:
+        commanded = commanded_staged
 
     @wp.func
     def trap_command(
@@ -95,7 +101,7 @@ KEPT_AIMS = 4
 
 def aim_term(f: Features) -> wp.Function:
     """`(model, control, state, world, b, pose, trap, time) -> Aim`: where a trap is, and whether it reaches a body."""
-    trap_command = trap_command_term(f)
+    trap_command = trap_command_term(f, stage=True)
     reach_of = reach_term(f)
 
     @wp.func

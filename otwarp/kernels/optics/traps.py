@@ -239,21 +239,39 @@ def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int
 
 
 @wp.func
+def followed(
+    command: wp.vec4, follow: int, times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int,
+    last: int, time: wp.float64,
+) -> wp.vec4:  # fmt: skip
+    """A command with focus [µm] (`follow` bit 0) and power [mW] (bit 1) from the samples `first` to `last`."""
+    result = command
+    if follow != 0 and last > first:
+        key = find_key(times, first, last, time)
+        w = key_weight(times, key, time)
+        value = (1.0 - w) * values[key] + w * values[key + 1]
+        if (follow & 1) != 0:
+            result = wp.vec4(value[0], value[1], value[2], result[3])
+        if (follow & 2) != 0:
+            result = wp.vec4(result[0], result[1], result[2], value[3])
+    return result
+
+
+@wp.func
 def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
     """Commanded focus [µm] and power [mW] of a trap, from the scene's key frames where `follow` says so."""
     command = commanded_still(traps, control, world, trap, time)
-    follow = control.follow[trap]
     first = traps.key_start[trap]
     last = traps.key_start[trap + 1] - 1
-    if follow != 0 and last > first:
-        key = find_key(traps.key_time, first, last, time)
-        w = key_weight(traps.key_time, key, time)
-        value = (1.0 - w) * traps.key_value[key] + w * traps.key_value[key + 1]
-        if (follow & 1) != 0:
-            command = wp.vec4(value[0], value[1], value[2], command[3])
-        if (follow & 2) != 0:
-            command = wp.vec4(command[0], command[1], command[2], value[3])
-    return command
+    return followed(command, control.follow[trap], traps.key_time, traps.key_value, first, last, time)
+
+
+@wp.func
+def commanded_staged(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """The same as a stage of a step at `time` sees it, where commands vary within steps."""
+    command = commanded_still(traps, control, world, trap, time)
+    first = traps.stage_start[trap]
+    last = traps.stage_start[trap + 1] - 1
+    return followed(command, control.follow[trap], traps.stage_time, traps.stage_value, first, last, time)
 
 
 @wp.func

@@ -2,5 +2,6 @@
 
 In: a `Scene`, parameters by name (`parameters`), forces (`forces`). Out: the structs of
 `kernels.core.types` on a device, in the precision of a model (`arrays`). `bodies`, `traps`, `walls` and `coupling` pack
-what their names say; `optics` computes the force tables, one for all traps whose beams and spheres are equal.
+what their names say; `commands` makes of samples that are finer than the step what its stages see; `optics` computes
+the force tables, one for all traps whose beams and spheres are equal.
 """

@@ -18,6 +18,7 @@ from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.commands import Samples, sampled_commands
 from otwarp.simulation.packing.optics import TrapOptics, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
@@ -102,6 +103,7 @@ def pack_traps(
     held: list[HeldSphere],
     held_range: np.ndarray,
     optics: TrapOptics,
+    staged: list[Samples] | None,
     device: Place,
 ) -> Annotated[Any, TrapData]:
     """Trap constants.
@@ -111,6 +113,7 @@ def pack_traps(
         held: Per trap the sphere it holds.
         held_range: (1|W, T) distance at which that sphere has escaped [µm].
         optics: Force tables.
+        staged: Commands as `staged_commands` has them.
 
     Raises:
         InputError: Curves across and along the beam that were fitted for spheres of different radii.
@@ -148,24 +151,22 @@ def pack_traps(
     data.held_offset = device_array([h.offset for h in held], wp.vec3, device)
     data.held_mobility = device_array([h.mobility for h in held], wp.float32, device)
     data.held_range = device_array(held_range, wp.float32, device, ndim=2)
-    _pack_keys(data, traps, device)
+    data.key_start, data.key_time, data.key_value = _pack_samples(sampled_commands(scene), device)
+    data.stage_start, data.stage_time, data.stage_value = _pack_samples(staged, device)
     return data
 
 
-def _pack_keys(data: Annotated[Any, TrapData], traps: tuple[Trap, ...], device: Place) -> None:
-    """Key frames of position and power on the union of their times, animated traps only."""
-    start, times, keys = [0], [], []
-    for trap in traps:
-        if trap.position.animated or trap.power.animated:
-            union = np.union1d(trap.position.times, trap.power.times)
-            times.append(union)
-            keys.append(np.array([[*trap.position.at(t), *trap.power.at(t)] for t in union]))
-            start.append(start[-1] + len(union))
-        else:
-            start.append(start[-1])
-    data.key_start = device_array(start, wp.int32, device)
-    data.key_time = device_array(np.concatenate([np.zeros(0), *times]), wp.float64, device)
-    data.key_value = device_array(np.concatenate([np.zeros((0, 4)), *keys]), wp.vec4, device)
+def _pack_samples(commands: list[Samples] | None, device: Place) -> tuple[wp.array, wp.array, wp.array]:
+    """First sample of each trap, times and values of all; of length 0 without commands."""
+    listed = commands or []
+    start = [0, *np.cumsum([len(times) for times, _ in listed], dtype=int)] if commands is not None else []
+    times = np.concatenate([np.zeros(0), *[times for times, _ in listed]])
+    values = np.concatenate([np.zeros((0, 4)), *[values for _, values in listed]])
+    return (
+        device_array(start, wp.int32, device),
+        device_array(times, wp.float64, device),
+        device_array(values, wp.vec4, device),
+    )
 
 
 def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -> Annotated[Any, MediumData]:
