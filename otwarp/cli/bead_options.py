@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from otwarp.cli.types import POSITIVE, Number
+
 if TYPE_CHECKING:
     from otwarp.optics.beam import Beam
     from otwarp.optics.mie import Particle
@@ -22,10 +24,15 @@ def sphere_options(*, radius: float | None = None, index: str | float) -> list[c
     text = "Its refractive index" + (": 1.59, 1.5+0.01i." if isinstance(index, str) else ".")
     return [
         option(
-            "--radius", type=float, default=radius, required=radius is None, metavar="µm", help="Radius of the sphere."
+            "--radius",
+            type=POSITIVE,
+            default=radius,
+            required=radius is None,
+            metavar="µm",
+            help="Radius of the sphere.",
         ),
-        option("--index", type=type(index), default=index, metavar="N", help=text),
-        option("--medium-index", type=float, default=1.33, metavar="N", help="Index of the medium."),
+        option("--index", type=str if isinstance(index, str) else POSITIVE, default=index, metavar="N", help=text),
+        option("--medium-index", type=POSITIVE, default=1.33, metavar="N", help="Index of the medium."),
     ]
 
 
@@ -33,18 +40,32 @@ def beam_options(*, na: float, power: float | None = None, jones: bool = False) 
     """The beam, with defaults; its power if that can be chosen, any polarization if `jones`."""
     polarization = "x, y, 45, circular, left, or Ex,Ey." if jones else "x, y, 45, circular or left."
     chosen = (
-        [option("--power", type=float, default=power, metavar="mW", help="In the medium.")] if power is not None else []
+        [option("--power", type=POSITIVE, default=power, metavar="mW", help="In the medium.")]
+        if power is not None
+        else []
     )
     return [
-        option("--wavelength", type=float, default=1.064, metavar="µm", help="In vacuum."),
-        option("--na", type=float, default=na, metavar="NA", help="Numerical aperture, below medium index."),
+        option("--wavelength", type=POSITIVE, default=1.064, metavar="µm", help="In vacuum."),
+        option("--na", type=POSITIVE, default=na, metavar="NA", help="Numerical aperture, below medium index."),
         *chosen,
         option("--beam", default="gaussian", metavar="KIND", help="gaussian, sine or aplanatic."),
         option("--polarization", default="circular", metavar="P", help=polarization),
-        option("--filling", type=float, default=1.0, metavar="F", help="1/e² radius over the aperture's radius."),
-        option("--charge", type=int, default=0, metavar="L", help="Azimuthal charge of a vortex, −30 to 30."),
-        option("--depth", type=float, default=0.0, metavar="µm", help="Of the focus below the cover glass."),
-        option("--glass-index", type=float, metavar="N", help="Index of glass and oil; default: no interface."),
+        option("--filling", type=POSITIVE, default=1.0, metavar="F", help="1/e² radius over the aperture's radius."),
+        option(
+            "--charge",
+            type=Number(-30, 30, whole=True),
+            default=0,
+            metavar="L",
+            help="Azimuthal charge of a vortex, −30 to 30.",
+        ),
+        option(
+            "--depth",
+            type=Number(0.0, unit="µm"),
+            default=0.0,
+            metavar="µm",
+            help="Of the focus below the cover glass.",
+        ),
+        option("--glass-index", type=POSITIVE, metavar="N", help="Index of glass and oil; default: no interface."),
     ]
 
 

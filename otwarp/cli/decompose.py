@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import FILE, json_option, out_option
+from otwarp.cli.options import json_option, out_option
 from otwarp.cli.output import json_text, tables_console
+from otwarp.cli.types import COUNT, FILE, FRACTION, POSITIVE
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decomposition import Decomposition
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("mesh", type=FILE)
-@click.option("-n", "--spheres", type=int, metavar="N", help="At most how many spheres.")
+@click.option("-n", "--spheres", type=COUNT, metavar="N", help="At most how many spheres.")
 @click.option(
     "--volume-error",
-    type=float,
+    type=FRACTION,
     metavar="X",
     help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
 )
-@click.option("--scale", type=float, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
+@click.option("--scale", type=POSITIVE, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
 @out_option("FILE", "USD file for the body.")
 @json_option
 def decompose(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from otwarp.cli.bead_options import Bead, beam_options, option, sphere_options, taken
-from otwarp.cli.options import FILE
+from otwarp.cli.types import FILE, Number, OutputPath
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ GROUPS: dict[str, list[click.Option]] = {
     "Beam, travelling along +z with its focus at the origin": beam_options(na=1.25, power=1.0, jones=True),
     "Forces at points": [
         option("--points", type=FILE, metavar="CSV", help="Sphere centres: columns x_um,y_um,z_um."),
-        option("-o", "--out", type=FILE, metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
+        option("-o", "--out", type=OutputPath(), metavar="CSV", help="Where they go with Qx,Qy,Qz; F = Q·n·P/c."),
         click.Option(
             ["--model"], default="exact", metavar="M", help="exact (default), table, piecewise[-isotropic], harmonic."
         ),
@@ -37,13 +37,15 @@ GROUPS: dict[str, list[click.Option]] = {
     ],
     "Force table": [
         _flag("--table", "Make it, or find it in the cache, and describe it."),
-        option("--tolerance", type=float, default=1e-3, metavar="T", help="Error over peak force, 1e-5 to 0.1."),
+        option(
+            "--tolerance", type=Number(1e-5, 0.1), default=1e-3, metavar="T", help="Error over peak force, 1e-5 to 0.1."
+        ),
         option("--interpolation", default="bilinear", metavar="I", help="bilinear or bicubic."),
     ],
     "Curves, fits, pictures (.png, .pdf, .svg)": [
         _flag("--curves", "Print equilibrium, stiffness, escape, depth."),
-        option("--plot", type=FILE, metavar="FILE", help="Draw curves of all models and their errors."),
-        option("--map", type=FILE, metavar="FILE", help="Draw forces in the plane of the major axis."),
+        option("--plot", type=OutputPath(), metavar="FILE", help="Draw curves of all models and their errors."),
+        option("--map", type=OutputPath(), metavar="FILE", help="Draw forces in the plane of the major axis."),
         option("--fit", type=click.Choice(["piecewise", "harmonic"]), help="Fit the curves; print the errors."),
         click.Option(["--continuous/--free"], default=True, help="Piecewise laws joined at δ (default) or not."),
     ],
@@ -113,8 +115,6 @@ def _check(request: ForcesRequest) -> None:
         raise InputError(f"--filling is {request.bead.filling:g}; allowed: 0.01 to 100")
     if abs(request.bead.charge) > LARGEST_CHARGE:
         raise InputError(f"--charge is {request.bead.charge}; allowed: −{LARGEST_CHARGE} to {LARGEST_CHARGE}")
-    if request.power == 0.0:
-        raise InputError("--power is 0 mW; allowed: above 0")
     if 0.0 < request.bead.radius < SMALLEST_RADIUS:
         raise InputError(f"--radius is {request.bead.radius:g} µm; allowed: {SMALLEST_RADIUS:g} µm or more")
     for picture in (request.plot, request.map):
@@ -153,9 +153,9 @@ def make_ladder(request: ForcesRequest) -> Ladder:
 
     beam, sphere = request.bead.optics(request.power)
     if request.device is not None:
-        from otwarp.device import start_warp
+        from otwarp.device import pick_device
 
-        start_warp()
+        pick_device(request.device)
     return Ladder(
         beam=beam,
         sphere=sphere,

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import FILE, device_option, json_option, seed_option, with_options
+from otwarp.cli.options import device_option, json_option, seed_option, with_options
 from otwarp.cli.output import json_text
+from otwarp.cli.types import FILE, POSITIVE, SECONDS, Number
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.teleop.session import Session
+    from otwarp.scene import Scene
+    from otwarp.teleop.session import Session, SessionOptions
 
 DEVICES = (
     "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
@@ -32,7 +34,9 @@ _SESSION = (
         metavar="auto|off|SHARE",
         help="Reduce the scene to what this machine runs in real time, in that share of a core.",
     ),
-    click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second."),
+    click.option(
+        "--speed", type=Number(0.01, 10.0), default=1.0, show_default=True, help="Simulated seconds per second."
+    ),
     click.option(
         "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
     ),
@@ -43,24 +47,40 @@ _SESSION = (
         show_default=True,
         help="Which hand has which group of traps; the older release has them the other way round.",
     ),
-    click.option("--motion-gain", type=float, metavar="UM/M", help="Micrometres of trap per metre of hand."),
-    click.option("--force-gain", type=float, metavar="N/PN", help="Newtons on the hand per piconewton in the scene."),
+    click.option("--motion-gain", type=POSITIVE, metavar="UM/M", help="Micrometres of trap per metre of hand."),
+    click.option(
+        "--force-gain", type=Number(0.0), metavar="N/PN", help="Newtons on the hand per piconewton in the scene."
+    ),
     click.option(
         "--config",
         type=FILE,
         metavar="FILE",
         help="What differs from the presets, JSON; `otwarp haptics config` prints them.",
     ),
-    click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second of the live loop."),
-    click.option("--servo-rate", type=float, default=1000.0, show_default=True, help="Servo cycles per second."),
+    click.option(
+        "--rate",
+        type=Number(10.0, 1000.0, unit="Hz"),
+        default=120.0,
+        show_default=True,
+        help="Frames per second of the live loop.",
+    ),
+    click.option(
+        "--servo-rate",
+        type=Number(1.0, 20_000.0, unit="Hz"),
+        default=1000.0,
+        show_default=True,
+        help="Servo cycles per second.",
+    ),
 )
 """Hands, pace and scene."""
 
 _REST = (
     click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token."),
-    click.option("--port", type=int, help="Port of the page; default: 8080, or the next that is free."),
+    click.option(
+        "--port", type=Number(1, 65_535, whole=True), help="Port of the page; default: 8080, or the next that is free."
+    ),
     click.option("--token", help="What a browser must know; made by itself where it is needed."),
-    click.option("--duration", type=float, metavar="SECONDS", help="End by then; default: by Ctrl-C."),
+    click.option("--duration", type=SECONDS, metavar="SECONDS", help="End by then; default: by Ctrl-C."),
     seed_option,
     device_option,
     json_option,
@@ -82,15 +102,12 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
     return with_options(*_SESSION, page_option, open_option, *_REST)
 
 
-def open_session(scene: Path, options: dict[str, Any]) -> Session:
-    """A session that has not begun, from the values of `live_options`."""
+def read_session(scene: Path, options: dict[str, Any]) -> tuple[Scene, SessionOptions]:
+    """A scene and how it is run, from the values of `live_options`; refuses what can be refused without starting."""
     from otwarp.scene import Scene
     from otwarp.teleop.operators.hands import load_config
-    from otwarp.teleop.session import PageOptions, Session, SessionOptions
+    from otwarp.teleop.session import PageOptions, SessionOptions
 
-    duration = options["duration"]
-    if duration is not None and not 0.0 < duration < float("inf"):
-        raise InputError(f"--duration is {duration:g}; allowed: above 0 s, finite")
     if options["left"] is None and options["right"] is None:
         asked = {"--arm": options["arm"] or None, "--config": options["config"]}
         asked |= {"--motion-gain": options["motion_gain"], "--force-gain": options["force_gain"]}
@@ -109,7 +126,15 @@ def open_session(scene: Path, options: dict[str, Any]) -> Session:
     )
     loaded = Scene.load(scene)
     stop.check_interrupt()
-    return Session(loaded, asked, say=sayer(options))
+    asked.plan(loaded)
+    return loaded, asked
+
+
+def open_session(scene: Scene, asked: SessionOptions, options: dict[str, Any]) -> Session:
+    """A session that has not begun."""
+    from otwarp.teleop.session import Session
+
+    return Session(scene, asked, say=sayer(options))
 
 
 def sayer(options: dict[str, Any]) -> Callable[[str], None]:

@@ -58,6 +58,8 @@ class Otwarp(LazyGroup):
     package="otwarp.cli",
     rows=COMMANDS,
     invoke_without_command=True,
+    epilog="""Completion of commands and options: eval "$(_OTWARP_COMPLETE=bash_source otwarp)" in ~/.bashrc; zsh_source
+    in ~/.zshrc; for fish, _OTWARP_COMPLETE=fish_source otwarp > ~/.config/fish/completions/otwarp.fish""",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 @click.version_option(otwarp.__version__, prog_name="otwarp")

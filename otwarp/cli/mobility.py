@@ -10,6 +10,7 @@ import click
 
 from otwarp.cli.options import json_option, out_option, scene_argument
 from otwarp.cli.output import json_text, tables_console, write_json
+from otwarp.cli.types import Number
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics import BodyMobility
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @scene_argument
 @click.option(
     "--accuracy",
-    type=float,
+    type=Number(0.0, 0.5),
     metavar="X",
     help="Wanted relative error, 0 for the pair mobilities of the spheres alone; default: what each body asks for.",
 )

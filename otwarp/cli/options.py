@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import click
 
-FILE = click.Path(path_type=Path)
-"""Type of an option that names a file or folder, there or not."""
+from otwarp.cli.types import COUNT, FILE, SECONDS, SEED, OutputPath
 
 scene_argument = click.argument("scene", type=FILE)
 
 device_option = click.option("--device", metavar="NAME", help="cpu, cuda:0, …; default: the best available.")
 
-seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Key of the random numbers.")
+seed_option = click.option("--seed", type=SEED, default=0, show_default=True, help="Key of the random numbers.")
 
 worlds_option = click.option(
-    "--worlds", type=int, default=1, show_default=True, help="Independent copies of the scene, each with its own noise."
+    "--worlds",
+    type=COUNT,
+    default=1,
+    show_default=True,
+    help="Independent copies of the scene, each with its own noise.",
 )
 
 _time_step = click.option(
     "--time-step",
-    type=float,
+    type=SECONDS,
     metavar="SECONDS",
     help="Time step; default: the scene's, or chosen from its wanted accuracy.",
 )
@@ -70,7 +72,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 def out_option(metavar: str, help: str) -> Callable[..., Any]:
     """`-o`, `--out`: the file or folder that a command is called for."""
-    return click.option("-o", "--out", type=FILE, metavar=metavar, help=help)
+    return click.option("-o", "--out", type=OutputPath(folder=metavar == "DIR"), metavar=metavar, help=help)
 
 
 def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:

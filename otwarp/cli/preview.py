@@ -9,7 +9,8 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.options import FILE, device_option, out_option
+from otwarp.cli.options import device_option, out_option
+from otwarp.cli.types import FILE, Number, OutputPath
 from otwarp.errors import InputError
 
 
@@ -40,11 +41,15 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 @click.command()
 @click.argument("path", type=FILE)
 @out_option("PNG", "Picture to write; default: NAME.png in this folder.")
-@click.option("--frame", type=int, help="Frame of the run or of the stage's time codes; default: the first.")
-@click.option("--time", type=float, metavar="SECONDS", help="Instead of a frame: seconds from the start.")
+@click.option(
+    "--frame", type=Number(0, whole=True), help="Frame of the run or of the stage's time codes; default: the first."
+)
+@click.option(
+    "--time", type=Number(0.0, unit="s"), metavar="SECONDS", help="Instead of a frame: seconds from the start."
+)
 @click.option(
     "--movie",
-    type=FILE,
+    type=OutputPath(),
     metavar="GIF",
     # measured with single_bead, cell_delivery and teleop_small at 640x360
     help="Write a movie of the whole run: at most 150 pictures, of 0.3 to 1.4 s each on two CPU cores; a bar on the "

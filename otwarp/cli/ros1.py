@@ -8,19 +8,26 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, run_session, sayer
+from otwarp.cli.live_options import live_options, open_session, read_session, run_session, sayer
 from otwarp.cli.options import scene_argument
+from otwarp.cli.types import UNIT, Number
 
 
 @click.command()
 @scene_argument
 @click.option("--master", metavar="URI", help="ROS master; default: ROS_MASTER_URI, else http://localhost:11311.")
 @click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node.")
-@click.option("--topic-rate", type=float, default=60.0, show_default=True, help="Of the simulator's topics [Hz].")
-@click.option("--scene-unit", type=float, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
+@click.option(
+    "--topic-rate",
+    type=Number(1.0, 1000.0, unit="Hz"),
+    default=60.0,
+    show_default=True,
+    help="Of the simulator's topics [Hz].",
+)
+@click.option("--scene-unit", type=UNIT, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
 @click.option(
     "--control-gain",
-    type=float,
+    type=UNIT,
     default=0.004,
     show_default=True,
     help="G_control: scene units of trap per millimetre of a hand that comes by topic.",
@@ -55,9 +62,10 @@ def ros1(
         scene_unit=scene_unit,
         motion_gain=control_gain,
     )
+    loaded, asked = read_session(scene, options)
     node = Ros1Node(node_name, master)
     try:
-        session = open_session(scene, options)
+        session = open_session(loaded, asked, options)
         model = session.loop.sim.model
         roles = Roles.of(model.scene, model.held, config.pairing)
         bridge = Ros1Bridge(node, config, clock=time.perf_counter)

@@ -7,18 +7,31 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, run_session, sayer
+from otwarp.cli.live_options import live_options, open_session, read_session, run_session, sayer
 from otwarp.cli.options import scene_argument
+from otwarp.cli.types import UNIT, Number
 
 
 @click.command()
 @scene_argument
-@click.option("--domain", type=int, help="DDS domain, 0 to 232; default: ROS_DOMAIN_ID, else 0.")
+@click.option("--domain", type=Number(0, 232, whole=True), help="DDS domain, 0 to 232; default: ROS_DOMAIN_ID, else 0.")
 @click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node.")
 @click.option("--namespace", default="", help="Put before every topic.")
-@click.option("--topic-rate", type=float, default=60.0, show_default=True, help="Most publications a second.")
-@click.option("--control-rate", type=float, default=5.0, show_default=True, help="Commands a second of a controller.")
-@click.option("--scene-unit", type=float, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
+@click.option(
+    "--topic-rate",
+    type=Number(1.0, 1000.0, unit="Hz"),
+    default=60.0,
+    show_default=True,
+    help="Most publications a second.",
+)
+@click.option(
+    "--control-rate",
+    type=Number(0.1, 1000.0, unit="Hz"),
+    default=5.0,
+    show_default=True,
+    help="Commands a second of a controller.",
+)
+@click.option("--scene-unit", type=UNIT, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
 @live_options(page=False, browser=False)
 def ros2(
     scene: Path,
@@ -48,9 +61,10 @@ def ros2(
         timeout=max(0.5, 1.0 / control_rate) if control_rate > 0.0 else 0.5,
         scene_unit=scene_unit,
     )
+    loaded, asked = read_session(scene, options)
     node = Ros2Node(node_name, domain)
     try:
-        session = open_session(scene, options)
+        session = open_session(loaded, asked, options)
         model = session.loop.sim.model
         roles = Roles.of(model.scene, model.held, config.pairing)
         session.loop.add(Ros2Sink(node, Ros2Bridge(node, config), roles, say=sayer(options)))

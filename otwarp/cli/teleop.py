@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, run_session
+from otwarp.cli.live_options import live_options, open_session, read_session, run_session
 from otwarp.cli.options import scene_argument
 
 
@@ -20,4 +20,4 @@ def teleop(scene: Path, **options: Any) -> int:
     Without --left and --right every trap has a gizmo on the page, and nothing is felt. A hand moves the traps whose
     ot:trap:hand names it. Ctrl-C ends the session.
     """
-    return run_session(open_session(scene, options), options)
+    return run_session(open_session(*read_session(scene, options), options), options)

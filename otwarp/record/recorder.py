@@ -216,9 +216,11 @@ class Recorder:
         """Everything that depends on the number of worlds, then the change from the earlier run to this one."""
         frame.check(self.scene)
         self._worlds = frame.worlds
-        self._recorded = min(self._kept or self._worlds, self._worlds)
+        self._recorded = self._kept or self._worlds
         if self._usd_world is not None and self._usd_world >= self._worlds:
             raise InputError(f"USD world = {self._usd_world}; allowed: 0 … {self._worlds - 1}")
+        if self._kept is not None and self._kept > self._worlds:
+            raise InputError(f"recorded worlds = {self._kept}; allowed: 1 to {self._worlds}, the worlds of the run")
         if check_size(self.scene, self._recorded, self.method) > LARGEST_RECORD:
             most = LARGEST_RECORD // check_size(self.scene, 1, self.method)
             raise InputError(

@@ -69,6 +69,8 @@ def record_run(
     _check_rate(rate)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
+    if resume is None and recorded_worlds is not None and not 1 <= recorded_worlds <= worlds:
+        raise InputError(f"recorded worlds = {recorded_worlds}; allowed: 1 to {worlds}, the worlds of the run")
     about: dict = {"worlds": worlds, "seed": seed, "parameters": parameters}
     sim = _started(scene, resume, device, threads, about, options or StepOptions())
     _check_step(sim, rate)

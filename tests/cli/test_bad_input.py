@@ -87,7 +87,7 @@ CASES = {
     "seed out of range": (lambda t: [BEAD, "--seed", "-5"], ["seed", "-5"]),
     "unstable step": (lambda t: [BEAD, "--time-step", "1.0"], ["time step", "unstable", "below"]),
     "no such device": (lambda t: [BEAD, "--device", "cuda:9"], ["device", "cuda:9", "cpu"]),
-    "no frames": (lambda t: [BEAD, "--fps", "0"], ["frames per second", "0"]),
+    "no frames": (lambda t: [BEAD, "--fps", "0"], ["--fps", "0", "above 0"]),
     "trap speed 0": (lambda t: [BEAD, "--trap-speed", "0"], ["--trap-speed", "0"]),
     "trap speed inf": (lambda t: [BEAD, "--trap-speed", "inf"], ["--trap-speed", "inf", "finite"]),
     "worlds of a checkpoint": (lambda t: [BEAD, "--resume", "x.npz", "--worlds", "2"], ["--worlds is 2", "--resume"]),

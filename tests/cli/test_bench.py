@@ -69,7 +69,7 @@ def test_plot_with_another_run(numbers, tmp_path, capfd):
         (["--worlds", "-3"], ["--worlds", "-3"]),
         (["--radius", "0"], ["radius", "0"]),
         (["--na", "1.4"], ["1.4", "1.33"]),
-        (["--power", "0"], ["--power", "0 mW"]),
+        (["--power", "0"], ["--power", "0"]),
         (["--polarization", "oblique"], ["polarization", "oblique"]),
         (["-o", "absent/x.json"], ["--out", "absent"]),
         (["--plot", "absent/x.png"], ["--plot", "absent"]),
@@ -155,4 +155,4 @@ def test_terms_prints_costs_and_writes_numbers(tmp_path, capfd, monkeypatch):
 
 def test_terms_refuses_a_time_that_is_none(capfd):
     assert main(["bench", "terms", "--seconds", "-1"]) == 2
-    assert capfd.readouterr().err == "otwarp: --seconds is -1; allowed: above 0, up to 60\n"
+    assert capfd.readouterr().err == "otwarp: --seconds is -1; allowed: above 0 and up to 60 s\n"

@@ -109,7 +109,7 @@ def test_bad_accuracy_is_one_line(scene, capfd):
     assert main(["mobility", str(scene), "--accuracy", "0.7"]) == 2
     err = capfd.readouterr().err
     assert err.count("\n") == 1
-    assert f"{scene}: /World/a: ot:body:mobilityAccuracy = 0.7: must be 0 or in (0, 0.5]" in err
+    assert "--accuracy is 0.7; allowed: 0 to 0.5" in err
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,10 @@ from otwarp.record.capacity import check_worlds, frame_bytes, most_worlds
 from otwarp.record.netcdf import NetcdfRecording
 from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
-from otwarp.record.run import record_run
+from otwarp.record.run import frame_steps, record_run
 from otwarp.scene import Scene
 from otwarp.scene.recording.usd import UsdRecording
+from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from tests.record.small_run import HELD, RATE, frame
 
@@ -168,3 +169,18 @@ def test_runs_without_a_frame_or_an_end_are_refused(
         record_run(Scene.load(BEAD, duration=duration), tmp_path / "run", device=device, **options)
     assert words in str(error.value)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("worlds", "kept"), [(1, 2), (2, 3), (1, 0)])
+def test_no_more_worlds_are_kept_than_there_are(worlds: int, kept: int, device: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"recorded worlds = {kept}; allowed: 1 to {worlds}"):
+        record_run(Scene.load(BEAD), tmp_path / "run", worlds=worlds, recorded_worlds=kept, device=device)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("scene", sorted(BEAD.parent.glob("*.usda")), ids=lambda path: path.stem)
+def test_a_run_ends_when_its_scene_does(scene: Path, device: str) -> None:
+    loaded = Scene.load(scene)
+    model = Model.build(loaded, device=device)
+    (*_, last) = frame_steps(loaded.settings.duration, loaded.settings.frames_per_second, model.time_step)
+    assert last * model.time_step == pytest.approx(loaded.settings.duration, rel=1e-12)

@@ -189,7 +189,7 @@ def test_a_stated_slope_takes_the_place_of_the_measured_one(device: str):
 
     bead = Scene(bodies=(sphere_body("B", (0.1, 0.0, 0.0)),))
     models = [model_with(bead, f(stiffness=SLOPE), device) for f in (spring, stated)]
-    assert models[1].time_step == pytest.approx(models[0].time_step / 4.0, rel=1e-6)
+    assert models[1].time_step == pytest.approx(models[0].time_step / 4.0, rel=1e-3)  # a whole number in a run
     assert models[1].loads[0].force == 1.0
 
 

@@ -119,7 +119,7 @@ def test_the_steepest_place_limits_the_step(device):
     drag = 6.0 * np.pi * scene.medium.viscosity * 1.0
     stable = 2.0 * drag / (20.0 * table.steepest)
     assert model.scales.largest_stable == pytest.approx(stable, rel=1e-6)
-    assert model.time_step == pytest.approx(INTEGRATORS["heun"].rim / 2.0 * stable, rel=1e-6)
+    assert model.time_step == pytest.approx(INTEGRATORS["heun"].rim / 2.0 * stable, rel=1e-3)  # a whole number in a run
     assert model.scales.chosen_by == "steepest slope of a trap's force"
     with pytest.raises(InputError, match="unstable"):
         Model.build(scene, device=device, options=StepOptions(time_step=1.1 * stable))

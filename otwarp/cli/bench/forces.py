@@ -10,16 +10,17 @@ import click
 from otwarp.cli.bead_options import Bead, taken
 from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_table
 from otwarp.cli.options import device_option, with_options
+from otwarp.cli.types import COUNT, POSITIVE, SECONDS
 
 
 @click.command(params=bead())
-@click.option("--power", type=float, default=20.0, show_default=True, help="Power in the medium [mW].")
+@click.option("--power", type=POSITIVE, default=20.0, show_default=True, help="Power in the medium [mW].")
 @click.option(
     "--model", "models", multiple=True, metavar="NAME", help="Measure this model; may be repeated. Default: all."
 )
-@click.option("--worlds", type=int, help="Beads; default: 4096 on a CPU, 1048576 on a GPU.")
-@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each figure.")
-@click.option("--time-step", type=float, metavar="SECONDS", help="The same for all models; default: k·dt/γ = 0.02.")
+@click.option("--worlds", type=COUNT, help="Beads; default: 4096 on a CPU, 1048576 on a GPU.")
+@click.option("--rounds", type=COUNT, default=7, show_default=True, help="Repeats of each figure.")
+@click.option("--time-step", type=SECONDS, metavar="SECONDS", help="The same for all models; default: k·dt/γ = 0.02.")
 @click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA.")
 @device_option
 @with_options(*OUTPUT)

@@ -10,6 +10,7 @@ import click
 from otwarp.cli.bead_options import Bead, taken
 from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_tables
 from otwarp.cli.options import device_option, with_options
+from otwarp.cli.types import COUNT, SECONDS
 
 
 @click.command(params=bead())
@@ -20,9 +21,9 @@ from otwarp.cli.options import device_option, with_options
     metavar="NAME",
     help="integrator, force or precision; may be repeated. Default: all.",
 )
-@click.option("--worlds", type=int, help="Beads of all measurements; default: as many as suit device and budget.")
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="Budget of all errors together [s].")
-@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each run time.")
+@click.option("--worlds", type=COUNT, help="Beads of all measurements; default: as many as suit device and budget.")
+@click.option("--seconds", type=SECONDS, default=60.0, show_default=True, help="Budget of all errors together [s].")
+@click.option("--rounds", type=COUNT, default=7, show_default=True, help="Repeats of each run time.")
 @click.option("--fast-math", is_flag=True, help="Approximate instructions on CUDA.")
 @device_option
 @with_options(*OUTPUT)

@@ -12,8 +12,9 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.bead_options import beam_options, sphere_options
-from otwarp.cli.options import FILE, json_option, out_option
+from otwarp.cli.options import json_option, out_option
 from otwarp.cli.output import json_text, tables_console
+from otwarp.cli.types import FILE, OutputPath
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def bead() -> list[click.Option]:
 OUTPUT = (
     out_option("FILE", "Write all numbers to FILE, JSON."),
     json_option,
-    click.option("--plot", type=FILE, metavar="PNG", help="Draw error against time."),
+    click.option("--plot", type=OutputPath(), metavar="PNG", help="Draw error against time."),
     click.option(
         "--with", "others", type=FILE, multiple=True, metavar="JSON", help="Draw that run as well; may be repeated."
     ),

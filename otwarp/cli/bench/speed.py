@@ -8,16 +8,17 @@ import click
 
 from otwarp.cli.bench.options import OUTPUT, Output, note, print_table
 from otwarp.cli.options import device_option, with_options
+from otwarp.cli.types import COUNT, POSITIVE, SECONDS
 
 
 @click.command()
 @click.option(
     "--case", "cases", multiple=True, metavar="NAME", help="Measure this case; may be repeated. Default: all."
 )
-@click.option("--rounds", type=int, default=7, show_default=True, help="Repeats of each figure.")
-@click.option("--seconds", type=float, default=0.2, show_default=True, help="Length of one measured call [s].")
+@click.option("--rounds", type=COUNT, default=7, show_default=True, help="Repeats of each figure.")
+@click.option("--seconds", type=SECONDS, default=0.2, show_default=True, help="Length of one measured call [s].")
 @click.option(
-    "--scale", type=float, default=1.0, show_default=True, help="Part of the usual number of worlds and particles."
+    "--scale", type=POSITIVE, default=1.0, show_default=True, help="Part of the usual number of worlds and particles."
 )
 @device_option
 @with_options(*OUTPUT[:3])

@@ -8,18 +8,24 @@ import click
 
 from otwarp.cli.bench.options import OUTPUT, Output, print_tables
 from otwarp.cli.options import device_option, with_options
-from otwarp.errors import InputError
+from otwarp.cli.types import COUNT, Number
 
 
 @click.command()
 @click.option(
     "--term", "names", multiple=True, metavar="NAME", help="Measure this term; may be repeated. Default: all."
 )
-@click.option("--rounds", type=click.IntRange(min=1), default=9, show_default=True, help="Pairs of samples of a term.")
-@click.option("--seconds", type=float, default=0.02, show_default=True, help="Length of one sample [s].")
+@click.option("--rounds", type=COUNT, default=9, show_default=True, help="Pairs of samples of a term.")
+@click.option(
+    "--seconds",
+    type=Number(0.0, 60.0, above=True, unit="s"),
+    default=0.02,
+    show_default=True,
+    help="Length of one sample [s].",
+)
 @click.option(
     "--bodies",
-    type=click.IntRange(min=64),
+    type=Number(64, whole=True),
     metavar="N",
     help="Bodies in all worlds together; default 4096, on CUDA 262144.",
 )
@@ -41,8 +47,6 @@ def terms(
     from otwarp.bench.terms.measure import bench_terms
     from otwarp.bench.terms.table import tables
 
-    if not 0.0 < seconds <= 60.0:
-        raise InputError(f"--seconds is {seconds:g}; allowed: above 0, up to 60")
     output = Output(out=out, as_json=as_json)
     found = bench_terms(device, names=names, rounds=rounds, seconds=seconds, bodies=bodies)
     output.report(found, lambda: print_tables(tables(found)))

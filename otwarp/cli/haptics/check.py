@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import FILE, json_option
+from otwarp.cli.options import json_option
 from otwarp.cli.output import json_text, tables_console
+from otwarp.cli.types import FILE, SECONDS, Number
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,13 +24,21 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--seconds", type=float, default=3.0, show_default=True, help="Length of each measurement with a clock.")
+@click.option(
+    "--seconds", type=SECONDS, default=3.0, show_default=True, help="Length of each measurement with a clock."
+)
 @click.option(
     "--device",
     metavar="DEVICE",
     help="Device for the latency, as after --left; default: a virtual one. A real one is not armed and feels nothing.",
 )
-@click.option("--rate", type=float, default=1000.0, show_default=True, help="Cycles of the servo per second.")
+@click.option(
+    "--rate",
+    type=Number(1.0, 20_000.0, unit="Hz"),
+    default=1000.0,
+    show_default=True,
+    help="Cycles of the servo per second.",
+)
 @click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
 @click.option("--page/--no-page", default=True, show_default=True, help="Measure the latency from state to page.")
 @click.option("--browser", metavar="FILE", help="Browser to measure it with; default: a Chromium, if there is one.")
@@ -54,7 +64,14 @@ def check(
     from otwarp.haptics.check.timing import VIRTUAL
     from otwarp.teleop.operators.felt import compile_laws
 
-    measured = None if scene is None else _load(scene)  # a bad one is reported before anything is measured
+    # what is bad is reported before anything is measured
+    measured = None if scene is None else _load(scene)
+    if scene_device is not None:
+        from otwarp.device import pick_device
+
+        pick_device(scene_device)
+    if browser is not None and shutil.which(browser) is None:
+        raise InputError(f"--browser is {browser!r}; allowed: a program that is there")
     with _progress(as_json) as say:
         found = run_check(
             seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say, compiler=compile_laws

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from otwarp.cli.options import FILE, json_option
+from otwarp.cli.options import json_option
 from otwarp.cli.output import json_text
+from otwarp.cli.types import FILE
 
 if TYPE_CHECKING:
     from otwarp.teleop.recording.replay import HandReplay

@@ -222,6 +222,8 @@ def time_scales(
     if wanted is not None:
         stability.check(wanted, f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step")
         step, chosen_by = wanted, "set by the user"
+    else:
+        step = whole_steps(scene.settings.duration, step)
     return TimeScales(
         trap_relaxation=1.0 / rate if rate > 0.0 else None,
         stiffest_body=stiffest,
@@ -251,6 +253,11 @@ def _observables(
     if wall is not None:
         watched.append(near_walls(WALL_PRODUCT * accuracy * wall, accuracy))
     return watched
+
+
+def whole_steps(duration: float, longest: float) -> float:
+    """The step of at most `longest` [s] of which a run of `duration` [s] is a whole number, so that it ends on time."""
+    return duration / math.ceil(duration / longest * (1.0 - 1e-12))
 
 
 def _step_limits(

@@ -21,6 +21,7 @@ import secrets
 import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 from urllib.parse import parse_qs, quote
 
 from otwarp.errors import InputError
@@ -122,6 +123,21 @@ def choose_token(token: str | None, loopback: bool) -> str | None:
     return token
 
 
+def check_host(host: str) -> list[tuple[socket.AddressFamily, socket.SocketKind, int, str, tuple[Any, ...]]]:
+    """Addresses of an interface, as `socket.getaddrinfo` gives them.
+
+    Raises:
+        InputError: None of this machine's.
+    """
+    try:
+        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE) if host.strip() else []
+    except (OSError, UnicodeError):
+        found = []
+    if not found:
+        raise InputError(f"host = {host!r}: must be a name or an address of this machine")
+    return found
+
+
 def listen(host: str, port: int | None) -> socket.socket:
     """A listening socket.
 
@@ -134,13 +150,7 @@ def listen(host: str, port: int | None) -> socket.socket:
     """
     if port is not None and not 0 <= port <= 65535:
         raise InputError(f"port = {port!r}: must be from 0 to 65535")
-    try:
-        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE) if host.strip() else []
-    except (OSError, UnicodeError):
-        found = []
-    if not found:
-        raise InputError(f"host = {host!r}: must be a name or an address of this machine")
-    family, _, _, _, place = min(found, key=lambda row: row[0] != socket.AF_INET)
+    family, _, _, _, place = min(check_host(host), key=lambda row: row[0] != socket.AF_INET)
     ports = [port] if port is not None else [*range(USUAL_PORT, USUAL_PORT + TRIES), 0]
     for candidate in ports:
         try:

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig
 from otwarp.haptics.core.realtime import favour
@@ -22,10 +23,12 @@ from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.record.summary import statistics, strict, task
 from otwarp.scene import Scene
+from otwarp.teleop.budget import parse_budget
 from otwarp.teleop.core import Record, Sink
 from otwarp.teleop.operators.felt import compile_laws
 from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, slowed
 from otwarp.teleop.operators.servo import ServoLike, servo_process
+from otwarp.teleop.page.access import check_host
 from otwarp.teleop.recording.file import check_place, load_writer
 from otwarp.teleop.recording.writer import LiveRecording, Recordable, RecordingWriter
 from otwarp.teleop.session.live import GLIDE, LiveLoop
@@ -92,6 +95,32 @@ class SessionOptions:
     seed: int = 0
     device: str | None = None
 
+    def plan(self, scene: Scene) -> tuple[HandPlan, ...]:
+        """What each hand does in a scene; refuses all that can be refused before anything is made or measured.
+
+        Raises:
+            InputError: A device, a hand, a number or a name of a recording that cannot be.
+        """
+        if self.record is not None:
+            check_place(self.record)
+        parse_budget(self.budget)
+        pick_device(self.device)
+        if self.page is not None:
+            check_host(self.page.host)
+        plans = plan_hands(
+            scene,
+            self.devices,
+            config=self.config,
+            mode=self.mode,
+            pairing=self.pairing,
+            motion_gain=self.motion_gain,
+            force_gain=self.force_gain,
+            rate=self.servo_rate,
+        )
+        if plans:
+            parse_devices([plan.device for plan in plans], ["" for _ in plans])
+        return plans
+
 
 class Session:
     """A live loop with its servo, page and recording, put together; a context manager.
@@ -120,25 +149,14 @@ class Session:
         say: Callable[[str], None] = print,
     ):
         o = self._options = options
-        if o.record is not None:
-            check_place(o.record)
-        plans = plan_hands(
-            scene,
-            o.devices,
-            config=o.config,
-            mode=o.mode,
-            pairing=o.pairing,
-            motion_gain=o.motion_gain,
-            force_gain=o.force_gain,
-            rate=o.servo_rate,
-        )
+        plans = o.plan(scene)
         self._boxes = {plan.name: Mailbox.create(POINTER) for plan in plans if plan.device.strip() == "mouse"}
         self._say, self._traps = say, len(scene.traps)
         self._recorded: str | None = None
         self.budget: dict[str, Any] | None = None
         self.law = ""
         try:
-            if plans:  # a bad name is refused before anything is compiled
+            if plans:
                 specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
                 if self._boxes and o.page is None:
                     hand = next(iter(self._boxes))
@@ -211,7 +229,7 @@ class Session:
     def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
         """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
         o = self._options
-        from otwarp.teleop.budget import parse_budget, reduce_scene
+        from otwarp.teleop.budget import reduce_scene
         from otwarp.teleop.budget.report import measure_scene
 
         if parse_budget(o.budget) == "off":

@@ -46,7 +46,7 @@ def test_adhesion_limits_the_step(device):
     )
     scene = Scene(bodies=cells, settings=QUIET)
     found = scales(scene)
-    assert found.time_step == pytest.approx(0.5 / (10.0 / (3.0 * VISCOSITY)))
+    assert found.time_step == pytest.approx(0.5 / (10.0 / (3.0 * VISCOSITY)), rel=1e-3)  # a whole number in a run
     assert found.chosen_by == "approach under adhesion"
     sim = Simulation(scene, device=device)
     sim.run(0.02)

@@ -1,0 +1,121 @@
+"""Types of options: numbers in a stated range and files that can be written, refused before anything slow starts."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from otwarp.errors import InputError
+
+FILE = click.Path(path_type=Path)
+"""A file or folder, there or not."""
+
+
+def name_of(parameter: click.Parameter | None) -> str:
+    """How a user knows an option or argument: `--rate`, `SCENE`."""
+    if parameter is None:
+        return "value"
+    return parameter.opts[-1] if isinstance(parameter, click.Option) else parameter.human_readable_name.upper()
+
+
+class Number(click.ParamType):
+    """A finite number in a range.
+
+    Args:
+        low, high: Its ends.
+        above: Whether `low` itself is not allowed.
+        whole: Whether the number must be whole.
+        unit: For messages.
+    """
+
+    name = "number"
+
+    def __init__(
+        self,
+        low: float = 0.0,
+        high: float = math.inf,
+        *,
+        above: bool = False,
+        whole: bool = False,
+        unit: str = "",
+    ) -> None:
+        self.low, self.high, self.above, self.whole, self.unit = low, high, above, whole, unit
+        self.name = "integer" if whole else "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a number.
+
+        Raises:
+            InputError: None, or out of range.
+        """
+        try:
+            number = int(value) if self.whole else float(value)
+            good = self.low <= number <= self.high and not (self.above and number == self.low)
+            if good and math.isfinite(number):
+                return number
+        except (ValueError, OverflowError):
+            pass
+        raise InputError(f"{name_of(param)} is {value}; allowed: {self.range()}")
+
+    def range(self) -> str:
+        """The allowed range in words."""
+        low, high = (f"{end:.0f}" if self.whole else f"{end:g}" for end in (self.low, self.high))
+        if math.isfinite(self.high):
+            ends = f"above {low} and up to {high}" if self.above else f"{low} to {high}"
+        else:
+            ends = f"above {low}" if self.above else f"{low} or more"
+        unit = f" {self.unit}" if self.unit else ""
+        kind = "a whole number, " if self.whole else "finite, " if math.isinf(self.high) else ""
+        return kind + ends + unit
+
+
+class OutputPath(click.ParamType):
+    """A file, or a folder with all that is in it, that a command will write.
+
+    Args:
+        folder: Whether it is a folder, which is made with those above it.
+    """
+
+    name = "path"
+
+    def __init__(self, *, folder: bool = False) -> None:
+        self.folder = folder
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Read a path.
+
+        Raises:
+            InputError: Nothing could be written there.
+        """
+        path, option = Path(value), name_of(param)
+        if self.folder:
+            there = next(p for p in (path, *path.absolute().parents) if p.exists())
+            if not there.is_dir():
+                raise InputError(f"{option} is {path}, but {there} is a file; allowed: a folder, there or not")
+        else:
+            there = path.absolute().parent
+            if path.is_dir():
+                raise InputError(f"{option} is {path}, which is a folder; allowed: a file")
+            if not there.is_dir():
+                raise InputError(f"{option} is {path}; allowed: in a folder that exists, {there} does not")
+        if not os.access(there, os.W_OK):
+            raise InputError(f"{option} is {path}; allowed: in a folder that can be written, {there} cannot")
+        return path
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """What is there is completed by the shell."""
+        return [CompletionItem(incomplete, type="dir" if self.folder else "file")]
+
+
+UNIT = Number(0.0, 1e6, above=True)
+"""What may be called 1 on a topic [µm], and the gain of a device there."""
+POSITIVE = Number(0.0, above=True)
+COUNT = Number(1, whole=True)
+SECONDS = Number(0.0, above=True, unit="s")
+SEED = Number(0, 2**32 - 1, whole=True)
+FRACTION = Number(0.0, 1.0, above=True)
