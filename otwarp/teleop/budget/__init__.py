@@ -9,8 +9,11 @@ In this order, and no further than needed:
 3. The wanted accuracy is lowered, to `WORST_ERROR` at most; the time step that follows stays stable.
 4. If even that does not fit, the session runs in slow motion, at the speed that fits, and says so.
 
+What was lost to this is measured once more at its end: if the load of the machine has changed meanwhile, all of it is
+done anew.
+
 `reduce_scene` decides; `report` measures what a scene costs and says what was left out, `reach` which bodies the traps
-can come to.
+can come to; `watch` goes on looking while the session runs.
 """
 
 from __future__ import annotations
@@ -44,6 +47,12 @@ TRIALS = 3
 
 WORTH = 0.9
 """Load over the former one up to which a loss is worth it where nothing fits: less gain is noise, or too dear."""
+
+CHANGED = 1.25
+"""Load of the same scene over its load before, or the other way round, from which on the machine's load has changed."""
+
+SEARCHES = 3
+"""Searches of a scene on a machine whose load keeps changing."""
 
 LONGER = 1.02
 """Time step over the former one that makes a lower accuracy worth trying."""
@@ -122,15 +131,27 @@ def reduce_scene(
     if budget == "off":
         return Reduced(scene=scene, report=BudgetReport.off(scene, speed))
     search = _Search(AUTO_SHARE if budget == "auto" else budget, speed, rate, device, measure, progress or _silent)
-    before = search.try_(scene, f"all {_bodies(len(scene.bodies))}")
-    chosen, after = Thinned(scene=scene, kept=tuple(range(len(scene.bodies))), frozen=(), left=()), before
-    reach = None
-    if not search.fits(after):
+    everything = f"all {_bodies(len(scene.bodies))}"
+    whole = Thinned(scene=scene, kept=tuple(range(len(scene.bodies))), frozen=(), left=())
+    before = search.try_(scene, everything)
+    for left in reversed(range(SEARCHES)):
+        chosen, reduced, after, reach = whole, scene, before, None
+        if search.fits(before):
+            break
         reach = Reach.of(scene, sweep=sweep, horizon=horizon)
         chosen, after = _fewer_bodies(search, scene, reach, (chosen, after))
-    reduced = chosen.scene
-    if not search.fits(after):
-        reduced, after = _coarser(search, reduced, after)
+        reduced = chosen.scene
+        if not search.fits(after):
+            reduced, after = _coarser(search, reduced, after)
+        # another program may have had the core when this began
+        again = search.try_(scene, f"{everything} once more")
+        if not search.changed(before, again):
+            break
+        if not left:
+            search.log.append("the load of this machine keeps changing: the last search counts")
+            break
+        search.log.append("the load of this machine has changed: searched anew")
+        before = again
     report = BudgetReport(
         budget=budget,
         share=search.share,
@@ -206,6 +227,11 @@ class _Search:
     def load(self, cost: SceneCost) -> float:
         """Share of a core at the wanted speed."""
         return cost.load(self.speed, self.rate)
+
+    def changed(self, before: SceneCost, again: SceneCost) -> bool:
+        """Whether the same scene takes so much more or less than before that what was found is not to be kept."""
+        ratio = self.load(again) / max(self.load(before), 1e-12)
+        return not 1.0 / CHANGED <= ratio <= CHANGED
 
     def fits(self, cost: SceneCost) -> bool:
         """Whether a candidate keeps the wanted speed within the budget."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
@@ -32,6 +32,9 @@ from otwarp.teleop.page.access import check_host
 from otwarp.teleop.recording.file import check_place, load_writer
 from otwarp.teleop.recording.writer import LiveRecording, Recordable, RecordingWriter
 from otwarp.teleop.session.live import GLIDE, LiveLoop
+
+if TYPE_CHECKING:
+    from otwarp.teleop.budget.watch import BudgetWatch
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -154,6 +157,7 @@ class Session:
         self._say, self._traps = say, len(scene.traps)
         self._recorded: str | None = None
         self.budget: dict[str, Any] | None = None
+        self._watch: BudgetWatch | None = None
         self.law = ""
         try:
             if plans:
@@ -173,6 +177,7 @@ class Session:
                 make_servo=self._make_servo,
                 make_recording=self._make_recording,
                 notice=say,
+                steer=self._watch,
                 rate=o.rate,
                 speed=speed,
                 seed=o.seed,
@@ -231,6 +236,7 @@ class Session:
         o = self._options
         from otwarp.teleop.budget import reduce_scene
         from otwarp.teleop.budget.report import measure_scene
+        from otwarp.teleop.budget.watch import BudgetWatch
 
         if parse_budget(o.budget) == "off":
             return scene, o.speed
@@ -244,6 +250,7 @@ class Session:
         for line in reduced.report.lines():
             self._say(line)
         self.budget = reduced.report.to_json()
+        self._watch = BudgetWatch(reduced.report, self._say)
         return reduced.scene, reduced.report.speed
 
     def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:

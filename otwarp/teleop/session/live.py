@@ -54,6 +54,7 @@ class LiveLoop:
         make_servo: Makes the servo of the hands.
         make_recording: Begins a recording; None refuses to record.
         notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
+        steer: Says at what speed to go on, by the time and the pace; None for the present one.
         clock: Of the loop; the servo's must show the same time.
         rate: Frames per second [1/s].
         speed: Simulated seconds per second.
@@ -83,6 +84,7 @@ class LiveLoop:
         make_servo: ServoFactory | None = None,
         make_recording: RecordingFactory | None = None,
         notice: Callable[[str], None] | None = None,
+        steer: Callable[[float, c.PaceNow], float | None] | None = None,
         clock: Clock | None = None,
         rate: float = 120.0,
         speed: float = 1.0,
@@ -103,7 +105,7 @@ class LiveLoop:
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
         self._sinks: list[Sink] = []
         self._due: list[float] = []
-        self._make_recording, self._notice = make_recording, notice
+        self._make_recording, self._notice, self._steer = make_recording, notice, steer
         self._reported = [""] * len(self.plans)
         for sink in sinks:
             self.add(sink)
@@ -206,6 +208,8 @@ class LiveLoop:
             if begun >= self._due[n]:
                 self._due[n] = begun + sink.interval
                 sink.publish(live)
+        if self._steer is not None and (speed := self._steer(begun, live.pace)) is not None:
+            self.do(c.SetSpeed(speed))
         self.pace.worked(self._clock.now() - begun)
         return live
 
