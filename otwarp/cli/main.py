@@ -99,9 +99,17 @@ def main(arguments: list[str] | None = None) -> int:
 
 @contextmanager
 def plain_warnings() -> Iterator[None]:
-    """Say warnings in one line each, without the place in otwarp's source that they come from."""
-    kept = warnings.formatwarning
-    warnings.formatwarning = lambda message, *where: f"otwarp: warning: {' '.join(str(message).split())}\n"
+    """Say every warning once, in one line, without the place in otwarp's source that it comes from."""
+    kept, said = warnings.formatwarning, set()
+
+    def line(message: Warning | str, *where: object) -> str:
+        text = " ".join(str(message).split())
+        if text in said:  # Python forgets what it has said whenever its filters change
+            return ""
+        said.add(text)
+        return f"otwarp: warning: {text}\n"
+
+    warnings.formatwarning = line
     try:
         yield
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -116,10 +117,29 @@ def _refuse_with_resume(context: click.Context) -> None:
 
 
 @contextmanager
+def _told(say: Callable[[str], None]) -> Iterator[None]:
+    """Say what otwarp logs."""
+    log, handler = logging.getLogger("otwarp"), logging.Handler()
+    handler.emit = lambda record: say(record.getMessage())
+    kept = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.setLevel(kept)
+        log.removeHandler(handler)
+
+
+@contextmanager
 def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
-    """A bar with the real-time factor on standard error, if that is a terminal; at every frame, heed SIGTERM."""
+    """A bar with the real-time factor on standard error, if that is a terminal; at every frame, heed SIGTERM.
+
+    What takes long before the first frame is told in a line: kernels that are compiled.
+    """
     if not sys.stderr.isatty():
-        yield lambda simulated, wall: stop.check()
+        with _told(lambda line: click.echo(f"otwarp: {line}", err=True)):
+            yield lambda simulated, wall: stop.check()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -131,7 +151,11 @@ def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
         TextColumn("{task.fields[speed]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True, highlight=False)
+    with (
+        Progress(*columns, console=console, transient=True) as bar,
+        _told(lambda line: console.print(line, markup=False)),
+    ):
         task = bar.add_task("run", total=duration, speed="")
         begins: list[float] = []
 

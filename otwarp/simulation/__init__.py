@@ -3,7 +3,8 @@
 In: a `Scene`, how to step it (`options.StepOptions`), parameters and forces of the user (`user_forces`). Out: device
 arrays that change in place (`state`), frames (`frame`), checkpoints (`checkpoint`), plain data (`info`). Open
 `simulation` first, then `model`: `resolved` and `composition` decide what the kernels of a scene are made of,
-`stepping` launches the fused drivers, `grid_stepper` the body driver on the memory of `grid_scratch`.
+`compilation` tells what is about to be compiled, `stepping` launches the fused drivers, `grid_stepper` the body driver
+on the memory of `grid_scratch`.
 
     packing    a scene's description as the arrays that kernels read
     time_step  what limits the time step, and the step that follows

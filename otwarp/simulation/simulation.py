@@ -13,7 +13,8 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.compilation import tell_of_compilation
+from otwarp.simulation.grid_stepper import SHARED, GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
@@ -94,7 +95,9 @@ class Simulation:
         self._measured_at: tuple[int, int] | None = None
         self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
-        self._stepper = GridStepper(*parts) if self.model.features.driver == "grid" else FusedStepper(*parts, threads)
+        grid = self.model.features.driver == "grid"
+        tell_of_compilation([*self._step.kernels, *(SHARED if grid else ())], self.model.device)
+        self._stepper = GridStepper(*parts) if grid else FusedStepper(*parts, threads)
 
     @property
     def scene(self) -> Scene:
