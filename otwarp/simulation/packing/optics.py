@@ -127,19 +127,6 @@ class TrapOptics:
         """Table of a trap for the sphere it holds, None for a trap that follows an authored law."""
         return self.tables[self.table[trap, self.nearest[trap]]] if self._optical(trap) else None
 
-    def bilinear(self, scene: Scene, trap: int, kind: int, device: str) -> tuple[ForceTable, float]:
-        """A trap's force for one kind of sphere as a bilinear table, and the azimuth that it counts from [rad].
-
-        For evaluation outside a step, where sixteen nodes cost four times what four do.
-        """
-        from otwarp.optics import build_table
-
-        table, entry = self.tables[self.table[trap, kind]], scene.traps[trap]
-        if table.interpolation != "bilinear":
-            how: dict = {"tolerance": entry.tolerance, "interpolation": "bilinear", "device": device}
-            table = build_table(table.beam, table.sphere, **how).cut(entry.reach)
-        return table, polarization_azimuth(table.beam)
-
     def term_name(self, scene: Scene, trap: int) -> str:
         """Key of the trap's force model, as `kernels.optics.traps.trap_term` knows it."""
         entry = scene.traps[trap]

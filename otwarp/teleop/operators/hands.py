@@ -26,11 +26,12 @@ from otwarp.scene import Scene, description
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.frame import Frame
 from otwarp.simulation.model import Model
+from otwarp.simulation.packing.optics import polarization_azimuth
 from otwarp.teleop.core import HANDS, vec3
 
 SLOTS = 16
 """Spheres of one optical kind that a servo period evaluates at most; the nearest to the hands' traps. The force on one
-in reach costs about 1 µs for each trap, so 16 leave a 1 kHz period room."""
+in reach costs up to 5 µs for each trap where the law runs in Python, so 16 leave a 1 kHz period room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +199,9 @@ def authored_law(trap: description.Trap, radius: float) -> Law:
 
 
 def optical_law(model: Model, trap: int, kind: int) -> Law:
-    """A trap's tabulated law for one kind of sphere."""
-    table, turn = model.optics.bilinear(model.scene, trap, kind, model.device.alias)
+    """A trap's tabulated law for one kind of sphere: from the table that the simulation has."""
+    table = model.optics.tables[model.optics.table[trap, kind]]
+    turn = polarization_azimuth(table.beam)
     frame = np.array([[math.cos(turn), math.sin(turn), 0.0], [0.0, 0.0, 1.0]])
     side, axis = rotate(np.array(model.scene.traps[trap].orientation), frame)
     return TableLaw.of(table, side=vec3(side), axis=vec3(axis))
