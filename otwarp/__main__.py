@@ -2,7 +2,7 @@
 
 import sys
 
-from otwarp.cli.main import main
+from otwarp.cli.start import start
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())

@@ -3,7 +3,8 @@
 What was typed comes in; a call of the room that can do it, its result as text or JSON, and an exit code go out. Each
 command lives in the module of its name and imports its room when it is called, so that `--help` loads nothing.
 
-- `main`: finds the command, and turns errors into one line and an exit code; `lazy`: groups that import on demand.
+- `start`: where it begins. `main`: finds the command, and turns errors into one line and an exit code; `lazy`: groups
+  that import on demand. `types`: numbers in a range, files that can be written.
 - `options`, `bead_options`, `live_options`, `forces_options`: options that several commands share, those of a sphere in
   its beam, of a live session, of `forces`.
 - `output`: JSON and tables. `stop`: SIGTERM and Ctrl-C.

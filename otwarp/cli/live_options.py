@@ -125,7 +125,7 @@ def read_session(scene: Path, options: dict[str, Any]) -> tuple[Scene, SessionOp
         **{name: options[name] for name in (*same, "duration", "seed", "device")},
     )
     loaded = Scene.load(scene)
-    stop.check_interrupt()
+    stop.check()
     asked.plan(loaded)
     return loaded, asked
 
@@ -134,6 +134,7 @@ def open_session(scene: Scene, asked: SessionOptions, options: dict[str, Any]) -
     """A session that has not begun."""
     from otwarp.teleop.session import Session
 
+    stop.begin()
     return Session(scene, asked, say=sayer(options))
 
 
@@ -144,8 +145,8 @@ def sayer(options: dict[str, Any]) -> Callable[[str], None]:
 
 def run_session(session: Session, options: dict[str, Any]) -> int:
     """Until it ends, then say what it was like; the exit code, 1 if the servo died."""
-    stop.check_interrupt()
+    stop.check()
     report = session.run()
     click.echo(json_text(report) if options["as_json"] else report["text"])
-    stop.check()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
+    stop.check_terminated()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
     return int(session.loop.hands.died)

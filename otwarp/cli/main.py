@@ -12,7 +12,7 @@ import click
 
 import otwarp
 from otwarp.cli.lazy import LazyGroup
-from otwarp.cli.stop import Terminated, terminable
+from otwarp.cli.stop import EXIT_INTERRUPTED, Terminated, terminable
 from otwarp.errors import InputError, SimulationError
 
 COMMANDS = {
@@ -34,7 +34,6 @@ COMMANDS = {
 EXIT_SYSTEM = 1
 EXIT_BAD_INPUT = 2
 EXIT_STOPPED = 3
-EXIT_INTERRUPTED = 130
 EXIT_TERMINATED = 143
 
 

@@ -78,6 +78,7 @@ def run(
         _refuse_with_resume(context)
     loaded = _load(scene, duration, trap_speed)
     folder = out or Path("out") / scene.stem
+    stop.begin()
     with _progress_bar(loaded.settings.duration) as progress:
         summary = record_run(
             loaded,

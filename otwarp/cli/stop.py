@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
+
+EXIT_INTERRUPTED = 130
 
 
 class Terminated(KeyboardInterrupt):
@@ -14,26 +18,50 @@ class Terminated(KeyboardInterrupt):
 
 _asked = threading.Event()
 _interrupted = threading.Event()
+_begun = threading.Event()
 
 
-def check() -> None:
-    """Raise `Terminated` if SIGTERM came; called once a frame.
+def begin() -> None:
+    """From now on there are files or processes that an interrupt must not leave unfinished; raises if one came."""
+    check()
+    _begun.set()
 
-    The handler raises as well, to end long work between frames, but an exception that appears inside a destructor or a
-    callback of a library is swallowed there: the event is what counts.
-    """
+
+def check_terminated() -> None:
+    """Raise if SIGTERM came."""
     if _asked.is_set():
         raise Terminated("terminated")
 
 
-def check_interrupt() -> None:
-    """Raise if Ctrl-C or SIGTERM came; called before what would not end by itself.
+def check() -> None:
+    """Raise if Ctrl-C or SIGTERM came; called once a frame, and before what would not end by itself.
 
-    An exception that appears while a library is being imported may be swallowed by it.
+    The handlers raise as well, to end long work between frames, but an exception that appears inside a destructor, a
+    callback or an import of a library may be swallowed there: the events are what counts.
     """
-    check()
+    check_terminated()
     if _interrupted.is_set():
         raise KeyboardInterrupt
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handle Ctrl-C: raise, or while modules are imported and nothing has begun, end the process.
+
+    Libraries in C may swallow an exception, or go on half imported, where their imports are cut short.
+    """
+    _interrupted.set()
+    if not _begun.is_set() and _importing(frame):
+        os.write(2, b"otwarp: interrupted\n")
+        os._exit(EXIT_INTERRUPTED)
+    raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextmanager
@@ -45,12 +73,8 @@ def terminable() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    _asked.clear()
-    _interrupted.clear()
-
-    def interrupt(number: int, frame: object) -> None:
-        _interrupted.set()
-        signal.default_int_handler(number, frame)  # type: ignore[arg-type]
+    for event in (_asked, _interrupted, _begun):
+        event.clear()
 
     def stop(*_: object) -> None:
         if not _asked.is_set():
@@ -73,4 +97,5 @@ def terminable() -> Iterator[None]:
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
         if ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        _asked.clear()
+        for event in (_asked, _interrupted, _begun):
+            event.clear()

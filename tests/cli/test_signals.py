@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -86,3 +88,61 @@ def test_the_speed_of_a_resumed_run_leaves_out_what_came_before(monkeypatch: pyt
         progress(100.0, 0.0)
         progress(101.0, 2.0)
     assert shown == ["0.5× real time"]
+
+
+STARTED = """
+import signal, sys
+
+def heard(*what, set=signal.signal):
+    before = set(*what)
+    print(flush=True)
+    return before
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal = heard
+from otwarp.cli.start import start
+sys.exit(start())
+"""
+"""The command as it begins, which says when it can hear."""
+
+MOMENTS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.0)
+"""When the interrupt comes [s]."""
+
+
+def interrupted(words: list[str], after: float, folder: Path) -> tuple[int, str]:
+    """Exit code and errors of a command that is interrupted some seconds after it began."""
+    command = [sys.executable, "-c", STARTED, *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": folder}
+    with subprocess.Popen(command, **pipes) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(after)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate()
+    return process.returncode, error
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize("after", MOMENTS)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", BEAD, "--duration", "1000", "--out", "out"],
+        pytest.param(["info", BEAD], marks=pytest.mark.validate),
+        pytest.param(["validate", BEAD], marks=pytest.mark.validate),
+        pytest.param(["teleop", BEAD, "--no-open", "--port", "8431"], marks=pytest.mark.validate),
+        pytest.param(["preview", BEAD, "-o", "bead.png"], marks=pytest.mark.validate),
+        pytest.param(["forces", "--radius", "1", "--curves"], marks=pytest.mark.validate),
+        pytest.param(["bench", "speed", "--case", "bead"], marks=pytest.mark.validate),
+    ],
+    ids=lambda words: words[0] if isinstance(words, list) else None,
+)
+def test_an_interrupt_ends_a_command_whenever_it_comes(words: list[str], after: float, tmp_path: Path) -> None:
+    code, error = interrupted(words, after, tmp_path)
+    live = words[0] == "teleop" and code == 0  # the usual end of a session
+    over = words[0] not in ("run", "teleop") and code == 0  # it was quicker
+    assert live or over or (code == 130 and error.endswith("otwarp: interrupted\n")), error
+    assert "Traceback" not in error
+    left = {path.name for path in (tmp_path / "out").glob("*")}
+    assert left in (set(), {"figure.png", "run.nc", "run.usda", "summary.json", "trajectory.usdc"})
+    assert not list(tmp_path.glob(".*"))

@@ -72,6 +72,7 @@ def check(
         pick_device(scene_device)
     if browser is not None and shutil.which(browser) is None:
         raise InputError(f"--browser is {browser!r}; allowed: a program that is there")
+    stop.begin()
     with _progress(as_json) as say:
         found = run_check(
             seconds, device=device or VIRTUAL, rate=rate, width=width, progress=say, compiler=compile_laws

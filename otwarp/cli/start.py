@@ -1,0 +1,21 @@
+"""Where the command begins: Ctrl-C ends it from the first moment on, before anything slow is imported."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+from otwarp.cli import stop
+
+
+def start() -> int:
+    """Run the command line; the exit code."""
+    try:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not what runs in a shell's background
+            signal.signal(signal.SIGINT, stop.interrupt)
+        from otwarp.cli.main import main
+
+        return main()
+    except KeyboardInterrupt:  # before `main` heeds it, or after
+        print("otwarp: interrupted", file=sys.stderr)
+        return stop.EXIT_INTERRUPTED
