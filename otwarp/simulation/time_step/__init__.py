@@ -5,6 +5,7 @@ In: a `Scene` and what `packing` found of it. Out: `TimeScales`, of which `times
     observables    what the step may make wrong: an estimated error and a longest step for each, open to new rows
     relaxation     in the traps: which trap acts on which sphere, and the rate that follows from its power
     rotors         how thermal rotation within a step falsifies orientations and displacements of rigid bodies
+    sampling       samples of traps and obstacles that are finer than the step
     coupled_rates  faster still, where bodies carry each other along
     speeds         of what neither traps nor noise move: flow, obstacles, weight, adhesion
     steady_loads   of the forces of `FORCES`, traps apart; the teleop budget and walls ask it, too

@@ -20,6 +20,8 @@ OBSERVABLES: dict[str, str] = {
     "escape": "escape times and survival in traps",
     "orientation": "rates at which orientations decorrelate",
     "axis": "mean squared displacements along a body's axes over one step",
+    "commands": "mean forces of traps that vary within a step",
+    "obstacles": "ways of obstacles within a step",
     "wall": "distribution next to hydrodynamic walls",
 }
 """Keys of `TimeScales.errors`, in the order in which they are printed, and what they are."""

@@ -19,6 +19,7 @@ from otwarp.simulation.packing.walls import wall_time
 from otwarp.simulation.time_step.observables import Observable, errors, in_springs, near_walls, on_steep_sides
 from otwarp.simulation.time_step.relaxation import TrapRelaxation
 from otwarp.simulation.time_step.rotors import in_rotation, rotors
+from otwarp.simulation.time_step.sampling import in_samples
 from otwarp.simulation.time_step.speeds import (
     adhesion_speed,
     flow_speed,
@@ -217,13 +218,15 @@ def time_scales(
     for rotor in rotors(scene, moves, values, loads, scheme):
         watched += in_rotation(rotor, scene.settings.accuracy)
     limits = _step_limits(scene, scheme, stability, motions, watched)
-    chosen_by = min(limits, key=lambda name: limits[name])
-    step = limits[chosen_by]
     if wanted is not None:
         stability.check(wanted, f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step")
-        step, chosen_by = wanted, "set by the user"
-    else:
-        step = whole_steps(scene.settings.duration, step)
+        limits = {"set by the user": wanted}
+    sampled = in_samples(scene, values, contacts=contacts, longest=min(limits.values()))
+    if wanted is None:
+        limits |= {row.limit: row.longest for row in sorted(sampled, key=lambda row: -row.longest)}
+    watched += sampled
+    chosen_by = min(limits, key=lambda name: limits[name])
+    step = limits[chosen_by] if wanted is not None else whole_steps(scene.settings.duration, limits[chosen_by])
     return TimeScales(
         trap_relaxation=1.0 / rate if rate > 0.0 else None,
         stiffest_body=stiffest,
