@@ -16,6 +16,7 @@ from otwarp.bench.stability.mechanical import (
     pulled_onto,
     trap_jump,
 )
+from otwarp.bench.stability.moving import blinking, circling, rotor
 from otwarp.bench.stability.random_scenes import run_draw
 from otwarp.bench.stability.thermal import (
     Effort,
@@ -150,6 +151,34 @@ GRIDS: tuple[StressGrid, ...] = (
         title="Robot in three springs: equipartition of its stiffest mode, unit quaternion",
         axes=("power [mW]", "time step over the chosen and the largest stable one"),
         cells=_steps(robot_equipartition, ("power", (2.0, 20.0, 200.0))),
+    ),
+    StressGrid(
+        name="rotor",
+        title="Free rods of touching spheres of 0.1 µm: ⟨n(0)·n(t)⟩ against e^(−2 D_r t)",
+        axes=("spheres", "time step over the chosen one"),
+        cells=product(rotor, ("length", (2, 3, 6)), ("factor", (0.25, 0.5, 1.0, 2.0))),
+    ),
+    StressGrid(
+        name="rotor-axis",
+        title="The same: mean squared displacement of one step along the axis that a rod had at its start",
+        axes=("spheres", "time step over the chosen one"),
+        cells=product(partial(rotor, along=True), ("length", (2, 3, 6)), ("factor", (0.25, 0.5, 1.0, 2.0))),
+    ),
+    StressGrid(
+        name="circling",
+        title="Bead at 0 K in a spring of k·dt/γ = 0.1 that circles: distance from its way over the circle's radius",
+        axes=("integrator", "turns in a step"),
+        cells=product(
+            partial(circling, product=0.1),
+            ("integrator", ("heun", "exponential")),
+            ("turns", (0.064, 0.2, 0.45, 0.5, 0.9, 1.0, 1.1, 2.5)),
+        ),
+    ),
+    StressGrid(
+        name="blinking",
+        title="Bead at 0 K in a trap that is on for a part of each step: what is left of its distance",
+        axes=("part of a step", "k·dt/γ while on"),
+        cells=product(blinking, ("share", (0.1, 0.3, 0.5, 0.9)), ("product", (0.01, 0.05, 0.2))),
     ),
     StressGrid(
         name="drag",
