@@ -121,7 +121,7 @@ def width_table(data: dict[str, Any], *, high: float) -> Table:
         title=f"Z-width of a bare device ({DEVICE}) at {RATE:g} Hz, virtual clock",
         head=("loop", "spring [N/m]", "wall [N/m]", "theory, or the paper [N/m]"),
         rows=rows,
-        note=f"Springs up to {high:g} N/m were tried. How to read the stiff end is in [haptics.md](haptics.md).",
+        note=f"Springs up to {high:g} N/m were tried. How to read the stiff end is in [haptics.md](../haptics.md).",
     )
 
 
