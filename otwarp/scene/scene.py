@@ -15,7 +15,8 @@ from otwarp.scene.track import ByValue
 class Scene(ByValue):
     """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
 
-    `file` is where it was read from, and `remarks` what is odd in the file itself (neither is part of equality).
+    Not part of equality: `file` is where it was read from, `remarks` what is odd in the file itself, and `judged` says
+    that its oddities were told already, as of a part of another scene.
     """
 
     file: Path | None = field(default=None, compare=False)
@@ -29,6 +30,7 @@ class Scene(ByValue):
     camera: Camera | None = None
     goal: Goal | None = None
     remarks: tuple[Finding, ...] = field(default=(), compare=False)
+    judged: bool = field(default=False, compare=False)
 
     @classmethod
     def load(cls, file: str | Path, *, duration: float | None = None) -> Scene:

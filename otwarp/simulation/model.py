@@ -181,7 +181,7 @@ def _check(scene: Scene, worlds: int, seed: int) -> None:
 
 def _warn_of_oddities(scene: Scene) -> None:
     """Say what is implausible in a scene; Python says the same from the same line once."""
-    for finding in judge(scene):
+    for finding in () if scene.judged else judge(scene):
         text = f"{scene.file or scene.root}: {finding.prim}: {finding.message}"
         warnings.warn(text, PlausibilityWarning, stacklevel=2)
 

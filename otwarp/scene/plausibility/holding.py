@@ -89,7 +89,7 @@ def reach(trap: Trap, radius: float) -> float:
     """Distance from which a trap still holds a sphere of `radius` [µm], inf for a curve without an end."""
     if trap.optical:
         return min(_FADE * trap.reach, believable_reach(trap, radius))
-    return max(law.for_radius(radius).cutoff for law in _laws(trap))
+    return max((law.for_radius(radius).cutoff for law in _laws(trap)), default=math.inf)
 
 
 def strongest(trap: Trap, radius: float) -> float:
@@ -98,11 +98,11 @@ def strongest(trap: Trap, radius: float) -> float:
     if trap.optical:  # nothing is pushed with more than the light's own momentum flux in a dense medium
         return 2.0 * FORCE_PER_POWER * power
     end = believable_reach(trap, radius)
-    return max(_peak(law.for_radius(radius), trap.model, end) * power / law.power for law in _laws(trap))
+    peaks = (_peak(law.for_radius(radius), trap.model, end) * power / law.power for law in _laws(trap))
+    return max(peaks, default=0.0)
 
 
 def _laws(trap: Trap) -> list[TrapLaw]:
-    assert trap.radial is not None, "a trap that computes no force follows a curve"
     return [law for law in (trap.radial, trap.axial) if law is not None]
 
 

@@ -19,7 +19,7 @@ _FLAT = 1e-12
 def odd_meshes(scene: Scene) -> Iterator[Finding]:
     """Warnings about obstacles of shape `mesh`."""
     for obstacle in scene.obstacles:
-        if obstacle.shape == "mesh":
+        if obstacle.shape == "mesh" and len(obstacle.triangles):
             yield from _degenerate(obstacle)
             if is_closed(obstacle.vertices, obstacle.triangles):
                 yield from _inside_out(obstacle, scene)

@@ -240,7 +240,7 @@ def thin_out(scene: Scene, keep: Iterable[int], reach: Reach, *, freeze: bool = 
     frozen = others[_touchable(scene, np.array(kept), others, reach)] if some else others[:0]
     obstacles = tuple(o for i in frozen for o in frozen_body(scene.bodies[i]))
     reduced = dataclasses.replace(
-        scene, bodies=tuple(scene.bodies[i] for i in kept), obstacles=(*scene.obstacles, *obstacles)
+        scene, bodies=tuple(scene.bodies[i] for i in kept), obstacles=(*scene.obstacles, *obstacles), judged=True
     )
     left = np.setdiff1d(others, frozen)
     return Thinned(scene=reduced, kept=tuple(kept), frozen=tuple(map(int, frozen)), left=tuple(map(int, left)))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import warnings
 
 import pytest
 
 from otwarp.errors import InputError, PlausibilityWarning
-from otwarp.scene import Scene
+from otwarp.scene import Medium, Scene
 from otwarp.scene.plausibility import judge
+from otwarp.simulation.model import Model
 from tests.scene.conftest import STAGE, StageFile
 
 Changes = list[tuple[str, str]]
@@ -305,9 +307,25 @@ def test_nonsense_is_refused(name: str, stage_file: StageFile) -> None:
     assert said(stage_file.load(*good, text=GOOD)) == []
 
 
-def test_a_simulation_says_it_once(stage_file: StageFile, device: str) -> None:
-    from otwarp.simulation.model import Model
+def test_the_order_of_samples_in_a_file_has_no_meaning(stage_file: StageFile) -> None:
+    forth, back = "0: (0, 0, 5), 60: (6, 0, 5)", "60: (6, 0, 5), 0: (0, 0, 5)"
+    assert stage_file.load(*path(back), text=GOOD) == stage_file.load(*path(forth), text=GOOD)
 
+
+def test_what_is_built_in_python_is_judged_alike(stage_file: StageFile) -> None:
+    built = dataclasses.replace(stage_file.load(text=GOOD), file=None, medium=Medium(temperature=25.0, viscosity=0.89))
+    changes = medium("double ot:medium:temperature = 25\n    double ot:medium:viscosity = 0.89")
+    assert said(built) == said(stage_file.load(*changes, text=GOOD)) and len(said(built)) == 2
+
+
+def test_a_part_of_a_scene_is_not_judged_again(stage_file: StageFile, device: str) -> None:
+    scene = dataclasses.replace(stage_file.load(*CASES["temperature in °C"][0], text=GOOD), judged=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Model.build(scene, device=device)
+
+
+def test_a_simulation_says_it_once(stage_file: StageFile, device: str) -> None:
     scene = stage_file.load(*CASES["temperature in °C"][0], text=GOOD)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")

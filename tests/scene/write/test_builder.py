@@ -112,7 +112,12 @@ OBSTACLES = (
         size=(1.0, 3.3, 0.0),
     ),
     Obstacle(
-        prim="/World/Walls/Wedge", shape="mesh", position=Track.constant((-60.0, 0, 0)), orientation=UPRIGHT, **MESH
+        prim="/World/Walls/Wedge",
+        shape="mesh",
+        position=Track.constant((-60.0, 0, 0)),
+        orientation=UPRIGHT,
+        double_sided=True,
+        **MESH,
     ),
     Obstacle(
         prim="/World/Movers/Cube",
