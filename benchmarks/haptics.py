@@ -15,6 +15,7 @@ from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.chain.passivity import stiffest
 from otwarp.haptics.check.check import BUSY, CHECKED, STEPS, chain_costs, law_costs, mailbox_costs, time_calls
 from otwarp.haptics.check.timing import (
     STATE_RATE,
@@ -26,7 +27,7 @@ from otwarp.haptics.check.timing import (
     measure_latency,
 )
 from otwarp.haptics.check.zwidth import DEVICE, HIGH, PASSIVE, RATE, BareDevice, chain_width, widths
-from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, HandConfig
+from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, HandConfig, PassivityConfig
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.law import Law, SplitLaw, local_model
 from otwarp.haptics.force.table import TableLaw
@@ -48,6 +49,9 @@ PAPER_R2 = (0.9525, 0.9268)
 STIFFEST = 200_000.0
 """Largest spring tried in the rows of passivity control [N/m]."""
 
+HOLDS = (0.001, 0.002, 0.004, 0.008, 0.02, 0.1)
+"""Longest holds between two commands [s]."""
+
 SECONDS = 8.0
 """Length of each measurement of jitter [s]."""
 
@@ -66,7 +70,7 @@ def pull_of(curve: TrapLaw, distance: float) -> float:
     return math.copysign(f, distance) if d < curve.cutoff else 0.0
 
 
-def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0) -> float:
+def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0, hold: float = 0.0) -> float:
     """R² of the rendered against the model force, each period, on a sine of ±1.1 cutoff through the trap.
 
     Args:
@@ -74,9 +78,11 @@ def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0) ->
         speed: Peak speed [m/s].
         quantum: Resolution of the encoder [m], 0 for exact; the model is taken at the true position.
         sweeps: How many periods of the sine.
+        hold: Longest hold that passivity control expects at least [s].
     """
     curve, row = (AXIAL, 1) if axis == "axial" else (RADIAL, 0)  # device y is the beam
-    config = HandConfig(traps=(0,), force_gain=FORCE_GAIN, chain=TOUCH_CHAIN, safety=TOUCH_SAFETY)
+    touch = replace(TOUCH_CHAIN, passivity=PassivityConfig(hold=hold))
+    config = HandConfig(traps=(0,), force_gain=FORCE_GAIN, chain=touch, safety=TOUCH_SAFETY)
     chain = Chain(config, local_model(config, {0: (SplitLaw(RADIAL, AXIAL),)}))
     chain.arm()
     reach, period, ramp = 1.1 * curve.cutoff / config.motion_gain, 1.0 / config.chain.rate, 600
@@ -137,6 +143,20 @@ def fidelity_table(data: dict[str, Any], speeds: Sequence[float]) -> Table:
     return Table(
         title="R² of rendered against model force, by the hand's peak speed",
         head=("peak speed", "axial", "radial", "axial, 55 µm encoder", "radial, 55 µm encoder"),
+        rows=rows,
+    )
+
+
+def hold_table(data: dict[str, Any], holds: Sequence[float] = HOLDS) -> Table:
+    """What passivity control leaves of a force that may be held for long."""
+    rows, config = [], PassivityConfig()
+    for hold in holds:
+        spring, found = stiffest(config, 1.0 / RATE, hold), fidelity("radial", 0.05, quantum=0.0, hold=hold)
+        data[f"{1e3 * hold:g} ms"] = {"spring": spring, "fidelity": found}
+        rows.append((f"{1e3 * hold:g} ms", f"{spring:.3g}", f"{found:.4f}"))
+    return Table(
+        title="What passivity control leaves, by the longest hold that it expects",
+        head=("hold", "stiffest spring rendered as it is [N/m]", "R² at 240 N/m and 50 mm/s"),
         rows=rows,
     )
 
@@ -237,11 +257,12 @@ def measure(
 ) -> Section:
     """All tables; `rounds` makes the measurements with a clock that much longer. The servo runs on the CPU."""
     machine = Machine.look(pick_device(device))
-    data: dict[str, Any] = {name: {} for name in ("width", "fidelity", "jitter", "latency", "forces", "costs")}
+    data: dict[str, Any] = {name: {} for name in ("width", "fidelity", "hold", "jitter", "latency", "forces", "costs")}
     laws = tables()
     found = [
         width_table(data["width"], high=max(high, HIGH)),
         fidelity_table(data["fidelity"], speeds),
+        hold_table(data["hold"]),
         jitter_table(data["jitter"], rounds * seconds),
         latency_table(data["latency"], rounds * seconds),
         force_table(data["forces"], 10 * steps, laws),

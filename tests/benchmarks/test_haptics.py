@@ -36,7 +36,7 @@ def test_all_tables_go_to_the_page(monkeypatch, tmp_path: Path):
     data = json.loads(file.read_text())["haptics"]
     assert data["latency"]["cycles"] == 100
     assert data["width"]["stable"] == {"spring": 100_000.0, "wall": 200_000.0}
-    assert [len(table.rows) for table in section.tables] == [4, 2, 4, 2, 2, 11]
+    assert [len(table.rows) for table in section.tables] == [4, 2, 6, 4, 2, 2, 11]
     forces = data["forces"].values()
     assert all(one["law"] == "compiled" and one["compiled"]["p50"] < one["in Python"]["p50"] for one in forces)
     assert "≥ 200000" in put_on_page((PAGES / "haptics.md").read_text(), section)

@@ -27,6 +27,7 @@ class SpringChain:
     gains = (None, None)
 
     heat = 0.0
+    account = (0.0, -1e-4, 1e-4, 1e-3)
 
     def set_gains(self, motion_gain=None, force_gain=None) -> None:
         self.gains = (motion_gain, force_gain)

@@ -2,7 +2,8 @@
 
     chain         `Chain`, and `make_chain` for a device; to begin with, open this
     motion        low-pass, velocity, virtual coupling, and how the traps follow
-    safety        passivity control, then arming, ramp, slew limit, clamp, motor guard and watchdog
+    passivity     the energy that the hand is given: counted, controlled and bounded
+    safety        arming, ramp, slew limit, clamp, motor guard and watchdog
     paper_mode    the public release's force node, for comparison
     rendering     a chain as the servo keeps it and a replay runs it again: made, armed, checked, dropped
 

@@ -17,7 +17,8 @@ from typing import Any, Protocol
 from otwarp.errors import InputError
 from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, VirtualCoupling
 from otwarp.haptics.chain.paper_mode import PaperRenderer
-from otwarp.haptics.chain.safety import Passivity, Safety
+from otwarp.haptics.chain.passivity import Account, Passivity
+from otwarp.haptics.chain.safety import Safety
 from otwarp.haptics.core.config import HandConfig, PassivityConfig, SafetyConfig, checked_gains
 from otwarp.haptics.core.types import (
     ZERO,
@@ -68,8 +69,9 @@ class Chain:
         chain = config.chain
         self.config, self.model = config, model
         self._period = 1.0 / chain.rate
-        self.safety = Safety(config.safety, chain.rate)
-        self.passivity = Passivity(chain.passivity or PassivityConfig(), self._period)
+        self._limited = chain.passivity is not None
+        self.passivity = Passivity(chain.passivity or PassivityConfig(), self._period, chain.quantum)
+        self.safety = Safety(config.safety, chain.rate, self.passivity.bound if self._limited else None)
         self.motion = Motion(config)
         self._velocity = VelocityEstimate(self._period, chain.quantum)
         self._coupling = VirtualCoupling(chain.coupling, chain.rate) if chain.coupling else None
@@ -77,7 +79,6 @@ class Chain:
         self._filter = VectorFilter(low_pass.at(chain.rate).alpha) if low_pass and chain.mode == "stable" else None
         self._paper = PaperRenderer(config, model) if chain.mode == "paper" else None
         self._back = self._to_hand(config.force_gain)
-        self._limited = chain.passivity is not None
         self._moves = self._limited or chain.damping > 0.0
         self._damping = chain.damping
         self._tick = 0
@@ -193,6 +194,15 @@ class Chain:
     def heat(self, value: float) -> None:
         self.safety.heat = value
 
+    @property
+    def account(self) -> Account:
+        """What the hand was given and has not paid back; set for a chain that follows another."""
+        return self.passivity.account
+
+    @account.setter
+    def account(self, value: Account) -> None:
+        self.passivity.account = value
+
     def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         """One servo period; never raises for what is in a sample or a scene, and its force is always safe to send."""
         self._tick += 1
@@ -200,12 +210,13 @@ class Chain:
         elapsed = self._elapsed(sample.time)
         self._scene_age += elapsed
         self._device_age = 0.0 if sample.fresh else self._device_age + elapsed
-        if math.isfinite(x + y + z):
-            self.passivity.observe(x, y, z, self.safety.force)
+        finite = math.isfinite(x + y + z)
+        if finite:
             self._position = (x, y, z)
         else:
             self._fault("the device's position is not finite")
             x, y, z = self._position
+        self.passivity.observe(x, y, z, elapsed, known=finite and sample.fresh)
         new = scene.beat != self._beat
         if new:
             self._refresh(scene)
@@ -216,13 +227,14 @@ class Chain:
         if self._anchors and not alive:
             # a simulation that comes back has its traps where it left them
             self._anchors = {}
-        force = self._render(x, y, z, holds, new, scene) if self._anchors else ZERO
+        force = self._render(x, y, z, elapsed, holds, new, scene) if self._anchors else ZERO
         if not math.isfinite(force[0] + force[1] + force[2]):
             self._fault("the force is not finite")
             force = ZERO
         self.asked = force
         age = self._scene_age if self._scene_age > self._device_age else self._device_age
         sent = self.safety.step(force, elapsed=elapsed, age=age, allowed=holds)
+        self.passivity.send(sent)
         return self._report(sample, sent)
 
     def _elapsed(self, time: float) -> float:
@@ -275,9 +287,9 @@ class Chain:
         self.safety.fault()
         self._anchors = {}
 
-    def _render(self, x: float, y: float, z: float, holds: bool, new: bool, scene: SceneFrame) -> Vec3:
+    def _render(self, x: float, y: float, z: float, elapsed: float, holds: bool, new: bool, scene: SceneFrame) -> Vec3:
         """The force that the chain asks for [N]."""
-        velocity = self._velocity.step(x, y, z) if self._moves or self._paper else ZERO
+        velocity = self._velocity.step(x, y, z, elapsed) if self._moves or self._paper else ZERO
         if self._coupling:
             x, y, z = self._coupling.step(x, y, z, self._felt)
         carried = self.motion.step(x, y, z, holds)

@@ -9,6 +9,9 @@ from typing import Any
 from otwarp.haptics.core.config import CouplingConfig, HandConfig
 from otwarp.haptics.core.types import Vec3, as_tuples
 
+AT_ONCE = 1e-3
+"""Part of a period below which two samples are at one time, and tell no velocity."""
+
 LONGEST_WINDOW = 15
 """Periods that a velocity estimate looks back at most: 15 ms at 1 kHz is what a slow hand can spare."""
 
@@ -42,7 +45,7 @@ class VelocityEstimate:
 
     Of the lines through the newest sample and the n-th before it, the longest is taken for which every sample between
     lies within ±quantum of the line. Fast motion has a short window and little delay, slow motion a long one and
-    little noise. Samples are taken to be `period` apart.
+    little noise.
 
     Source: Janabi-Sharifi, Hayward and Chen 2000, "Discrete-time adaptive windowing for velocity estimation", IEEE
     Transactions on Control Systems Technology 8(6), 1003–1009, doi:10.1109/87.880606.
@@ -52,51 +55,66 @@ class VelocityEstimate:
         quantum: Noise margin [m]; 0 takes the difference of the last two samples, except in perfectly even motion.
     """
 
-    __slots__ = ("_axes", "_period", "_quantum")
+    __slots__ = ("_ages", "_axes", "_period", "_quantum", "_velocity")
 
     def __init__(self, period: float, quantum: float) -> None:
         self._period, self._quantum = period, quantum
-        self._axes: tuple[list[float], ...] = ([], [], [])
+        self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
-        self._axes = ([], [], [])
+        self._axes: tuple[list[float], ...] = ([], [], [])
+        self._ages: list[float] = []
+        self._velocity: Vec3 = (0.0, 0.0, 0.0)
 
-    def step(self, x: float, y: float, z: float) -> Vec3:
-        """Velocity [m/s] with the hand at x, y, z [m]."""
-        a, b, c = self._axes
-        return self._slope(a, x), self._slope(b, y), self._slope(c, z)
+    def step(self, x: float, y: float, z: float, elapsed: float | None = None) -> Vec3:
+        """Velocity [m/s] with the hand at x, y, z [m].
 
-    def state(self) -> list[list[float]]:
-        """What changes from step to step, for JSON: the window of each axis."""
-        return [list(axis) for axis in self._axes]
+        Args:
+            x, y, z: The new sample.
+            elapsed: Time since the last one [s], None for a period; the velocity is as it was if that is 0.
+        """
+        elapsed = self._period if elapsed is None else elapsed
+        if elapsed >= AT_ONCE * self._period:
+            a, b, c = self._axes
+            if self._quantum > 0.0:
+                ages = self._ages
+                self._ages = ages = [elapsed, *[age + elapsed for age in ages[: len(a) - 1]]] if a else []
+                self._velocity = self._slope(a, x), self._slope(b, y), self._slope(c, z)
+            else:
+                if a:
+                    self._velocity = (x - a[0]) / elapsed, (y - b[0]) / elapsed, (z - c[0]) / elapsed
+                self._axes = [x], [y], [z]
+        return self._velocity
 
-    def restore(self, state: Sequence[Sequence[float]]) -> None:
-        """Go on from a `state`."""
-        x, y, z = state
+    def state(self) -> list[Any]:
+        """What changes from step to step, for JSON: the window of each axis, its ages, and the newest result."""
+        return [*(list(axis) for axis in self._axes), list(self._ages), self._velocity]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from a `state`; earlier versions recorded the windows alone, of samples a period apart."""
+        x, y, z, *rest = state
         self._axes = (list(x), list(y), list(z))
+        ages, velocity = rest or ([n * self._period for n in range(1, len(x))], (0.0, 0.0, 0.0))
+        self._ages, self._velocity = list(ages), as_tuples(velocity)
 
     def _slope(self, past: list[float], x: float) -> float:
         """Slope of one axis; `past` holds its samples, newest first."""
         low, high, slope, q = -math.inf, math.inf, 0.0, self._quantum
-        if q == 0.0:
-            slope = x - past[0] if past else 0.0
-            past[:] = [x]
-            return slope / self._period
-        for n, before in enumerate(past, 1):
-            s = (x - before) / n
+        for before, age in zip(past, self._ages, strict=True):
+            s = (x - before) / age
             if not low <= s <= high:
                 break
             slope = s
             # slopes of lines through x that pass this sample within the margin
-            margin = q / n
+            margin = q / age
             if s - margin > low:
                 low = s - margin
             if s + margin < high:
                 high = s + margin
         past.insert(0, x)
         del past[LONGEST_WINDOW:]
-        return slope / self._period
+        return slope
 
 
 class VirtualCoupling:

@@ -12,6 +12,7 @@ from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 from otwarp.errors import InputError
+from otwarp.haptics.chain.passivity import Account
 from otwarp.haptics.core.config import Gains, checked_gains
 from otwarp.haptics.core.types import (
     ACTION_BITS,
@@ -55,6 +56,14 @@ class ChainLike(Protocol):
 
     @heat.setter
     def heat(self, value: float) -> None: ...
+
+    @property
+    def account(self) -> Account:
+        """Energy that the hand was given and has not paid back, see `passivity.Passivity`."""
+        ...
+
+    @account.setter
+    def account(self, value: Account) -> None: ...
 
     def step(self, sample: DeviceSample, scene: SceneFrame) -> ServoFrame:
         """One servo cycle: the force to render and the traps to move."""
@@ -100,7 +109,8 @@ class Rendering:
         chain: None before `make`, after a failure and while the device is away.
         gains: As last set.
         limit, continuous: Of the device [N].
-        heat: Of the last chain that was let go, which the next one begins with: the motors are the same [N²].
+        heat, account: Of the last chain that was let go, which the next one begins with: the motors are the same [N²],
+            and so is the hand, whose debts no new chain forgives.
         said: What went wrong or was limited in the last step, or "".
     """
 
@@ -110,6 +120,7 @@ class Rendering:
         self.info: DeviceInfo | None = None
         self.gains: Gains = (None, None)
         self.limit = self.continuous = self.heat = 0.0
+        self.account: Account | None = None
         self.said = ""
         self._log = self._logged = 0
 
@@ -125,6 +136,8 @@ class Rendering:
         if self.gains != (None, None):
             chain.set_gains(*self.gains)
         chain.heat = self.heat
+        if self.account is not None:
+            chain.account = self.account
         self.chain = chain
         self._note(MADE)
 
@@ -184,7 +197,7 @@ class Rendering:
     def drop(self) -> None:
         """The device is away: its chain goes."""
         if self.chain is not None:
-            self.heat = self.chain.heat
+            self.heat, self.account = self.chain.heat, self.chain.account
         self.chain = None
 
     def actions(self) -> int:
@@ -197,6 +210,7 @@ class Rendering:
         return {
             "gains": list(self.gains),
             "heat": self.heat,
+            "account": self.account,
             "device": asdict(self.info) if self.info else None,
             "chain": self.chain.state(scene) if self.chain is not None else None,
         }
@@ -209,17 +223,20 @@ class Rendering:
         """
         try:
             motion, force = state["gains"]
-            heat = float(state.get("heat", 0.0))  # recordings of earlier versions lack it
+            heat, account = float(state.get("heat", 0.0)), state.get("account")  # earlier versions lack them
+            if account is not None:
+                energy, floor, stake, hold = map(float, account)
+                account = energy, floor, stake, hold
             device, chain = state["device"], state["chain"]
             info = DeviceInfo(**device) if device is not None else None
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"start of a recording: is none ({error})") from None
-        self.gains, self.heat = checked_gains(motion, force), heat
+        self.gains, self.heat, self.account = checked_gains(motion, force), heat, account
         if info is not None:
             self.make(info)
             if chain is None:
                 self.drop()
-                self.heat = heat
+                self.heat, self.account = heat, account
         if chain is not None and self.chain is not None:
             self.chain.restore(chain)
         self.actions()

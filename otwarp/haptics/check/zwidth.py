@@ -20,6 +20,7 @@ from typing import Any
 
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.paper_mode import RELEASE_ALPHA, RELEASE_RATE, PaperForce
+from otwarp.haptics.chain.passivity import LONGEST, stiffest
 from otwarp.haptics.core.config import (
     IDENTITY,
     TOUCH_DAMPING,
@@ -315,7 +316,8 @@ class FeltLimit:
 
 def limits() -> tuple[FeltLimit, ...]:
     """What is limited in the Touch's preset, and in the paper's chain, by its numbers."""
-    period, b, safety = 1.0 / RATE, TOUCH_DAMPING, TOUCH_SAFETY
+    period, b, safety, passivity = 1.0 / RATE, TOUCH_DAMPING, TOUCH_SAFETY, PassivityConfig()
+    springs = ", ".join(f"{stiffest(passivity, period, t):.3g} at {1e3 * t:g} ms" for t in (period, 0.008, LONGEST))
     tau = -period / math.log(1.0 - RELEASE_ALPHA)
     step = 1e4 * TOUCH_QUANTUM
     return (
@@ -330,6 +332,17 @@ def limits() -> tuple[FeltLimit, ...]:
             f"α = {RELEASE_ALPHA:g} at {RATE:g} Hz is a lag of {1e3 * tau:.1f} ms, and friction must pay for it",
         ),
         FeltLimit(
+            "stiffness by the longest hold of the last seconds",
+            f"{springs} [N/m]",
+            "passivity control: a stiffer spring is softened where one hold could give more than the hand gave to it",
+        ),
+        FeltLimit(
+            "energy that the hand is given",
+            f"{1e3 * passivity.reserve:g} mJ on time",
+            f"for motion to {passivity.speed:g} m/s and {passivity.acceleration:g} m/s²; a first late hold T may give "
+            f"force × {passivity.speed:g} m/s × T, which must be paid back",
+        ),
+        FeltLimit(
             "smoothness of a stiff wall",
             f"{step:.2f} N per step at 10 kN/m",
             f"the encoder resolves {1e6 * TOUCH_QUANTUM:.0f} µm: a vibration stays, bounded",
@@ -337,7 +350,7 @@ def limits() -> tuple[FeltLimit, ...]:
         FeltLimit(
             "change of the force",
             f"{safety.slew:g} N/s, {safety.slew * period:g} N per period",
-            "slew limit: no output jumps, whatever happens before it",
+            "slew limit: no output jumps, but for a force that passivity takes away",
         ),
         FeltLimit("force", f"{safety.clamp:g} N", "clamp: what the device can render"),
         FeltLimit(

@@ -90,7 +90,7 @@ class CouplingConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassivityConfig:
-    """Time-domain passivity control, see `otwarp.haptics.chain.safety.Passivity`.
+    """Passivity control, see `otwarp.haptics.chain.passivity.Passivity`.
 
     Attributes:
         reserve: Energy that the chain may give before it must have taken any [J]; the ε of its passivity.
@@ -99,12 +99,23 @@ class PassivityConfig:
             smoothly.
         damping_limit: Largest damping used to win back energy [N·s/m]. A sampled damper acts on the velocity of the
             last period and so destabilizes a mass m from 2m/T on; default: a tenth of that for 0.15 kg at 1 kHz.
+        speed: Fastest that the hand moves [m/s].
+        acceleration: Most that it speeds up or turns with [m/s²]; one that was seen to do more is expected to reach
+            `speed` at once. The default is five times g.
+        hold: Shortest time for which a force is expected to be held [s]; the longest of the last seconds counts if it
+            is longer. 0.1 bounds the energy for every schedule of cycles, the first late one included, and leaves
+            nearly no force.
+        noise: Largest error of the device's position that differs from sample to sample [m].
     """
 
     reserve: float = number(1e-4, 0.0, 1.0, "J")
     capacity: float = number(0.2, 0.0, 10.0, "J", open_low=True)
     share: float = number(0.25, 0.0, 1.0, "", open_low=True)
     damping_limit: float = number(30.0, 0.0, 1e3, "N·s/m")
+    speed: float = number(0.5, 0.0, 100.0, "m/s", open_low=True)
+    acceleration: float = number(50.0, 0.0, math.inf, "m/s²", open_low=True)
+    hold: float = number(0.0, 0.0, 0.1, "s")
+    noise: float = number(1e-7, 0.0, 1e-2, "m")
 
     def __post_init__(self) -> None:
         check_fields(self, "passivity")

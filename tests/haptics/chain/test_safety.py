@@ -256,3 +256,16 @@ def test_a_force_that_falls_does_not_follow_a_hand_that_pulls():
         assert now < before or now == 0.0
         before = now
     assert before == 0.0
+
+
+def test_what_passivity_takes_away_goes_at_once_and_comes_back_by_the_slew_limit():
+    left = [math.inf]
+    safety = Safety(
+        SafetyConfig(ramp_time=0.0), 1000.0, lambda force: force if force[0] <= left[0] else (left[0], 0, 0)
+    )
+    safety.arm()
+    sizes = []
+    for n in range(8):
+        left[0] = 0.1 if n == 4 else math.inf
+        sizes.append(safety.step((3.0, 0.0, 0.0), elapsed=PERIOD, age=0.0, allowed=True)[0])
+    assert sizes == pytest.approx([1.0, 2.0, 3.0, 3.0, 0.1, 1.1, 2.1, 3.0])

@@ -15,7 +15,8 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, VirtualCoupling
 from otwarp.haptics.chain.paper_mode import PaperForce, PaperRenderer
-from otwarp.haptics.chain.safety import Passivity, Safety
+from otwarp.haptics.chain.passivity import Passivity
+from otwarp.haptics.chain.safety import Safety
 from otwarp.haptics.core.config import CouplingConfig, HandConfig, LowPass, PassivityConfig, SafetyConfig
 from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3, scene_from_list
 from otwarp.haptics.force.law import IsotropicLaw, LocalModel, SplitLaw
@@ -63,8 +64,12 @@ def step_safety(part: Safety, rng: random.Random) -> Any:
 
 
 def step_passivity(part: Passivity, rng: random.Random) -> Any:
-    part.observe(*vector(rng, 1e-3), vector(rng))
-    return part.control(vector(rng), vector(rng, 0.1)), part.energy
+    chance = rng.random()
+    elapsed = 8.0 * PERIOD if chance < 0.05 else 0.1 * PERIOD if chance < 0.1 else PERIOD
+    part.observe(*vector(rng, 3e-5), elapsed, known=chance < 0.8)
+    sent = part.bound(part.control(vector(rng), vector(rng, 0.1)))
+    part.send(sent)
+    return sent, part.energy
 
 
 def step_motion(part: Motion, rng: random.Random) -> Any:
@@ -245,12 +250,15 @@ def test_a_copy_goes_on_bit_for_bit_from_any_moment(name, at):
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_state_that_an_earlier_version_recorded_is_read_and_written_alike(name):
-    """Its layout is on users' disks; the states are those of 9a89201, from mid-session."""
+def test_a_state_that_an_earlier_version_recorded_is_read_and_kept(name):
+    """Its layout is on users' disks; the states are those of 9a89201, from mid-session. Two parts have grown since."""
     earlier = json.loads(Path(__file__).with_name("earlier_states.json").read_text())[name]
     chain = make_chain(hand_config(**CONFIGS[name]))
     chain.restore(earlier)
-    assert through_json(chain.state(scene_from_list(earlier["scene"]))) == earlier
+    written = through_json(chain.state(scene_from_list(earlier["scene"])))
+    for part, kept in (("passivity", 2), ("windows", 3)):
+        written[part] = written[part][:kept]
+    assert written == earlier
 
 
 def test_a_state_of_another_configuration_is_refused():

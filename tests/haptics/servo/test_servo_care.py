@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -62,6 +63,28 @@ def test_a_new_chain_has_the_heat_of_the_motors_that_it_drives():
     rendering.drop()
     again.restore(rendering.state(scene_at(1, 0.0)))
     assert again.chain is None and again.heat == rendering.heat
+
+
+def test_a_new_chain_owes_what_the_last_one_owed():
+    """Whoever disarms, faults or unplugs gets no new reserve."""
+    rendering = Rendering(lambda info: make_chain(hand_config(ramp_time=0.0)))
+    rendering.make(INFO)
+    passivity = rendering.chain.passivity
+    passivity.observe(0.0, 0.0, 0.0, 1e-3)
+    passivity.send((1.0, 0.0, 0.0))
+    passivity.observe(0.01, 0.0, 0.0, 0.05)
+    rendering.disarm()
+    rendering.arm()
+    assert rendering.chain.account[0] == pytest.approx(-0.01, rel=1e-3)
+    owed = rendering.chain.account
+    for _ in range(3):
+        rendering.make(INFO)
+        assert rendering.chain.account == owed
+    again = Rendering(lambda info: make_chain(hand_config(ramp_time=0.0)))
+    rendering.drop()
+    again.restore(json.loads(json.dumps(rendering.state(scene_at(1, 0.0)))))
+    again.arm()
+    assert again.chain.account == owed
 
 
 class Asking(SpringChain):
