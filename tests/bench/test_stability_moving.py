@@ -26,7 +26,7 @@ def test_a_trap_that_blinks_once_a_step(effort):
 
 @pytest.mark.parametrize("along", [False, True], ids=["orientation", "axis"])
 def test_a_free_dimer_at_twice_the_chosen_step(along, effort):
-    """D_r dt = 0.48: the displacement along the axis was 6 % too large; standard error 0.8 %."""
+    """D_r dt = 0.48: the displacement along the axis was 5 % too large; standard error 0.8 %."""
     found = rotor(effort, length=2, factor=2.0, along=along)
     assert found.verdict is CellVerdict.ACCURATE
     assert 0.0 < abs(found.predicted) < 0.02

@@ -64,7 +64,7 @@ def largest_error(trap: Trap, step: float, integrator: str, precision: str, devi
 
 @pytest.mark.parametrize(("integrator", "precision"), WAYS)
 def test_a_trap_that_circles_once_a_step(integrator, precision, device):
-    """At k·dt/γ = 0.02 the focus was at the same place whenever a step looked, and drew the bead 0.4 µm off."""
+    """At k·dt/γ = 0.02 the focus was at the same place whenever a step looked, and drew the bead 0.34 µm off."""
     error, far = largest_error(circling(60.0, 5e-4, 0.02), 1.0 / 60.0, integrator, precision, device)
     assert far == pytest.approx(0.0031, abs=2e-4)
     assert error < 1e-4
