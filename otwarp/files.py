@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ def written(path: Path, what: str = "") -> Iterator[Path]:
 
     Raises:
         InputError: `what` cannot be written.
+        OSError: The disk is full; it names `path`.
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -26,6 +28,14 @@ def written(path: Path, what: str = "") -> Iterator[Path]:
         part.replace(path)
     except BaseException as error:
         part.unlink(missing_ok=True)
-        if what and isinstance(error, OSError):
-            raise InputError(f"{what} cannot be written: {error.strerror}") from error
+        if isinstance(error, OSError):
+            check_full(error, path)
+            if what:
+                raise InputError(f"{what} cannot be written: {error.strerror}") from error
         raise
+
+
+def check_full(error: OSError, path: Path) -> None:
+    """Raise an error of a full disk, which is no fault of the input, with the path that could not be written."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        raise OSError(error.errno, error.strerror, str(path)) from error

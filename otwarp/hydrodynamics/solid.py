@@ -66,7 +66,7 @@ def closed_mesh(mesh: Any, scale: float = 1.0) -> ClosedMesh:
         if not Path(mesh).is_file():
             raise InputError(f"{name}: no such file; allowed: a file with a closed triangle mesh")
         try:
-            mesh = trimesh.load_mesh(mesh)
+            mesh = trimesh.load_mesh(mesh, process=False)  # which would drop triangles with a corner that is none
         except Exception as error:  # what its many readers raise has no common class
             reason = " ".join(str(error).split())
             raise InputError(f"{name}: {reason}; allowed: a file with a closed triangle mesh") from None
@@ -74,6 +74,10 @@ def closed_mesh(mesh: Any, scale: float = 1.0) -> ClosedMesh:
         mesh = trimesh.Trimesh(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1]), process=False)
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"{name}: no triangles; allowed: a closed triangle mesh")
+    wrong = np.flatnonzero(~np.isfinite(mesh.vertices[mesh.faces]).all(axis=(1, 2)))
+    if len(wrong):
+        corners = mesh.vertices[mesh.faces[wrong[0]]].tolist()
+        raise InputError(f"{name}: triangle {wrong[0]} has the corners {corners}; allowed: finite numbers")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)  # joins the corners that STL keeps apart
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise InputError(f"{name}: the surface has holes or is turned inside out in parts; allowed: a closed one")

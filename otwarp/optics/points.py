@@ -52,6 +52,8 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
         value = float(text or "")
     except ValueError:
         value = float("nan")
+    if text is None:
+        raise InputError(f"{path}: line {line} ends before column {column}; allowed: {', '.join(POINT_COLUMNS)}")
     if not math.isfinite(value):
         raise InputError(f"{path}: line {line}, column {column} is {text!r}; allowed: a finite number")
     return value

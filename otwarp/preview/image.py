@@ -12,6 +12,7 @@ import numpy as np
 from PIL import GifImagePlugin, Image
 
 from otwarp.errors import InputError
+from otwarp.files import check_full
 
 _CHANGED = 3
 """Levels by which a pixel must differ from the frame before to be written again."""
@@ -28,6 +29,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     try:
         file = hidden.open("wb")
     except OSError as error:
+        check_full(error, path)
         raise InputError(
             f"{path}: cannot be written ({error.strerror}); a file in a writable folder is wanted"
         ) from None
@@ -37,6 +39,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
         hidden.replace(path)
     except OSError as error:
         hidden.unlink(missing_ok=True)
+        check_full(error, path)
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     except BaseException:
         hidden.unlink(missing_ok=True)

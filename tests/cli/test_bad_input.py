@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -159,3 +162,40 @@ def test_validate_refuses_with_exit_code_2(tmp_path: Path, capfd: pytest.Capture
     assert main(["validate", str(tmp_path / "absent.usda")]) == 2
     problem = "there is no such file; a scene must be a USD"
     assert capfd.readouterr().err.startswith(f"error: {tmp_path / 'absent.usda'}: /: {problem}")
+
+
+def test_a_short_row_of_points_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("x_um,y_um,z_um\n0,0,0\n1,2\n")
+    assert main(["forces", "--radius", "1", "--points", str(points), "--out", str(tmp_path / "forces.csv")]) == 2
+    words = f"otwarp: {points}: line 3 ends before column z_um; allowed: x_um, y_um, z_um\n"
+    assert capfd.readouterr().err == words
+
+
+SMALL_DISK = """
+set -e
+mkdir -p "$0" && mount -t tmpfs -o size=300k tmpfs "$0"
+trap 'umount "$0"' EXIT
+set +e
+"$1" -m otwarp run "$2" --worlds 200 --duration 2 --device cpu --out "$0/run"; echo "run $?"; rm -rf "$0/run"
+head -c 290000 /dev/zero > "$0/full"
+"$1" -m otwarp preview "$2" -o "$0/bead.png"; echo "preview $?"
+"$1" -m otwarp forces --radius 1 --plot "$0/force.png"; echo "forces $?"
+ls -A "$0"
+"""
+"""Commands that write on a disk of 300 kB: folder, Python, scene."""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
+def test_a_disk_that_is_really_full_is_named(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    command = ["unshare", "--mount", "bash", "-c", SMALL_DISK, str(disk), sys.executable, BEAD]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(BEAD).parents[1])
+    if "mount" in done.stderr.split(":")[0] or "unshare" in done.stderr.split(":")[0]:
+        pytest.skip(f"no mounting here: {done.stderr.strip()}")
+    assert done.stdout.split() == ["run", "1", "preview", "1", "forces", "1", "full"]
+    run, preview, forces = done.stderr.splitlines()
+    full = "No space left on device"
+    assert str(disk / "run") in run and full in run
+    assert f"{disk / 'bead.png'}" in preview and full in preview
+    assert f"{disk / 'force.png'}" in forces and full in forces

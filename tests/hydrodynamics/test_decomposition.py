@@ -105,9 +105,14 @@ def test_bad_input(tmp_path, monkeypatch):
     open_mesh.update_faces(np.arange(len(open_mesh.faces)) > 0)
     broken = tmp_path / "broken.stl"
     broken.write_text("not a mesh")
+    hole = tmp_path / "hole.stl"
+    corners = mesh.triangles.copy()
+    corners[7, 1, 2] = np.nan
+    trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False).export(hole)
     for call, says in (
         (lambda: decompose(tmp_path / "none.stl"), "none.stl: no such file"),
         (lambda: decompose(broken), "broken.stl: .*allowed: a "),
+        (lambda: decompose(hole), r"hole.stl: triangle 7 has the corners .* nan.*; allowed: finite numbers"),
         (lambda: decompose(open_mesh), "argument mesh: the surface has holes"),
         (lambda: decompose((np.zeros((0, 3)), np.zeros((0, 3), int))), "argument mesh: no triangles"),
         (lambda: decompose(mesh, spheres=0), r"argument spheres = 0: must be a whole number in \[1, 128\]"),

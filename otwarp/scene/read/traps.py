@@ -96,7 +96,10 @@ def _check_cover(source: Source, prim: Usd.Prim, name: str, samples: Track, dura
     first, last = float(samples.times[0]), float(samples.times[-1])
     if samples.animated and (first > TIME_SLACK or last < duration - TIME_SLACK):
         span = f"time samples from {first:g} s to {last:g} s"
-        raise source.bad(prim, name, span, f"covering the run, [0, {duration:g}] s")
+        late = last < duration - TIME_SLACK
+        at = f"{source.start + (source.rate * duration if late else 0.0):g}"
+        remedy = f"the {'last' if late else 'first'} value again at time code {at} holds it"
+        raise source.bad(prim, name, span, f"covering the run, [0, {duration:g}] s; {remedy}")
 
 
 def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw | None, TrapLaw | None]:

@@ -104,11 +104,13 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
     ),
     "samples end early": (
         [(SAMPLES, "{ 0: (0, 0, 5), 59: (6, 0, 5) }")],
-        r"/World/Trap: xformOp:translate = time samples from 0 s to 0.98\d* s: must be covering the run, \[0, 1\] s",
+        r"/World/Trap: xformOp:translate = time samples from 0 s to 0.98\d* s: must be covering the run, \[0, 1\] s; "
+        "the last value again at time code 60 holds it",
     ),
     "samples start late": (
         [(SAMPLES, "{ 1: (0, 0, 5), 60: (6, 0, 5) }")],
-        r"/World/Trap: xformOp:translate = time samples from 0.01\d* s to 1 s: must be covering",
+        r"/World/Trap: xformOp:translate = time samples from 0.01\d* s to 1 s: must be covering .*; "
+        "the first value again at time code 0 holds it",
     ),
     "power samples end early": (
         [("power = 0.03", "power.timeSamples = { 0: 0.03, 30: 0.01 }")],
