@@ -117,6 +117,7 @@ class Hands:
     Attributes:
         frames: Each hand as last heard of.
         status: The servo's last report.
+        law: What computes the forces, for the user; "" for unknown.
     """
 
     def __init__(self, plans: Sequence[HandPlan], servo: ServoLike | None):
@@ -126,6 +127,7 @@ class Hands:
         self._armed = [False] * len(self._names)
         self._notes = [""] * len(self._names)
         self.status: ServoStatus | None = None
+        self.law = ""
         self.frames: tuple[HandFrame, ...] = tuple(
             HandFrame(
                 name=plan.name,

@@ -47,7 +47,8 @@ class PageFrame:
         position, orientation: (B, 3) and (B, 4) of the bodies' prims.
         trap_position, trap_power, trap_force, trap_distance: (T, 3), (T,), (T, 3), (T,).
         contact_force, contact_load: (B, 3), (B,).
-        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals: See `LiveFrame` and `Frame`.
+        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals, law: See `LiveFrame` and
+            `Frame`.
     """
 
     stamp: float
@@ -69,6 +70,7 @@ class PageFrame:
     task: str
     recording: str | None
     trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
+    law: str = ""
 
     @classmethod
     def of(cls, live: LiveFrame, stamp: float) -> PageFrame:
@@ -88,6 +90,7 @@ class PageFrame:
             task=live.task,
             recording=live.recording,
             trap_goals=dict(live.trap_goals),
+            law=live.law,
         )
 
 

@@ -183,6 +183,7 @@ class Session:
                 seed=o.seed,
                 device=o.device,
             )
+            self.loop.hands.law = self.law
         except BaseException:
             self._close_boxes()
             raise

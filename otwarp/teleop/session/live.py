@@ -301,6 +301,7 @@ class LiveLoop:
             warnings=(self.failure, *warnings) if self.failure else warnings,
             task=self._task(frame),
             recording=str(self.recording) if self.recording else None,
+            law=self.hands.law,
         )
 
     def _tell_of_hands(self) -> None:

@@ -44,7 +44,8 @@ def test_the_figures_say_how_all_keep_up():
     for part in ("1.50 s", "0.40</span> of 1.00", "0.90 s", "98 % busy", "30 frames/s, 2 windows", "≤ 12 ms"):
         assert part in text
     assert "3 late cycles" in text and "20 µs worst" in text and "states refused" not in text
-    assert "–" in figures(frame, 0.0, None, 0)
+    assert "–" in figures(frame, 0.0, None, 0) and "force law" not in text
+    assert "in Python: no room &lt;img" in figures(page_frame(law=f"in Python: no room {EVIL}"), 30.0, None, 1)
 
 
 def test_a_hand_says_its_state():

@@ -100,9 +100,11 @@ def test_a_session_with_pauses_resets_and_gains_is_recorded_twice_and_replays(tm
     report = Session(three_beads(), options, sinks=[script], say=lambda line: None).run()
     assert script.complaints == []
     assert report["recording"] == str(second)
+    # what the servo ran compiled, replays compute in Python
+    assert report["law"] == "compiled" and "force law compiled" in report["text"]
     for path in (first, second):
         found = replay_recording(path)
-        assert found.complete
+        assert found.complete and found.law == "compiled"
         assert [(hand.first, hand.gaps, hand.skipped) for hand in found.hands] == [("", 0, 0)] * 2
         assert found.equal
         assert min(hand.compared for hand in found.hands) > 100
