@@ -13,7 +13,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS
 from otwarp.kernels.drivers.grid_contacts import CHUNKS, RELAXATIONS
-from otwarp.kernels.drivers.grid_data import GridData, Link, NeighbourData, PushData, whole_contacts
+from otwarp.kernels.drivers.grid_data import GridData, Link, NeighbourData, PushData, lifts_noise, whole_contacts
 from otwarp.kernels.drivers.grid_move import two_stages
 from otwarp.kernels.drivers.neighbours import NEIGHBOURS
 from otwarp.simulation.model import Model
@@ -100,11 +100,11 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.near = allocate_neighbours(model, state)
     data.clock = wp.zeros(1, dtype=wp.int64, device=device)
     data.until = wp.zeros(1, dtype=wp.int64, device=device)
-    for name in ("left", "touching", "sweep", "unsettled", "row", "turn"):
+    for name in ("left", "touching", "sweep", "unsettled", "again", "row", "turn"):
         setattr(data, name, wp.zeros(1, dtype=wp.int32, device=device))
     data.linear = wp.zeros((w, own), dtype=wp.vec3, device=device)
     data.angular = wp.zeros((w, own if f.rigid else 0), dtype=wp.vec3, device=device)
-    again = own if two_stages(f) else 0
+    again = own if two_stages(f) or lifts_noise(f) else 0
     data.drift = wp.zeros((w, again), dtype=wp.vec3, device=device)
     data.turning = wp.zeros((w, again if f.rigid else 0), dtype=wp.vec3, device=device)
     touching = own if f.contacts else 0

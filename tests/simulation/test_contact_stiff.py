@@ -142,8 +142,9 @@ def test_overlapping_beads_part_without_gaining_energy(modulus, time_step, devic
         assert last < 0.05 * first
 
 
-def test_the_pull_off_force_of_hard_polymer(device):
-    """A sticky bead of 3 GPa on a glass floor: 0.9 of 2πRW does not lift it, 1.1 does."""
+@pytest.mark.parametrize("noise", [False, True], ids=["without noise", "1e-9 K"])
+def test_the_pull_off_force_of_hard_polymer(noise, device):
+    """A sticky bead of 3 GPa on a glass floor: 0.9 of 2πRW does not lift it, 1.1 does; nor does noise that is none."""
     sticky = dataclasses.replace(IP_L, adhesion=1.0, adhesion_range=0.01)
     pull_off = 2.0 * np.pi * 1.0
     for share in (0.9, 1.1):
@@ -151,7 +152,8 @@ def test_the_pull_off_force_of_hard_polymer(device):
         stiffness = 20.0
         place = (0.0, 0.0, 1.0 + share * pull_off / stiffness)
         traps = (harmonic("TA", place, cutoff=9.0), harmonic("TB", (30, 0, 8), power=0.0))
-        sim = Simulation(quiet(contact_scene(first, second, traps=traps, time_step=1e-4)), device=device)
+        scene = contact_scene(first, second, traps=traps, time_step=1e-4)
+        sim = Simulation(scene if noise else quiet(scene), device=device)
         sim.run(0.2)
         height = float(sim.state.position.numpy()[0, 0, 2])
         force = sim.readout.contact_force.numpy()[0, 0, 2]

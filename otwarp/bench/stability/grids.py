@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from otwarp.bench.scenes import PLACE
+from otwarp.bench.stability.gaps import KINDS, PAIRS, contacts_in_box, pair_in_trap
 from otwarp.bench.stability.mechanical import (
     dragged_bead,
     first_overlap,
@@ -249,6 +250,25 @@ GRIDS: tuple[StressGrid, ...] = (
             ("temperature", TEMPERATURES[1:]),
             ("step", (0.0625, 0.25, 1.0, 4.0)),
         ),
+    ),
+    StressGrid(
+        name="trapped-pair",
+        title="Two hard beads with noise in a spring of 20 pN/µm: mean gap over its standard deviation (Boltzmann)",
+        axes=("driver", "k·dt/γ"),
+        cells=product(pair_in_trap, ("driver", tuple(PAIRS)), ("z", (0.02, 0.05, 0.1, 0.2))),
+    ),
+    StressGrid(
+        name="weak-pair",
+        title="The same in a spring of 0.4 pN/µm",
+        axes=("driver", "k·dt/γ"),
+        cells=product(partial(pair_in_trap, stiffness=0.4), ("driver", tuple(PAIRS)), ("z", (0.02, 0.05, 0.1, 0.2))),
+    ),
+    StressGrid(
+        name="box",
+        title="Eight hard beads with noise in a box, chosen time step: gaps below a step's spread against Metropolis",
+        axes=("contacts", "driver"),
+        cells=product(contacts_in_box, ("kind", tuple(KINDS)), ("driver", ("world", "body"))),
+        full_only=True,
     ),
     StressGrid(
         name="long",

@@ -54,19 +54,23 @@ class Contact:
     """Least force the contact can carry [pN]: minus the pull-off force; what a gap feels when it is not yet closed."""
     stiffness: float
     """Slope of that line, −dF/dgap [pN/µm]; until the contacts are solved together the one at the start."""
-    drift: float
-    """Displacement of a moving obstacle along the normal during the step [µm]."""
+    drift: wp.vec3
+    """Displacement of a moving obstacle during the step [µm]: of its centre of curvature, or of the point touched."""
+    curvature: float
+    """One over the distance of the touching elements' centres of curvature where they touch [1/µm], 0 if flat."""
+    ridge: wp.vec3
+    """Unit vector across the normal along which they are flat, 0 if they are curved both ways."""
+    lift: float
+    """Opening of the gap by motion across the normal [µm], see `travel.lift_of`; that of the solution before."""
     response_a: Move
     """Displacement of a per unit contact force [µm/pN]; `response_b` that of b for the reaction."""
     response_b: Move
     give: float
     """Opening of the gap per unit contact force [µm/pN]."""
     wander: float
-    """−2 s² ln U of this step's thermal excursion [µm²], see `excursion`; 0 without one."""
+    """W = −2 s² ln U of this step's thermal excursion [µm²], see `excursion`; 0 without one."""
     layer: float
     """Depth of it that the elastic contact resolves by itself [µm]."""
-    least: float
-    """Least load in this step [pN]: `floor`, or what keeps the excursion out."""
     load: float
     """Solution λ: mean force during the step [pN]."""
 

@@ -7,7 +7,7 @@ distributed as Boltzmann has them. Everything else is as in `solve`.
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.solve import apply_loads, couple, prepare, press_closed, share_excursions, solve_law
+from otwarp.kernels.contact.solve import apply_loads, couple, prepare, press_closed, solve_law
 from otwarp.kernels.hydrodynamics.coupling import block_at
 
 
@@ -77,7 +77,6 @@ def solve_coupled_contacts(
             for j in range(i + 1, held):
                 more_open = opening_by_carrying(pair, contacts[i], contacts[j])
                 matrix[i * held + j] = matrix[i * held + j] + more_open
-        share_excursions(contacts, held, matrix, free, right, on)
         worst = solve_law(contacts, held, matrix, free, right, pivot, order, on)
         apply_loads(contacts, held, 1.0, linear, angular)
         carry_bodies(contacts, held, bodies, 1.0, pair, linear)

@@ -17,7 +17,7 @@ from otwarp.kernels.contact.contact import (
     rigid_response,
     sphere_response,
 )
-from otwarp.kernels.contact.curvature import relative_radius_term
+from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relative_radius_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.contact.segments import (
@@ -129,7 +129,9 @@ def touch_term(f: Features) -> wp.Function:
         if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
             raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
         radius = ri * rj / (ri + rj)
-        return new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, wp.normalize(way), radius, overlap)
+        c = new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, wp.normalize(way), radius, overlap)
+        c.curvature = 1.0 / (ri + rj)
+        return c
 
     return touch
 
@@ -138,6 +140,7 @@ def touch_wall_term(f: Features) -> wp.Function:
     """`(model, readout, world, a, o, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
     new_contact = new_contact_term(f)
     relative_radius = relative_radius_term(f.obstacles)
+    path_bend = path_bend_term(f.obstacles)
 
     @wp.func
     def touch_wall(
@@ -155,8 +158,15 @@ def touch_wall_term(f: Features) -> wp.Function:
         normal = wp.quat_rotate(wall.rotation, outward)
         relative = relative_radius(model.obstacles, o, local, outward, radius)
         c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
+        bend = path_bend(model.obstacles, o, local, outward, radius)
+        c.curvature = bend[3]
+        c.ridge = wp.quat_rotate(wall.rotation, wp.vec3(bend[0], bend[1], bend[2]))
         if wp.static(f.moving_obstacles):
-            c.drift = wp.dot(obstacle_drift(wall, later, local - hit[3] * outward), normal)
+            # of the centre of curvature, which does not move where a ball turns about itself
+            below = hit[3]
+            if bend[3] > 0.0:
+                below += 1.0 / bend[3] - radius
+            c.drift = obstacle_drift(wall, later, local - below * outward)
         return c
 
     return touch_wall
@@ -238,6 +248,7 @@ def element_pair_term(f: Features) -> wp.Function:
                             c = touch(
                                 model, readout, world, a, b, pose_a, pose_b, point, near + between, ri, rj, step
                             )  # fmt: skip
+                            c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
                             c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
                             count = put(readout, world, contacts, count, c, step)
         return count
@@ -335,6 +346,7 @@ def element_wall_term(f: Features) -> wp.Function:
                                 c = touch_wall(
                                     model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
                                 )  # fmt: skip
+                                c = beside_rod(c, rod.half)
                                 c = excursion(
                                     model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
                                 )  # fmt: skip

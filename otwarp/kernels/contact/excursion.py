@@ -1,28 +1,37 @@
-"""Thermal excursions of a gap within a step: how hard a contact must push that a Brownian path meets in between.
+"""Thermal excursions of a gap within a step: how hard a contact pushes that a Brownian path meets in between.
 
 A path may touch a wall and be away from it again when the step ends. A step that looks at its end alone lets a bead
 sink by a share of the step's own spread s, whatever the time step: its mean height errs by O(√dt). Between gaps g₀ at
-the start and g₁ at the free end of a step the path is a Brownian bridge of variance s² = 2 k_BT·give; its least gap is
+the start and g₀ + p at the free end of a step the path is a Brownian bridge of variance s² = 2 k_BT·give; its least gap
+is, with U uniform in (0, 1],
 
-    m = ½ (g₀ + g₁ − √((g₁ − g₀)² − 2 s² ln U))
+    m = g₀ + ½ (p − √(p² + W)),  W = −2 s² ln U,
 
-with U uniform in (0, 1], and a wall that is hard pushes by max(−m, 0): this is the exact step of reflected Brownian
-motion (Asmussen, Glynn, Pitman 1995, doi:10.1214/aoap/1177004597). An elastic wall does so only for what an excursion
-reaches beyond the layer that thermal motion enters anyway. By Boltzmann's distribution of Hertz's energy ⅖·K·δ^{5/2} a
-wall stands back by ∫exp(−⅖·K·δ^{5/2}/k_BT) dδ = Γ(7/5)·δ_T with δ_T = (5 k_BT/2K)^{2/5}; backward Euler yields some of
-that by itself, and `LAYER` is what is left. Where δ_T is larger than s, at κ = k·give ≲ 1, the step resolves the wall
-and nothing is left of the excursion.
+and a wall that is hard pushes by x = max(−m, 0): this is the exact step of reflected Brownian motion (Asmussen, Glynn,
+Pitman 1995, doi:10.1214/aoap/1177004597). Solved for the gap g at the end, it is a law of force like Hertz's,
+
+    x = give·λ = W/4g − g₀ where that is positive,
+
+which falls with the gap and so has one solution with any other contacts: p is what the gap opens by moves and by all
+contact forces but its own. Between two walls much nearer than s the gaps are as W to W', so that places are uniform.
+
+An elastic wall pushes so only for what an excursion reaches beyond the layer that thermal motion enters anyway. By
+Boltzmann's distribution of Hertz's energy ⅖·K·δ^{5/2} a wall stands back by ∫exp(−⅖·K·δ^{5/2}/k_BT) dδ = Γ(7/5)·δ_T
+with δ_T = (5 k_BT/2K)^{2/5}; backward Euler yields some of that by itself, and `LAYER` is what is left. Where δ_T is
+larger than s, at κ = k·give ≲ 1, the step resolves the wall and nothing is left of the excursion. With the overlap δ of
+its load an elastic contact obeys
+
+    (give·λ + g₀ + δ + layer)·(g + δ + layer) = W/4,
+
+all of λ above its floor; or Hertz's law, where that asks for more.
 
 Near a hydrodynamic wall mobility falls with the gap and the path slows down on its way; the bridge has the spread of
 the start, which keeps paths off a little too well where steps are far longer than chosen.
-
-The push is the least load that the contact carries in the step, not one on top of what it would carry: where others
-hold the gap closed the excursion adds nothing, and no set of excursions asks for what cannot be.
 """
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import Contact, overlap_alone
+from otwarp.kernels.contact.contact import FIRST_OVERLAP, SETTLED, Contact, overlap_alone
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import thermal_energy_of
 from otwarp.kernels.core.random import Stream, noise_words, squared_radius
@@ -33,6 +42,9 @@ LAYER = wp.constant(0.75)
 (κ from 0.1 to 10⁴, a spring of k·dt/γ = 0.19 that presses by up to 4·k_BT/s) the mean height then errs by at most 0.03
 of its standard deviation. The standard deviation itself is up to a third too small for loaded contacts of κ from 1 to
 30, as without excursions: backward Euler damps what it does not resolve."""
+
+PATH_TOLERANCE = wp.constant(0.02)
+"""Error of a gap, relative to how far its end is above the least gap of its path, with which it counts as solved."""
 
 FARTHEST = wp.constant(3.0)
 """Gap, in s, beyond which a path is taken never to touch: it does once in e¹⁸ = 7·10⁷ steps."""
@@ -50,9 +62,10 @@ def obstacle_name(o: int) -> int:
 def excursion_term(f: Features) -> wp.Function:
     """`(model, world, c, opening, first, second, which, step) -> Contact`: draw what the gap's path does in this step.
 
-    `opening` [µm] is that by the free moves; `first` and `second` are the numbers of the touching elements (or
-    `obstacle_name`), in either order, and `which` tells several contacts of one pair apart, 0 to 3. A contact that its
-    path cannot reach, or that is soft, draws nothing; nor does any without noise.
+    `opening` [µm] is that by the free moves; adhesion pulls on the path beside them. `first` and `second` are the
+    numbers of the touching elements (or `obstacle_name`), in either order, and `which` tells several contacts of one
+    pair apart, 0 to 3. A contact that its path cannot reach, or that is soft, draws nothing, nor does any without
+    noise.
     """
 
     @wp.func
@@ -69,7 +82,7 @@ def excursion_term(f: Features) -> wp.Function:
         """The contact with −2 s² ln U and its thermal layer drawn, where its path may reach the wall in this step."""
         energy = thermal_energy_of(model, world)
         variance = 2.0 * energy * c.give
-        end = opening - c.overlap
+        end = opening + c.give * c.floor - c.overlap
         near = c.overlap >= 0.0 or end <= 0.0 or -c.overlap * end < FARTHEST * FARTHEST * variance
         if near and variance > 0.0:
             layer = LAYER * wp.pow(2.5 * energy / c.hardness, 0.4)
@@ -87,32 +100,88 @@ def excursion_term(f: Features) -> wp.Function:
 
 
 @wp.func
-def least_load(c: Contact, opening: float) -> float:
-    """Least load of a contact whose free moves open its gap by `opening` [µm] in the step [pN].
-
-    Its floor without noise; else what backward Euler makes of the contact alone if its gap ended lower by
-    g₁ − m − layer.
-    """
-    load = c.floor
-    if c.wander > 0.0:
-        lower = 0.5 * (opening + wp.sqrt(opening * opening + c.wander)) - c.layer
-        reach = c.overlap - opening + lower - c.give * c.floor
-        if lower > 0.0 and reach > 0.0:
-            end = overlap_alone(c.hardness, c.give, reach)
-            load += c.hardness * end * wp.sqrt(end)
-    return load
+def above_least(apart: float, wander: float) -> float:
+    """½ (p + √(p² + W)): how far the end of a path is above its least gap [µm], where it opens by p = `apart` [µm]."""
+    larger = 0.5 * (wp.abs(apart) + wp.sqrt(apart * apart + wander))
+    above = larger
+    if apart < 0.0:
+        above = 0.25 * wander / larger
+    return above
 
 
 @wp.func
-def shared_load(own: float, give: float, opened: float) -> float:
-    """Load above its floor of a contact that alone would need `own` [pN], where others open its gap by `opened` [µm].
+def meets_path(c: Contact, apart: float) -> bool:
+    """Whether the path reaches deeper than the layer below its end, so that Hertz's law at the end is not enough."""
+    return c.wander > 0.0 and above_least(apart, c.wander) > c.layer
 
-    `opened` is Σ G·own over the contacts that open it, G the opening per unit force. Contacts drawn each for itself
-    would lift a body that lies on several of them by several excursions. Shares own·give/(own·give + opened) let equal
-    contacts keep out their excursion exactly, whatever their G, and leave little to one whose gap another one opens
-    anyway; in between gaps miss theirs by less than a tenth.
+
+@wp.func
+def kept_reach(c: Contact, apart: float) -> float:
+    """What the load of a contact above its floor has to keep out [µm], give·λ + δ; no load where it is negative.
+
+    `apart` [µm] is how far the gap opens by all but that load. Without a wander it is Hertz's law alone.
     """
-    load = float(0.0)
-    if own > 0.0:
-        load = own * (own * give / (own * give + opened))
-    return load
+    reach = c.overlap - apart
+    if meets_path(c, apart):
+        # ½ (√(p² + W) − p) in place of −p
+        reach = c.overlap + above_least(-apart, c.wander) - c.layer
+    return reach
+
+
+@wp.func
+def path_tangent(c: Contact, apart: float) -> Contact:
+    """The contact with the tangent to its law as a line, where all but its load open its gap by `apart` [µm].
+
+    A lone contact is thereby solved exactly. With x = give·λ the law has the slope −Θ = −ηθ in p, by its stiffness,
+    η = k·give/(1 + k·give), and by its path, θ = ½ (1 − p/√(p² + W)); so the line has the slope Θ/(1 − Θ)/give in the
+    gap at the end. Where nothing is to be kept out, the line starts where something would be.
+    """
+    reach = kept_reach(c, apart)
+    place = float(apart)
+    end = FIRST_OVERLAP * c.radius
+    excess = float(0.0)
+    yields = c.give * c.hardness * wp.sqrt(end)
+    if reach > 0.0:
+        end = overlap_alone(c.hardness, c.give, reach)
+        yields = c.give * c.hardness * wp.sqrt(end)
+        excess = yields * end
+        yields *= 1.5
+    else:
+        start = wp.max(c.layer - c.overlap, wp.static(SETTLED))
+        place = 0.25 * c.wander / start - start
+    up = above_least(place, c.wander)
+    down = above_least(-place, c.wander)
+    # θ = down/(up + down), η = yields/(1 + yields); no differences of numbers near 1
+    follows = down * yields
+    slack = up * (1.0 + yields) + down
+    c.stiffness = follows / (slack * c.give)
+    # above the floor x = (x₀ + Θ (place − s))/(1 − Θ), s the whole opening
+    c.force = c.floor + ((up + down) * (1.0 + yields) * excess + follows * place) / (slack * c.give)
+    return c
+
+
+@wp.func
+def path_tolerance(c: Contact, reach: float) -> float:
+    """Error [µm] that a gap may have where its path asks for `reach` > 0: a share of its end above the least gap."""
+    return wp.where(reach > 0.0, PATH_TOLERANCE * 0.25 * c.wander / (reach + c.layer - c.overlap), 0.0)
+
+
+@wp.func
+def swept_reach(c: Contact, opening: float, start: float, row_sum: float) -> float:
+    """`kept_reach` of a contact whose gap, open by `opening` [µm] at a load of `start` [pN], gives way row_sum·give.
+
+    Negative also where Hertz's law at the end is enough.
+    """
+    reach = float(-1.0)
+    if c.wander > 0.0:
+        ahead = (start - c.floor) * c.give
+        overlap = float(0.0)
+        if ahead > 0.0:
+            overlap = wp.pow(ahead / (c.give * c.hardness), 2.0 / 3.0)
+        begin = c.layer - c.overlap
+        end = begin + opening + overlap - row_sum * (ahead + overlap)
+        # (reach + begin)·(end + row_sum·reach) = W/4, of two roots the positive one
+        kept = above_least(row_sum * begin - end, row_sum * c.wander) / row_sum
+        if 0.25 * c.wander > c.layer * kept:
+            reach = kept - begin
+    return reach

@@ -1,14 +1,14 @@
 """The contact forces of one world and step, solved directly: block principal pivoting with a dense factorisation.
 
-Each contact obeys λ = max(least, F(δ − s)), with s the opening of its gap during the step, itself a result of all λ:
-backward Euler. A line stands for the law F, λ = max(least, F − k·s), at first one that solves a lone contact and keeps
+Each contact obeys λ = max(floor, F(δ − s)), with s the opening of its gap during the step, itself a result of all λ:
+backward Euler. A line stands for the law F, λ = max(floor, F − k·s), at first one that solves a lone contact and keeps
 a resting one exactly (`contact.anticipate`); where several contacts end elsewhere, the tangent there takes its place
 and they are solved again (Newton's method on a convex law, which does not overshoot). For the contacts above their
 least load this is (1/k + G) λ = F/k − s₀, with s₀ the opening without contact forces and G the opening of gap i per
 unit force in contact j; the matrix is symmetric and positive definite. Gaps that nothing closes stay out of it.
 
-The least load is the adhesion's, or what a thermal excursion within the step asks for (`excursion`). Which contacts
-rest on it is found by exchanging all that contradict themselves (Portugal, Júdice, Vicente 1994,
+The least load is the adhesion's. A contact whose path is drawn obeys `excursion`'s law instead, by its tangent. Which
+contacts rest on their least load is found by exchanging all that contradict themselves (Portugal, Júdice, Vicente 1994,
 doi:10.1090/S0025-5718-1994-1250776-4) and, should that cycle, one at a time, which cannot (Murty 1974, Opsearch 11,
 123).
 
@@ -18,9 +18,11 @@ the dozen contacts of a squeezed cell costs less than a few sweeps.
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import SETTLED, Contact, along, anticipate, law_error, tangent_at
-from otwarp.kernels.contact.excursion import least_load, shared_load
-from otwarp.kernels.core.types import Move
+from otwarp.kernels.bodies.rigid import angular_part, linear_part
+from otwarp.kernels.contact.contact import SETTLED, Contact, along, anticipate, law_error, overlap_alone, tangent_at
+from otwarp.kernels.contact.excursion import PATH_TOLERANCE, above_least, kept_reach, meets_path, path_tangent
+from otwarp.kernels.contact.travel import lift_of
+from otwarp.kernels.core.types import Move, vec6
 
 BLOCK_ROUNDS = wp.constant(8)
 """Rounds in which all contradicting contacts are exchanged; after them one at a time."""
@@ -120,14 +122,14 @@ def contradiction(
     if c.stiffness == 0.0:
         return 0.0
     if on != 0:
-        return (c.least - c.load) * (c.give + 1.0 / c.stiffness)
-    return (c.force - c.least) / c.stiffness - free - opening_by_loads(contacts, count, matrix, i)
+        return (c.floor - c.load) * (c.give + 1.0 / c.stiffness)
+    return (c.force - c.floor) / c.stiffness - free - opening_by_loads(contacts, count, matrix, i)
 
 
 @wp.func
 def opening_by_moves(c: Contact, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3)) -> float:
-    """Opening of a gap by the moves of its bodies and of its obstacle [µm]."""
-    opening = along(Move(linear[c.a], angular[c.a]), c.arm_a, c.normal) - c.drift
+    """Opening of a gap by the moves of its bodies and of its obstacle [µm], along the normal and across."""
+    opening = along(Move(linear[c.a], angular[c.a]), c.arm_a, c.normal) - wp.dot(c.drift, c.normal) + c.lift
     if c.b >= 0:
         opening -= along(Move(linear[c.b], angular[c.b]), c.arm_b, c.normal)
     return opening
@@ -149,6 +151,15 @@ def swap(contacts: wp.array(dtype=Contact), free: wp.array(dtype=float), on: wp.
 
 
 @wp.func
+def first_line(c: Contact, opening: float) -> Contact:
+    """The contact with the line that solves it if it is alone and free moves open its gap by `opening` [µm]."""
+    apart = opening + c.give * c.floor
+    if meets_path(c, apart):
+        return path_tangent(c, apart)
+    return anticipate(c, opening)
+
+
+@wp.func
 def prepare(
     contacts: wp.array(dtype=Contact), count: int, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
     free: wp.array(dtype=float), on: wp.array(dtype=int),
@@ -161,12 +172,11 @@ def prepare(
     for i in range(count):
         c = contacts[i]
         opening = opening_by_moves(c, linear, angular)
-        c = anticipate(c, opening)
-        c.least = least_load(c, opening)
+        c = first_line(c, opening)
         free[i] = opening
-        opened = opening + c.give * (c.least - c.floor)
-        on[i] = wp.where(c.stiffness > 0.0 and c.force - c.stiffness * opened > c.least, 1, 0)
-        c.load = wp.where(c.stiffness > 0.0, c.least, wp.max(c.force, c.floor))
+        opened = opening + c.give * c.floor
+        on[i] = wp.where(c.stiffness > 0.0 and c.force - c.stiffness * opened > c.floor, 1, 0)
+        c.load = wp.where(c.stiffness > 0.0, c.floor, wp.max(c.force, c.floor))
         contacts[i] = c
         if on[i] != 0 or c.overlap >= 0.0 or c.load != 0.0:
             swap(contacts, free, on, i, held)
@@ -181,32 +191,6 @@ def couple(contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype
         c = contacts[i]
         for j in range(i + 1, count):
             matrix[i * count + j] = coupling(c, contacts[j])
-
-
-@wp.func
-def share_excursions(
-    contacts: wp.array(dtype=Contact), count: int, matrix: wp.array(dtype=float), free: wp.array(dtype=float),
-    own: wp.array(dtype=float), on: wp.array(dtype=int),
-):  # fmt: skip
-    """Set the least loads [pN] that keep the excursions of all contacts out together; `own` is scratch."""
-    several = int(0)
-    for i in range(count):
-        c = contacts[i]
-        own[i] = least_load(c, free[i]) - c.floor
-        if own[i] > 0.0:
-            several += 1
-    if several > 1:
-        for i in range(count):
-            if own[i] > 0.0:
-                opened = float(0.0)
-                for j in range(count):
-                    if j != i:
-                        opened += wp.max(matrix[wp.min(i, j) * count + wp.max(i, j)], 0.0) * own[j]
-                c = contacts[i]
-                c.least = c.floor + shared_load(own[i], c.give, opened)
-                if on[i] == 0:
-                    c.load = c.least
-                contacts[i] = c
 
 
 @wp.func
@@ -241,10 +225,22 @@ def solve_lines(
         for i in range(count):
             if right[i] > TOLERANCE and (round < BLOCK_ROUNDS or i == last):
                 on[i] = 1 - on[i]
-                contacts[i].load = contacts[i].least
+                contacts[i].load = contacts[i].floor
     for i in range(count):
-        contacts[i].load = wp.max(contacts[i].load, contacts[i].least)
+        contacts[i].load = wp.max(contacts[i].load, contacts[i].floor)
     return worst
+
+
+@wp.func
+def path_error(c: Contact, apart: float) -> float:
+    """By how much the load of a contact misses its law [µm], where all but it open the gap by `apart`; 0 if little."""
+    reach = kept_reach(c, apart)
+    load = float(0.0)
+    if reach > 0.0:
+        end = overlap_alone(c.hardness, c.give, reach)
+        load = c.hardness * end * wp.sqrt(end)
+    missed = wp.abs(load - c.load + c.floor) * c.give
+    return wp.where(missed > TOLERANCE + PATH_TOLERANCE * above_least(apart, c.wander), missed, 0.0)
 
 
 @wp.func
@@ -254,23 +250,29 @@ def follow_law(
     """Tangents for the contacts whose lines miss the force law where they end; the largest error of a gap [µm].
 
     Where a contact ends follows from its line: at its load if it is pressed, else short of its least load by `error`,
-    what `contradiction` found. A least load above what the law asks for there is no error.
+    what `contradiction` found.
     """
     worst = float(0.0)
     for i in range(count):
         c = contacts[i]
         if c.stiffness > 0.0:
-            end = c.overlap - (c.force - c.load) / c.stiffness
+            opened = (c.force - c.load) / c.stiffness
             if on[i] == 0:
-                end = c.overlap - (c.force - c.least) / c.stiffness + error[i]
-            held = c.load <= c.least and c.least > c.floor
-            if held:
-                held = c.hardness * wp.pow(wp.max(end, 0.0), 1.5) <= c.least - c.floor
-            if (end > 0.0 or c.load > c.floor) and not held:
+                opened = (c.force - c.floor) / c.stiffness - error[i]
+            end = c.overlap - opened
+            apart = opened - c.give * (c.load - c.floor)
+            missed = float(0.0)
+            if meets_path(c, apart):
+                missed = path_error(c, apart)
+                if missed > 0.0:
+                    contacts[i] = path_tangent(c, apart)
+            elif end > 0.0 or c.load > c.floor:
                 missed = law_error(c, end)
                 if missed > LAW_TOLERANCE * c.radius:
-                    worst = wp.max(worst, missed)
                     contacts[i] = tangent_at(c, end)
+                else:
+                    missed = 0.0
+            worst = wp.max(worst, missed)
     return worst
 
 
@@ -299,8 +301,11 @@ def press_closed(
     more = int(0)
     for i in range(held, count):
         c = contacts[i]
-        if c.overlap - opening_by_moves(c, linear, angular) > TOLERANCE:
+        opening = opening_by_moves(c, linear, angular)
+        if kept_reach(c, opening) > TOLERANCE:
             on[i] = 1
+            if meets_path(c, opening):
+                contacts[i] = path_tangent(c, opening)
             swap(contacts, free, on, i, held + more)
             more += 1
     return more
@@ -338,7 +343,6 @@ def solve_contacts(
     worst = float(0.0)
     for _ in range(count + 1):
         couple(contacts, held, matrix)
-        share_excursions(contacts, held, matrix, free, right, on)
         worst = solve_law(contacts, held, matrix, free, right, pivot, order, on)
         apply_loads(contacts, held, 1.0, linear, angular)
         more = press_closed(contacts, held, count, linear, angular, free, on)
@@ -347,3 +351,23 @@ def solve_contacts(
         apply_loads(contacts, held, -1.0, linear, angular)
         held += more
     return worst
+
+
+@wp.func
+def lift_gaps(
+    contacts: wp.array(dtype=Contact), count: int, free: wp.array(dtype=vec6), less: wp.array(dtype=vec6)
+):  # fmt: skip
+    """Write how far the moves `free` − `less` of the bodies [µm, rad] lift the gaps, see `lift_of`.
+
+    These are the noise at first, and whole moves once the contact forces are known: a trap that presses bodies together
+    would without them move each far across its other contacts.
+    """
+    for i in range(count):
+        c = contacts[i]
+        if c.wander > 0.0 or c.load != 0.0:
+            other = wp.max(c.b, 0)
+            a = free[c.a] - less[c.a]
+            b = free[other] - less[other]
+            contacts[i].lift = lift_of(
+                c, Move(linear_part(a), angular_part(a)), Move(linear_part(b), angular_part(b))
+            )  # fmt: skip

@@ -44,10 +44,29 @@ def obstacle_travel(wall: Pose, later: Pose, distance: float) -> float:
 @wp.func
 def opening_of(c: Contact, move_a: Move, move_b: Move) -> float:
     """How far the free moves of the bodies, and that of an obstacle, open the gap of a contact [µm]."""
-    opening = along(move_a, c.arm_a, c.normal) - c.drift
+    opening = along(move_a, c.arm_a, c.normal) - wp.dot(c.drift, c.normal)
     if c.b >= 0:
         opening -= along(move_b, c.arm_b, c.normal)
     return opening
+
+
+@wp.func
+def lift_of(c: Contact, move_a: Move, move_b: Move) -> float:
+    """How far all moves of a step open the gap of a contact beyond what they do along its normal [µm].
+
+    Of two spheres whose centres are d apart where they touch, a move t across the normal opens the gap by
+    d − √(d² − t²) ≈ t²/2d: always more, and with noise by s²/d a step on average, which is a share 2·k·dt/γ of the mean
+    gap of two beads that a spring presses together. Likewise by −½ n·(ω × (ω × arm)) less where a body turns.
+    """
+    way = move_a.linear + wp.cross(move_a.angular, c.arm_a) - c.drift
+    bow = wp.cross(move_a.angular, wp.cross(move_a.angular, c.arm_a))
+    if c.b >= 0:
+        way -= move_b.linear + wp.cross(move_b.angular, c.arm_b)
+        bow -= wp.cross(move_b.angular, wp.cross(move_b.angular, c.arm_b))
+    across = way - wp.dot(way, c.normal) * c.normal - wp.dot(way, c.ridge) * c.ridge
+    square = wp.length_sq(across)
+    bent = c.curvature * square / (1.0 + wp.sqrt(wp.max(1.0 - c.curvature * c.curvature * square, 0.0)))
+    return bent + 0.5 * wp.dot(bow, c.normal)
 
 
 @wp.func

@@ -103,3 +103,8 @@ class Features:
     def contacts(self) -> bool:
         """Whether anything can touch anything."""
         return self.pairs or bool(self.obstacles)
+
+    @property
+    def bends(self) -> bool:
+        """Whether motion across a gap opens it: between bodies, of a body that turns, before what is not flat."""
+        return self.pairs or (self.rigid and self.contacts) or bool(set(self.obstacles) - {"plane", "mesh"})

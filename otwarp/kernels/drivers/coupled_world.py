@@ -74,7 +74,11 @@ def correct_all_term(f: Features) -> wp.Function | None:
         for b in range(bodies):
             w = angular_part(carry.later[b])
             back = twist(linear_part(carry.later[b]), w - 0.5 * wp.cross(body.angular[b], w))
-            move = body.free[b] + 0.5 * (back - body.drift[b])
+            more = 0.5 * (back - body.drift[b])
+            move = body.free[b] + more
+            if wp.static(f.bends):
+                # as in `world.correct_all_term`
+                body.drift[b] = body.free[b] - twist(body.linear[b], body.angular[b]) - more
             body.linear[b] = linear_part(move)
             body.angular[b] = angular_part(move)
 

@@ -21,7 +21,7 @@ from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
-from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
 from otwarp.kernels.drivers.grid_lists import make_find
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
 from otwarp.kernels.drivers.neighbours import check_moved, make_bin, make_check, make_list
@@ -94,7 +94,7 @@ def make_advance(f: Features) -> wp.Kernel:
         grid.linear[world, b] = move.linear
         if wp.static(f.rigid):
             grid.angular[world, b] = move.angular
-        if wp.static(two_stages(f)):
+        if wp.static(two_stages(f) or lifts_noise(f)):
             grid.drift[world, b] = drift.linear
             if wp.static(f.rigid):
                 grid.turning[world, b] = drift.angular

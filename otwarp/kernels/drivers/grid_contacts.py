@@ -2,10 +2,11 @@
 
 The forces are λ = F(δ − s): Hertz's law at the end of the step, where the gaps have opened by s under all λ. They are
 the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀
-the opening without contact forces and ψ*' the overlap that belongs to a force; no λ is below its least (`excursion`).
+the opening without contact forces and ψ*' the overlap that belongs to a force.
 The sweeps are accelerated proximal gradient steps on it (Beck, Teboulle 2009, doi:10.1137/080716542; for contact:
 Mazhar, Heyn, Negrut, Tasora 2015, doi:10.1145/2735627), with row_sum·give, by Gershgorin's theorem at least the row
-sum of G, for G: no stiffness makes them diverge, and a lone contact is solved at once. Momentum restarts contact by
+sum of G, for G: no stiffness makes them diverge, and a lone contact is solved at once. Thermal excursions (`excursion`)
+are laws of force that fall with the gap, as Hertz's is, and so part of the same energy. Momentum restarts contact by
 contact where it points uphill (O'Donoghue, Candès 2015, doi:10.1007/s10208-013-9150-3). A step without contacts takes
 no sweep, a settled one no more.
 """
@@ -13,7 +14,8 @@ no sweep, a settled one no more.
 import warp as wp
 
 from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, along, overlap_alone
-from otwarp.kernels.contact.excursion import least_load, shared_load
+from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
+from otwarp.kernels.contact.travel import lift_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
@@ -28,9 +30,8 @@ CHUNKS = 64
 """Parts into which the bodies of a world are divided for sums over all contacts."""
 
 
-def opening_term(f: Features) -> wp.Function:
-    """`(grid, push, world, c, scale) -> opening` of a contact's gap by all displacements of this step [µm]."""
-    free_opening = free_opening_term(f)
+def push_term(f: Features) -> wp.Function:
+    """`(grid, push, world, b) -> Move`: what contacts move a body."""
 
     @wp.func
     def push_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
@@ -42,6 +43,29 @@ def opening_term(f: Features) -> wp.Function:
             if wp.static(f.rigid):
                 move.angular = push.angular[world, b]
         return move
+
+    return push_of
+
+
+def move_term(f: Features) -> wp.Function:
+    """`(grid, push, world, b) -> Move`: the whole move of a body in this step."""
+    push_of = push_term(f)
+
+    @wp.func
+    def move_of(grid: GridData, push: PushData, world: int, b: int) -> Move:
+        """Free move and push [µm, rad] of body b."""
+        move = push_of(grid, push, world, b)
+        move.linear += grid.linear[world, b]
+        if wp.static(f.rigid):
+            move.angular += grid.angular[world, b]
+        return move
+
+    return move_of
+
+
+def opening_term(f: Features) -> wp.Function:
+    """`(grid, push, world, c, scale) -> opening` of a contact's gap by all displacements of this step [µm]."""
+    free_opening, push_of = free_opening_term(f), push_term(f)
 
     @wp.func
     def opening(grid: GridData, push: PushData, world: int, c: Contact, scale: float) -> float:
@@ -87,6 +111,7 @@ def make_weigh(f: Features) -> wp.Kernel:
         if world == 0 and chunk == 0:
             grid.sweep[0] = 0
             grid.unsettled[0] = 1
+            grid.again[0] = 0
 
     return weigh
 
@@ -109,8 +134,8 @@ def gap_error(c: Contact, load: float, overlap: float) -> float:
     above = wp.max(load - c.floor, 0.0) / c.hardness
     wanted = wp.pow(above, 2.0 / 3.0)
     error = wp.max(overlap, 0.0) - wanted
-    # its least load may be more than the overlap asks for
-    return wp.where(c.least > c.floor and load <= c.least, wp.max(error, 0.0), wp.abs(error))
+    # an excursion may ask for more than the overlap does
+    return wp.where(c.wander > 0.0, wp.max(error, 0.0), wp.abs(error))
 
 
 @wp.func
@@ -139,39 +164,16 @@ def larger_row_sum(grid: GridData, world: int, c: Contact) -> float:
     return row_sum
 
 
-def least_load_term(f: Features) -> wp.Function:
-    """`(grid, world, c) -> load` that keeps the excursions of a contact and of those that share a body with it out."""
-    free_opening = free_opening_term(f)
-    read_contact = contact_store_terms(f)[1]
+def lift_term(f: Features) -> wp.Function:
+    """`(grid, push, world, c) -> lift` of a gap by the free moves and the pushes of both partners, see `lift_of`."""
+    move_of = move_term(f)
 
     @wp.func
-    def opened_through(
-        model: ModelData, grid: GridData, world: int, b: int, c: Contact, arm: wp.vec3, way: wp.vec3
-    ) -> float:
-        """Opening [µm] of the gap of c, at `arm` of body b with `way` outward, by excursions of b's other contacts."""
-        row = world * model.bodies + b
-        other = wp.where(b == c.a, c.b, c.a)
-        total = float(0.0)
-        for j in range(grid.count[world, b]):
-            d = read_contact(grid, row, j, b)
-            if d.b != other or wp.abs(d.overlap - c.overlap) > SETTLED:
-                per_force = along(d.response_a, arm, way)
-                if per_force > 0.0 and d.wander > 0.0:
-                    total += per_force * (least_load(d, free_opening(grid, world, d)) - d.floor)
-        return total
+    def lift(grid: GridData, push: PushData, world: int, c: Contact) -> float:
+        """Opening [µm] by motion across the normal, with contact forces as they are so far."""
+        return lift_of(c, move_of(grid, push, world, c.a), move_of(grid, push, world, wp.max(c.b, 0)))
 
-    @wp.func
-    def shared(model: ModelData, grid: GridData, world: int, c: Contact) -> float:
-        """Least load [pN] of a contact that keeps the excursions of all contacts out, as `solve.share_excursions`."""
-        own = least_load(c, free_opening(grid, world, c)) - c.floor
-        opened = float(0.0)
-        if own > 0.0:
-            opened = opened_through(model, grid, world, c.a, c, c.arm_a, c.normal)
-            if c.b >= 0:
-                opened += opened_through(model, grid, world, c.b, c, c.arm_b, -c.normal)
-        return c.floor + shared_load(own, c.give, opened)
-
-    return shared
+    return lift
 
 
 def relax_body_term(f: Features) -> wp.Function:
@@ -181,8 +183,8 @@ def relax_body_term(f: Features) -> wp.Function:
     Its momentum is that of its own condition 1 + row_sum·k·give.
     """
     opening = opening_term(f)
-    shared_least = least_load_term(f)
-    _, read_contact, write_load, write_least = contact_store_terms(f)
+    lift = lift_term(f) if f.bends else None
+    _, read_contact, write_load, write_lift = contact_store_terms(f)
 
     @wp.func
     def relax_body(
@@ -202,16 +204,23 @@ def relax_body_term(f: Features) -> wp.Function:
         total = float(0.0)
         for i in range(count):
             c = read_contact(grid, row, i, a)
-            if sweep == 0 and c.wander > 0.0:
-                # of the free moves of this stage, which the integrator's second changes
-                c.least = shared_least(model, grid, world, c)
-                write_least(grid, row, i, c.least)
+            if wp.static(f.bends):
+                if sweep == 0 and grid.again[0] != 0:
+                    c.lift = lift(grid, before, world, c)
+                    write_lift(grid, row, i, c.lift)
             start = scale * grid.ahead[row, i]
-            give = larger_row_sum(grid, world, c) * c.give
-            overlap = c.overlap - opening(grid, before, world, c, scale)
-            end = end_overlap(c, give, overlap + give * (start - c.floor))
-            load = wp.max(c.floor + c.hardness * end * wp.sqrt(end), c.least)
-            if wp.abs(load - start) * c.give > wp.static(SETTLED):
+            row_sum = larger_row_sum(grid, world, c)
+            give = row_sum * c.give
+            opened = opening(grid, before, world, c, scale)
+            overlap = c.overlap - opened
+            end = float(0.0)
+            reach = swept_reach(c, opened, start, row_sum)
+            if reach > 0.0:
+                end = overlap_alone(c.hardness, c.give, reach)
+            else:
+                end = end_overlap(c, give, overlap + give * (start - c.floor))
+            load = c.floor + c.hardness * end * wp.sqrt(end)
+            if wp.abs(load - start) * c.give > wp.static(SETTLED) + path_tolerance(c, reach):
                 grid.moving[world, sweep] = 1
                 grid.active[sweep] = 1
             ahead = load
@@ -288,3 +297,4 @@ def resume_sweeps(grid: GridData):
     if world == 0:
         grid.sweep[0] = 0
         grid.unsettled[0] = 1
+        grid.again[0] = 1

@@ -36,9 +36,14 @@ def whole_contacts(f: Features) -> bool:
     return f.rigid or f.walls > 0
 
 
+def lifts_noise(f: Features) -> bool:
+    """Whether contacts ask how far noise alone moves bodies."""
+    return f.bends and f.brownian and not f.soft_contacts
+
+
 @wp.struct
 class Link:
-    """What a contact of a lone sphere needs: see `Contact`; 68 bytes instead of 204."""
+    """What a contact of a lone sphere needs: see `Contact`; 92 bytes instead of 228."""
 
     b: int
     normal: wp.vec3
@@ -48,13 +53,15 @@ class Link:
     force: float
     floor: float
     stiffness: float
-    drift: float
+    drift: wp.vec3
+    curvature: float
+    ridge: wp.vec3
+    lift: float
     own: float
     """Opening of the gap per unit contact force by this sphere [µm/pN]; `give` by both partners."""
     give: float
     wander: float
     layer: float
-    least: float
     load: float
 
 
@@ -67,7 +74,7 @@ class GridData:
     left: wp.array(dtype=wp.int32)  # (1) steps left in this launch
     linear: wp.array2d(dtype=wp.vec3)  # (W, B) free displacement [µm]
     angular: wp.array2d(dtype=wp.vec3)  # (W, B) free rotation [rad]
-    drift: wp.array2d(dtype=wp.vec3)  # (W, B) displacement without noise in the first of two stages [µm]
+    drift: wp.array2d(dtype=wp.vec3)  # (W, B) displacement without noise in the first stage [µm]
     turning: wp.array2d(dtype=wp.vec3)  # (W, B) and rotation [rad]
     contact: wp.array2d(
         dtype=Contact
@@ -79,6 +86,7 @@ class GridData:
     touching: wp.array(dtype=wp.int32)  # (1) not 0: there are contacts in this step
     sweep: wp.array(dtype=wp.int32)  # (1) first of the two sweeps to come
     unsettled: wp.array(dtype=wp.int32)  # (1) not 0: there are sweeps to come
+    again: wp.array(dtype=wp.int32)  # (1) 1: the sweeps of this step are those after its first solution
     active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
     moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]

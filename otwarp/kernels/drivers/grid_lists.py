@@ -4,13 +4,13 @@ import warp as wp
 
 from otwarp.kernels.contact.contact import Contact, along
 from otwarp.kernels.contact.detect import touch_term, touch_wall_term
-from otwarp.kernels.contact.excursion import excursion_term, least_load, obstacle_name
+from otwarp.kernels.contact.excursion import excursion_term, kept_reach, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
-from otwarp.kernels.contact.travel import thermal_reach, wander_of
+from otwarp.kernels.contact.travel import lift_of, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
-from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
 from otwarp.kernels.drivers.grid_store import contact_store_terms
 from otwarp.kernels.drivers.neighbours import FULL, next_in_cells_term
 
@@ -28,8 +28,8 @@ def free_opening_term(f: Features) -> wp.Function:
 
     @wp.func
     def free_opening(grid: GridData, world: int, c: Contact) -> float:
-        """Opening [µm] along the normal by the free moves of both partners, less the obstacle's own motion."""
-        total = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - c.drift
+        """Opening [µm] by the free moves of both partners, less the obstacle's own motion, and by the lift so far."""
+        total = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - wp.dot(c.drift, c.normal) + c.lift
         if c.b >= 0:
             total -= along(free_move_of(grid, world, c.b), c.arm_b, c.normal)
         return total
@@ -67,6 +67,14 @@ def list_contact_term(f: Features) -> wp.Function:
     excursion = excursion_term(f)
 
     @wp.func
+    def noise_of(grid: GridData, world: int, b: int) -> Move:
+        """Move [µm, rad] of body b by noise alone."""
+        move = Move(grid.linear[world, b] - grid.drift[world, b], wp.vec3(0.0))
+        if wp.static(f.rigid):
+            move.angular = grid.angular[world, b] - grid.turning[world, b]
+        return move
+
+    @wp.func
     def list_contact(
         model: ModelData, readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact,
         first: int, second: int, step: wp.int64,
@@ -76,9 +84,11 @@ def list_contact_term(f: Features) -> wp.Function:
             raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
             return count
         opening = free_opening(grid, world, c)
+        if wp.static(lifts_noise(f)):
+            c.lift = lift_of(c, noise_of(grid, world, c.a), noise_of(grid, world, wp.max(c.b, 0)))
+            opening += c.lift
         c = excursion(model, world, c, opening, first, second, 0, step)
-        c.least = least_load(c, opening)
-        if c.force != 0.0 or c.overlap > 0.0 or c.overlap > opening or c.least > c.floor:
+        if c.force != 0.0 or c.overlap > 0.0 or kept_reach(c, opening + c.give * c.floor) > 0.0:
             grid.touching[0] = 1
         c.load = c.force
         write_contact(grid, row, count, c)

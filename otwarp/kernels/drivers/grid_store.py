@@ -27,9 +27,9 @@ def write_contact_load(grid: GridData, row: int, k: int, load: float):
 
 
 @wp.func
-def write_contact_least(grid: GridData, row: int, k: int, least: float):
-    """Store the least load [pN] of entry k."""
-    grid.contact[row, k].least = least
+def write_contact_lift(grid: GridData, row: int, k: int, lift: float):
+    """Store the lift [µm] of entry k."""
+    grid.contact[row, k].lift = lift
 
 
 @wp.func
@@ -37,8 +37,8 @@ def write_link(grid: GridData, row: int, k: int, c: Contact):
     """Store contact c of a lone sphere as a `Link`, without arms, rotations and the partner's response."""
     own = wp.dot(c.response_a.linear, c.normal)
     grid.link[row, k] = Link(
-        c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, own, c.give,
-        c.wander, c.layer, c.least, c.load,
+        c.b, c.normal, c.radius, c.overlap, c.hardness, c.force, c.floor, c.stiffness, c.drift, c.curvature, c.ridge,
+        c.lift, own, c.give, c.wander, c.layer, c.load,
     )  # fmt: skip
 
 
@@ -57,11 +57,13 @@ def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
     c.floor = link.floor
     c.stiffness = link.stiffness
     c.drift = link.drift
+    c.curvature = link.curvature
+    c.ridge = link.ridge
+    c.lift = link.lift
     c.response_a = Move(link.own * link.normal, wp.vec3(0.0))
     c.give = link.give
     c.wander = link.wander
     c.layer = link.layer
-    c.least = link.least
     c.load = link.load
     return c
 
@@ -73,17 +75,17 @@ def write_link_load(grid: GridData, row: int, k: int, load: float):
 
 
 @wp.func
-def write_link_least(grid: GridData, row: int, k: int, least: float):
-    """Store the least load [pN] of link k."""
-    grid.link[row, k].least = least
+def write_link_lift(grid: GridData, row: int, k: int, lift: float):
+    """Store the lift [µm] of link k."""
+    grid.link[row, k].lift = lift
 
 
 def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:
-    """Write and read entry k of a body's list, write its load, and write its least load.
+    """Write and read entry k of a body's list, write its load, and write its lift.
 
-    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, load)`. Unless
+    `(grid, row, k, c)`, `(grid, row, k, a) -> Contact` and twice `(grid, row, k, value)`. Unless
     `whole_contacts`, an entry holds no arms, and of the responses the body's own along the normal alone.
     """
     if whole_contacts(f):
-        return write_contact, read_contact, write_contact_load, write_contact_least
-    return write_link, read_link, write_link_load, write_link_least
+        return write_contact, read_contact, write_contact_load, write_contact_lift
+    return write_link, read_link, write_link_load, write_link_lift

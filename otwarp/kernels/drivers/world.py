@@ -7,7 +7,7 @@ import warp as wp
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.contact import UNSETTLED, Contact
 from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
-from otwarp.kernels.contact.solve import solve_contacts
+from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
@@ -258,6 +258,9 @@ def correct_all_term(f: Features) -> wp.Function | None:
             moved = twist(linear[b], angular[b])
             more = correct(model, control, state, constants, world, b, pose, drift[b], moved, step, time)
             move = free[b] + more
+            if wp.static(f.bends):
+                # so that free − drift is the whole move by the contact forces so far; the drift itself has served
+                drift[b] = free[b] - moved - more
             linear[b] = linear_part(move)
             angular[b] = angular_part(move)
 
@@ -343,9 +346,13 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
                 move_traps(model, control, state, world, time)
             if wp.static(f.contacts):
                 count = find_contacts(model, readout, world, body, room, carry, step, time)
+                if wp.static(f.bends and f.brownian):
+                    lift_gaps(contacts, count, free, drift)
                 settle(readout, world, body, room, carry, count, step)
             if wp.static(correct is not None):
                 correct(model, control, state, world, body, carry, step, time)
+                if wp.static(f.bends):
+                    lift_gaps(contacts, count, free, drift)
                 if wp.static(f.contacts):
                     settle(readout, world, body, room, carry, count, step)
             if wp.static(f.contacts):

@@ -19,7 +19,7 @@ class BodyRoom:
     linear: wp.array(dtype=wp.vec3)  # whole move as far as it is known [µm]
     angular: wp.array(dtype=wp.vec3)  # [rad]
     free: wp.array(dtype=vec6)  # move without contacts, as predicted
-    drift: wp.array(dtype=vec6)  # its drift at the start of the step
+    drift: wp.array(dtype=vec6)  # its drift at the start of the step; then what contacts take from it
 
 
 @wp.struct

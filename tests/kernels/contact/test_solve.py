@@ -6,11 +6,14 @@ import warp as wp
 
 from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.contact.contact import Contact, along, rigid_response
+from otwarp.kernels.contact.excursion import LAYER
 from otwarp.kernels.contact.solve import solve_contacts
 from otwarp.kernels.core.types import BodyData, mat66
 from otwarp.simulation.packing.arrays import device_array
+from tests.kernels.contact.test_excursion import ENERGY
 from tests.kernels.samples import quaternions
 from tests.reference.body import jacobian
+from tests.reference.contact import overlap_alone
 from tests.reference.contact_loads import contact_loads
 from tests.reference.rotations import matrix
 
@@ -55,8 +58,15 @@ def probe_solve(
         c.force = given[i, 0]
         c.stiffness = given[i, 1]
         c.floor = given[i, 2]
-        c.drift = given[i, 3]
         c.normal = normal[i]
+        c.drift = given[i, 3] * c.normal
+        c.overlap = given[i, 5]
+        c.hardness = given[i, 6]
+        c.wander = given[i, 7]
+        c.layer = given[i, 8]
+        c.radius = 1.0
+        # its number, because contacts may change places
+        c.curvature = float(i)
         c.arm_a = arm_a[i]
         c.arm_b = arm_b[i]
         c.response_a = rigid_response(body, c.a, rotation[c.a], given[i, 4], c.arm_a, c.normal)
@@ -73,7 +83,7 @@ def probe_solve(
     on = wp.zeros(shape=(COUNT,), dtype=int)
     error[0] = solve_contacts(contacts, COUNT, d, t, matrix, free, right, pivot, order, on)
     for i in range(COUNT):
-        load[i] = contacts[i].load
+        load[int(contacts[i].curvature)] = contacts[i].load
     for b in range(BODIES):
         moved[b, 0] = d[b]
         moved[b, 1] = t[b]
@@ -96,6 +106,8 @@ class Problem:
         self.floor = -rng.uniform(0, 2, COUNT) * (rng.random(COUNT) < 0.5)
         self.drift = np.where(self.partners[:, 1] < 0, rng.normal(size=COUNT) * 0.01, 0.0)
         self.free = (rng.normal(size=(2, BODIES, 3)) * 0.02).astype(np.float32)
+        # overlap, K, wander and layer; without K the lines are given
+        self.law = np.zeros((COUNT, 4))
 
     def rows(self) -> np.ndarray:
         """(n, 6·bodies) J: opening of each gap per motion of all bodies, body axes."""
@@ -107,6 +119,11 @@ class Problem:
         return j
 
     def exact(self) -> np.ndarray:
+        free, give = self.openings()
+        return contact_loads(self.force, self.stiffness, self.floor, free, give)
+
+    def openings(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) free openings [µm] and (n, n) openings by unit forces [µm/pN]."""
         j = self.rows()
         mobility = self.scale * np.kron(np.eye(BODIES), self.move.mobility)
         # the free opening, point by point in world axes: independent of J
@@ -116,7 +133,7 @@ class Problem:
                 if body >= 0:
                     point = self.free[0, body] + np.cross(self.free[1, body].astype(float), arm)
                     free[i] += sign * point @ self.normal[i]
-        return contact_loads(self.force, self.stiffness, self.floor, free, j @ mobility @ j.T)
+        return free, j @ mobility @ j.T
 
     def solve(self, device: str) -> tuple[np.ndarray, np.ndarray]:
         """Loads (n,) and motions (bodies, 2, 3) of the device."""
@@ -124,6 +141,7 @@ class Problem:
         body.shape = device_array([0] * BODIES, wp.int32, device)
         body.mobility = device_array([self.move.mobility], mat66, device)
         given = np.stack([self.force, self.stiffness, self.floor, self.drift, np.full(COUNT, self.scale)], axis=1)
+        given = np.concatenate([given, self.law], axis=1)
         load, error = wp.zeros(COUNT, dtype=float, device=device), wp.zeros(1, dtype=float, device=device)
         moved = wp.zeros((BODIES, 2), dtype=wp.vec3, device=device)
         inputs = [
@@ -189,3 +207,29 @@ def test_a_hard_contact_lets_nothing_through(device):
         opening = float(point @ problem.normal[0])
         assert opening == pytest.approx(0.0 if closing else 0.02, abs=1e-7)
         assert (load.sum() > 0.0) == closing
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("hardness", [1e4, 1e9], ids=["soft", "hard"])
+def test_drawn_paths_are_kept_out_together(seed, hardness, device):
+    """Every load obeys the law of its own path, (give·λ + g₀ + δ + layer)·(g + δ + layer) = W/4, g the gap at the end
+    by all loads, or Hertz's where that asks for more; to a twentieth of the end, or 10⁻³ of the radius."""
+    problem = Problem(seed, (1.0, 1.0))
+    rng = np.random.default_rng(seed)
+    problem.force[:], problem.stiffness[:], problem.floor[:] = 0.0, 0.0, 0.0
+    free, give = problem.openings()
+    own = np.diag(give)
+    variance = 2.0 * ENERGY * own
+    layer = np.full(COUNT, LAYER * (2.5 * ENERGY / hardness) ** 0.4)
+    gap = rng.exponential(np.sqrt(variance)) * 0.3
+    wander = -2.0 * variance * np.log(rng.random(COUNT))
+    problem.law = np.stack([-gap, np.full(COUNT, hardness), wander, layer], axis=1)
+    load, _ = problem.solve(device)
+    apart = free + give @ load - own * load
+    size = np.hypot(apart, np.sqrt(wander))
+    end = 0.5 * (size + apart)
+    kept = np.maximum(end - layer, 0.0) - gap - apart
+    for i in range(COUNT):
+        exact = hardness * overlap_alone(hardness, own[i], kept[i]) ** 1.5 if kept[i] > 0.0 else 0.0
+        assert abs(load[i] - exact) * own[i] < 0.05 * end[i] + 1e-3 * (end[i] < layer[i]) + 2e-6
+    assert np.count_nonzero(load > 0.0) > 0
