@@ -32,7 +32,7 @@ from otwarp.bench.stability.thermal import (
 )
 from otwarp.bench.stability.verdict import CellVerdict, Defect, Deviation, judge
 from otwarp.cli.main import main
-from otwarp.errors import InputError, SimulationError
+from otwarp.errors import InputError, PlausibilityWarning, SimulationError
 from otwarp.record.run import record_run
 from otwarp.scene import Scene, SceneBuilder, Track
 
@@ -113,6 +113,15 @@ def test_a_warning_makes_a_large_error_a_stated_one():
 
     cell = judge("", "", measure)
     assert cell.verdict is CellVerdict.STABLE and cell.warned == ("too coarse",)
+
+
+def test_an_odd_scene_states_no_error():
+    def measure() -> Deviation:
+        warnings.warn("25 K", PlausibilityWarning, stacklevel=1)
+        return Deviation(error=0.5)
+
+    cell = judge("", "", measure)
+    assert cell.verdict is CellVerdict.WRONG and cell.warned == ()
 
 
 def test_cells_of_all_grids_have_places_of_their_own(effort):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.errors import InputError, SimulationError
+from otwarp.errors import InputError, PlausibilityWarning, SimulationError
 
 ACCURACY = 0.01
 """Error up to which a cell is accurate: the default `ot:scene:accuracy`."""
@@ -142,8 +142,9 @@ def _reported(verdict: CellVerdict, error: Exception) -> CellVerdict:
 
 
 def _texts(heard: list[warnings.WarningMessage]) -> tuple[str, ...]:
-    """The warnings meant for users."""
-    return tuple(str(w.message) for w in heard if issubclass(w.category, UserWarning))
+    """The warnings meant for users about the run; what is odd about its scene states no error."""
+    about = [w for w in heard if not issubclass(w.category, PlausibilityWarning)]
+    return tuple(str(w.message) for w in about if issubclass(w.category, UserWarning))
 
 
 def against(samples: np.ndarray, exact: float, *, predicted: float = 0.0) -> Deviation:
