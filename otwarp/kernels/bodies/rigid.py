@@ -164,7 +164,8 @@ def rigid_noise_term(f: Features) -> wp.Function:
             v = lower_product(body.translation_root, first)
             w = body.coupling_root * first + lower_product(body.rotation_root, second)
             turn = rotation_matrix(pose.rotation)
-            kick = twist(turn * turned_along(v, w), turn * w)
+            w = turn * w
+            kick = twist(turned_along(turn * v, w), w)
         return kick
 
     return from_columns if f.brownian and f.lanes else noise
