@@ -16,6 +16,7 @@ from benchmarks import (
     startup,
     teleop,
     terms,
+    time_step,
 )
 from benchmarks.report import command, options, save_json, write_pages
 
@@ -25,6 +26,7 @@ BENCHMARKS = {
     "terms": terms.measure,
     "forces": forces.measure,
     "integrators": integrators.measure,
+    "time_step": time_step.measure,
     "precision": precision.measure,
     "speed": speed.measure,
     "crowd": crowd.measure,

@@ -142,8 +142,17 @@ def _span(parameter: dict[str, Any]) -> str:
     return text if parameter["unit"] == "1" else f"{text} {parameter['unit']}"
 
 
-def _percent(error: float | None) -> str:
-    return f"{100.0 * error:+.2g} %" if error is not None else "unstable"
+def _error(error: float | None, scales: dict[str, Any]) -> str:
+    """An estimated error; above the wanted accuracy it says so."""
+    from otwarp.simulation.time_step.observables import percent
+
+    text = percent(error)
+    wanted = scales["accuracy"]
+    return (
+        text
+        if error is not None and abs(error) <= wanted
+        else f"[yellow]{text}, above the wanted {100 * wanted:g} %[/]"
+    )
 
 
 def _scales_table(about: dict[str, Any]) -> Table:
@@ -166,7 +175,7 @@ def _scales_table(about: dict[str, Any]) -> Table:
         ("time step", f"{_time(scales['time_step'])}  ({scales['chosen_by']})"),
         ("integrator", scales["integrator"] + (f"  ({why})" if (why := about["integrator_reason"]) else "")),
         ("noise", about["noise"]),
-        *((f"estimated error of {OBSERVABLES[name]}", _percent(e)) for name, e in scales["errors"].items()),
+        *((f"estimated error of {OBSERVABLES[name]}", _error(e, scales)) for name, e in scales["errors"].items()),
         ("steps of the run", f"{about['steps']:,}"),
     ):
         table.add_row(name, value)

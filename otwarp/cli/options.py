@@ -49,7 +49,11 @@ _fast_math = click.option(
     "--fast-math", is_flag=True, help="Approximate instructions on CUDA: faster, noise changes by 1e-6."
 )
 
-STEP_OPTIONS = ("time_step", "integrator", "noise", "precision", "fast_math")
+_allow_large_step = click.option(
+    "--allow-large-step", is_flag=True, help="Take an explicit time step although its estimated errors exceed 10 %."
+)
+
+STEP_OPTIONS = ("time_step", "integrator", "noise", "precision", "fast_math", "allow_large_step")
 """What `step_options` asks for: fields of `otwarp.simulation.options.StepOptions`."""
 
 
@@ -61,7 +65,7 @@ def step_options(command: Callable[..., Any]) -> Callable[..., Any]:
         chosen = {name: given.pop(name) for name in STEP_OPTIONS}
         return command(*arguments, options=chosen, **given)
 
-    for option in (_noise, _integrator, _time_step, _fast_math, _precision):
+    for option in (_noise, _integrator, _allow_large_step, _time_step, _fast_math, _precision):
         gathered = option(gathered)
     return gathered
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -72,6 +72,7 @@ class Recorder:
         arrow_scale: float | None = None,
         figure: bool = True,
         method: Method | None = None,
+        errors: Mapping[str, float] | None = None,
     ):
         if not (np.isfinite(frames_per_second) and frames_per_second > 0.0):
             raise InputError(f"frames per second = {frames_per_second:g}; allowed: above 0")
@@ -85,6 +86,7 @@ class Recorder:
             raise ValueError(f"held has {len(held)} entries; allowed: one per trap, {len(scene.traps)}")
         self.scene, self.folder, self.held, self.figure = scene, Path(folder), held, figure
         self.rate, self.time_step, self.seed, self.method = frames_per_second, time_step, seed, method
+        self.errors = dict(errors or {})
         self._kept, self._usd_world = worlds, usd_world
         self._status, self._frames, self._closed = "running", 0, False
         self._warnings: list[str] = []
@@ -254,6 +256,7 @@ class Recorder:
             "recorded_worlds": self._recorded,
             "seed": self.seed,
             "time_step_s": self.time_step,
+            "time_step_errors": self.errors,
             "method": None if self.method is None else self.method.facts(),
             "steps": self._last.step,
             "frames": self._frames,

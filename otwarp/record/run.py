@@ -21,6 +21,7 @@ from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.time_step.observables import spelled
 
 MOST_STEPS = 1e12
 """A run of more steps is refused: at a microsecond each it takes twelve days."""
@@ -76,7 +77,12 @@ def record_run(
     _check_step(sim, rate)
     how: dict = {"frames_per_second": rate, "worlds": recorded_worlds, "forces": force_arrows, "seed": sim.model.seed}
     how |= {"time_step": sim.time_step, "held": sim.model.held, "method": Method.of(sim.model)}
-    with Recorder(sim.scene, Path(folder), **how) as recorder:
+    scales = sim.model.scales
+    with Recorder(sim.scene, Path(folder), **how, errors=scales.errors) as recorder:
+        if scales.missed:
+            recorder.warn(
+                f"the time step misses the wanted accuracy of {100.0 * scales.accuracy:g} % in {spelled(scales.missed)}"
+            )
         _frames(sim, recorder, rate, progress)
     if checkpoint is not None:
         sim.save(checkpoint)

@@ -13,6 +13,7 @@ from otwarp.files import written
 from otwarp.record.monitor import DELIVERED, OUTCOMES, Monitor
 from otwarp.record.netcdf import scene_name
 from otwarp.scene import Scene
+from otwarp.simulation.time_step.observables import spelled
 
 LISTED_WORLDS = 16
 """Up to so many worlds are listed one by one; beyond, they are counted."""
@@ -115,8 +116,8 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
     Args:
         scene: What was run.
         monitor: What it saw.
-        facts: `status`, `worlds`, `recorded_worlds`, `seed`, `time_step_s`, `method`, `steps`, `frames`, `duration_s`,
-            `wall_time_s` and `warnings` so far.
+        facts: `status`, `worlds`, `recorded_worlds`, `seed`, `time_step_s`, `time_step_errors`, `method`, `steps`,
+            `frames`, `duration_s`, `wall_time_s` and `warnings` so far.
 
     Returns:
         What goes to `summary.json`; `text` is the same for people, in a few lines.
@@ -128,7 +129,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         "status": facts["status"],
         "scene": scene_name(scene),
         "otwarp_version": __version__,
-        **{k: facts[k] for k in ("worlds", "recorded_worlds", "seed", "time_step_s", "method")},
+        **{k: facts[k] for k in ("worlds", "recorded_worlds", "seed", "time_step_s", "time_step_errors", "method")},
         **{k: facts[k] for k in ("steps", "frames", "duration_s")},
         "wall_time_s": wall,
         "real_time_factor": facts["duration_s"] / wall if wall > 0.0 else None,
@@ -146,6 +147,8 @@ def _text(s: dict[str, Any]) -> str:
     factor = f" ({s['real_time_factor']:.3g}× real time)" if s["real_time_factor"] else ""
     run = f"{s['scene']}: {s['duration_s']:.4g} s simulated in {s['wall_time_s']:.3g} s{factor}{worlds}"
     lines = [run if s["status"] == "finished" else f"{run}; {s['status']}"]
+    if s["time_step_errors"]:
+        lines.append(f"time step {s['time_step_s']:.4g} s, estimated errors: {spelled(s['time_step_errors'])}")
     if s["task"] is not None:
         ends = s["task"].get("worlds")
         if ends is not None and len(ends) == 1:

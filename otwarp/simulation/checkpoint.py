@@ -190,6 +190,7 @@ def restore(
         crossings=bool(about.get("crossings", True)),
         precision=about.get("precision", "float32"),
         forces=_same_forces(path, scene, about.get("forces", []), forces),
+        allow_large_step=True,
     )
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back

@@ -120,7 +120,8 @@ class Model:
         _warn_of_oddities(scene)
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
-        scales = _time_scales(known, from_scene=options.time_step is None and scene.file is not None)
+        own = options.time_step is None and scene.file is not None
+        scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
         features = dataclasses.replace(_stepped_features(known, scales.time_step), leaps=staged is not None)
         packed = Place(place, options.precision)
@@ -186,7 +187,7 @@ def _warn_of_oddities(scene: Scene) -> None:
         warnings.warn(text, PlausibilityWarning, stacklevel=2)
 
 
-def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:
+def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -> TimeScales:
     """The step, the scene's own if `from_scene`, and what limits it."""
     return time_scales(
         known.scene,
@@ -194,11 +195,13 @@ def _time_scales(known: ResolvedScene, *, from_scene: bool) -> TimeScales:
         known.values,
         known.relaxation,
         known.steepest,
+        known.edges,
         known.loads,
         integrator=known.features.integrator,
         contacts=known.features.contacts,
         wanted=known.scene.settings.time_step,
         from_scene=from_scene,
+        allow_large=allow_large,
     )
 
 

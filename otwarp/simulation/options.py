@@ -23,6 +23,8 @@ class StepOptions:
         crossings: Whether escapes between the ends of two steps count.
         precision: `float32`, or `float64` for all real numbers but the noise.
         forces: Forces that the user adds; see `otwarp.force`.
+        allow_large_step: Whether an explicit step that is stable may make any errors; else it draws a warning above the
+            wanted accuracy, and is refused above 10 %.
     """
 
     time_step: float | None = None
@@ -32,6 +34,7 @@ class StepOptions:
     crossings: bool = True
     precision: str = "float32"
     forces: tuple[Force, ...] = ()
+    allow_large_step: bool = False
 
     def of(self, scene: Scene) -> Scene:
         """The scene with those of its own settings replaced that are chosen here."""

@@ -24,7 +24,9 @@ from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.parameters import expand_all, scene_values
 from otwarp.simulation.packing.traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.packing.walls import check_flow
+from otwarp.simulation.time_step.edges import at_edges, pulls
 from otwarp.simulation.time_step.relaxation import Neighbours, TrapRelaxation
+from otwarp.simulation.time_step.speeds import authored_powers
 from otwarp.simulation.time_step.steady_loads import steady_loads
 from otwarp.simulation.user_forces import user_parameters
 
@@ -38,6 +40,7 @@ class ResolvedScene:
         features: Terms of the step but for `soft_contacts`, which the time step decides.
         forces: Forces with parameters per body.
         loads: Per body, how strong all forces but traps are.
+        edges: Rates where beads leave the traps, at powers of 1.
         scene, values, overrides, held, held_range, relaxation, steepest, optics: As in `Model`.
     """
 
@@ -52,6 +55,7 @@ class ResolvedScene:
     held_range: np.ndarray
     relaxation: TrapRelaxation
     steepest: TrapRelaxation
+    edges: TrapRelaxation
     optics: TrapOptics
 
     @classmethod
@@ -82,6 +86,9 @@ class ResolvedScene:
         features = compose(scene, values, optics, device, forces.laws, options)
         check_flow(scene, values)
         loads = steady_loads(scene, moves, values, forces, device)
+        gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)
+        pull = pulls(scene, moves, values, loads, held)
+        edges = at_edges(scene, values, optics, authored_powers(scene, values), gap, pull)
         return cls(
             scene=scene,
             moves=moves,
@@ -94,6 +101,7 @@ class ResolvedScene:
             held_range=np.minimum(_held_range(scene, values, held), optics.escape_distance()),
             relaxation=TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held, loads),
             steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held, loads),
+            edges=TrapRelaxation.of(scene, moves, edges, near, held, loads),
             optics=optics,
         )
 

@@ -47,6 +47,8 @@ class Simulation:
             `fast_math`.
         forces: Forces beside those of the scene, made by `otwarp.force`; summed in every stage of the step, and counted
             for its length. Their parameters are parameters, too: `<force>_<parameter>`.
+        allow_large_step: Whether an explicit `time_step` that is stable may make any errors; else it draws a warning
+            above the wanted accuracy, and is refused above 10 %.
 
     Raises:
         InputError: An argument out of range.
@@ -76,6 +78,7 @@ class Simulation:
         crossings: bool = True,
         precision: str = "float32",
         forces: Sequence[Force] = (),
+        allow_large_step: bool = False,
     ):
         options = StepOptions(
             time_step=time_step,
@@ -85,6 +88,7 @@ class Simulation:
             crossings=crossings,
             precision=precision,
             forces=tuple(forces),
+            allow_large_step=allow_large_step,
         )
         self.model = Model.build(scene, worlds=worlds, seed=seed, device=device, parameters=parameters, options=options)
         if threads is not None and threads < 1:

@@ -141,7 +141,7 @@ def test_a_spring_has_the_integrators_own_averages(name, device, wells):
     well, steps, worlds = wells[0], 5, 500
     scheme, stiffness = INTEGRATORS[name], well.bead.properties.stiffness
     scene, dt = well.bead.scene(rung("harmonic")), well.relaxation / steps
-    sim = Simulation(scene, worlds=worlds, device=device, time_step=dt, integrator=name, seed=5)
+    sim = Simulation(scene, worlds=worlds, device=device, time_step=dt, integrator=name, seed=5, allow_large_step=True)
     lags = well.lags
     start = well.start(worlds)
     found = measure_stationary(sim, well.bead.centre, start, window=steps, lags=lags, seconds=0.5)
@@ -165,7 +165,7 @@ def test_beads_leave_a_spring_as_the_equation_says(device):
     expected = well.escape(springs(well), well.bead.region)
     assert expected.error < 2e-3 * expected.value
     scene, dt = well.bead.scene(rung("harmonic")), well.relaxation / 10
-    sim = Simulation(scene, worlds=1000, device=device, time_step=dt, seed=6)
+    sim = Simulation(scene, worlds=1000, device=device, time_step=dt, seed=6, allow_large_step=True)
     found = measure_escape(sim, expected.value)
     assert found.error < 0.04 * expected.value
     agrees(found, expected.value, bias=0.02 * expected.value)
@@ -177,7 +177,8 @@ def test_without_crossings_nobody_escapes_earlier(device):
     scene, dt = well.bead.scene(rung("harmonic")), well.relaxation / 5
     escapes = []
     for crossings in (True, False):
-        sim = Simulation(scene, worlds=300, device=device, time_step=dt, seed=7, crossings=crossings)
+        how = {"time_step": dt, "allow_large_step": True, "crossings": crossings}
+        sim = Simulation(scene, worlds=300, device=device, seed=7, **how)
         assert sim.model.features.crossings == crossings
         sim.step(20_000)
         escapes.append(sim.readout.escape_step.numpy()[:, 0].copy())

@@ -50,7 +50,8 @@ def term_section() -> Section:
 
 
 def test_the_scene_of_everything_has_every_kind_of_term():
-    features = Model.build(SCENES["everything"](), device="cpu", options=StepOptions(time_step=TIME_STEP)).features
+    options = StepOptions(time_step=TIME_STEP, allow_large_step=True)
+    features = Model.build(SCENES["everything"](), device="cpu", options=options).features
     has = (
         "moving_traps",
         "speed_limits",
@@ -149,7 +150,7 @@ FEATURE_OF = {
 @pytest.mark.parametrize("case", COMPARISONS, ids=lambda c: c.term)
 def test_a_pair_of_scenes_differs_by_its_term(case: Comparison):
     without, with_ = (
-        Model.build(SCENES[name](), device="cpu", options=StepOptions(time_step=TIME_STEP))
+        Model.build(SCENES[name](), device="cpu", options=StepOptions(time_step=TIME_STEP, allow_large_step=True))
         for name in (case.without, case.with_)
     )
     a, b = vars(without.features), vars(with_.features)

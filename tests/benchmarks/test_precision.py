@@ -53,5 +53,5 @@ def test_tables_are_complete(section: Section):
 @pytest.mark.parametrize("name", precision.TIMES)
 def test_what_is_timed_goes_in_both_precisions(name: str):
     for wanted in PRECISIONS:
-        options = StepOptions(precision=wanted)
+        options = StepOptions(precision=wanted, allow_large_step=True)
         assert Model.build(precision.TIMES[name](), device="cpu", options=options).features.precision == wanted

@@ -26,7 +26,7 @@ def driver(request, monkeypatch) -> str:
 
 
 def start(scene, driver: str, device: str, **more) -> Simulation:
-    sim = Simulation(scene, device=device, **more)
+    sim = Simulation(scene, device=device, allow_large_step=True, **more)
     assert sim.model.features.driver == driver
     f = sim.model.features
     assert (f.pairs, f.moving_obstacles, f.gravity, f.brownian, f.traps) == (True, True, True, True, 2)

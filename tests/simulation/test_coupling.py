@@ -113,7 +113,7 @@ def test_a_step_of_three_bodies(integrator, device):
     """Trap, weight and flow on a robot and two beads against the twin, forces and pairs anew at Heun's end."""
     dt = 1e-4
     scene = mixed(dt, temperature=COLD, integrator=integrator)
-    sim = Simulation(scene, device=device)
+    sim = Simulation(scene, device=device, allow_large_step=True)
     start, turned = sim.state.position.numpy()[0].astype(float), sim.state.orientation.numpy()[0].astype(float)
     move = mixed_drift(scene, dt, start, turned[0])
     first = move
@@ -133,7 +133,7 @@ def test_covariance_of_the_noise(device):
     """One step of 12 degrees of freedom: 2 k_B T M dt. Standard error of C_ij: √((C_ii C_jj + C_ij²)/worlds)."""
     worlds, dt = 40_000, 1e-4
     scene = mixed(dt, integrator="eulerMaruyama")
-    sim = Simulation(scene, worlds=worlds, seed=11, device=device)
+    sim = Simulation(scene, worlds=worlds, seed=11, device=device, allow_large_step=True)
     start, turned = sim.state.position.numpy().astype(float), sim.state.orientation.numpy().astype(float)
     sim.step()
     shift = (sim.state.position.numpy() - start).reshape(worlds, 9)

@@ -136,7 +136,7 @@ class Study:
         # rows with the same noise would err alike, and many of them would look like a bias
         seed = zlib.crc32(f"{case.name} {steps} {well.power}".encode())
         how: dict[str, Any] = {"device": self.device, "seed": seed, **case.settings}
-        return Simulation(scene, worlds=worlds, time_step=step, **how)
+        return Simulation(scene, worlds=worlds, time_step=step, allow_large_step=True, **how)
 
     def ladder(self, case: Case, steps: Sequence[int]) -> list[int]:
         """Steps per relaxation time: all that are stable, or for force models and precisions the default."""

@@ -142,7 +142,8 @@ class Workload:
 def simulated(what: Scene, setting: Setting, usual: dict[str, int], **how: Any) -> Prepared:
     """Copies of a scene on one thread; a step of one is the unit. `how` are arguments of `Simulation`."""
     worlds = setting.count(usual[setting.kind])
-    sim = Simulation(what, worlds=worlds, seed=SEED, device=setting.device, **{"threads": 1, **how})
+    given = {"threads": 1, "allow_large_step": True, **how}
+    sim = Simulation(what, worlds=worlds, seed=SEED, device=setting.device, **given)
     return Prepared(sim.step, worlds, worlds, sim=sim)
 
 

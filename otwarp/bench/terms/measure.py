@@ -54,7 +54,7 @@ class TimedScene:
     def of(cls, scene: Scene, device: wp.Device, *, bodies: int, seconds: float) -> TimedScene:
         """As many worlds as hold `bodies`, and as many steps as take `seconds`."""
         worlds = max(1, bodies // len(scene.bodies))
-        sim = Simulation(scene, worlds=worlds, device=device, time_step=TIME_STEP, threads=1)
+        sim = Simulation(scene, worlds=worlds, device=device, time_step=TIME_STEP, allow_large_step=True, threads=1)
         steps = calls_for(sim.step, device, seconds)
         return cls(sim, worlds * len(scene.bodies), steps)
 
@@ -73,7 +73,8 @@ def world_bytes(scene: Scene, device: wp.Device) -> int:
     """Device memory that one more world takes [B]."""
     sizes = []
     for worlds in (1, 2):
-        model = Model.build(scene, worlds=worlds, device=device, options=StepOptions(time_step=TIME_STEP))
+        options = StepOptions(time_step=TIME_STEP, allow_large_step=True)
+        model = Model.build(scene, worlds=worlds, device=device, options=options)
         sizes.append(device_bytes(model, State.start(model), Control.start(model), Readout.empty(model)))
     return sizes[1] - sizes[0]
 

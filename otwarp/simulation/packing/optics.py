@@ -190,13 +190,22 @@ class TrapOptics:
 
         The branch A/d² + C of a piecewise law may be steeper than K where it begins, by −2A/δ³.
         """
-        slopes = [max((self.tables[i].steepest for i in row if i >= 0), default=0.0) for row in self.table]
+        slopes = self.steepest_slopes()
         found = dict(values)
         for curve in ("trap_", "trap_axial_"):
             start, inverse_square = values[curve + "threshold"], values[curve + "inverse_square"]
             branch = np.where(np.isfinite(start), -2.0 * inverse_square / start**3, 0.0)
             found[curve + "stiffness"] = np.maximum(np.maximum(values[curve + "stiffness"], slopes), branch)
         return found
+
+    def steepest_slopes(self) -> np.ndarray:
+        """(T,) steepest restoring slope of every optical trap on any kind of sphere [pN/µm per mW], 0 of the others."""
+        return np.array([max((self.tables[i].steepest for i in row if i >= 0), default=0.0) for row in self.table])
+
+    def depths(self) -> np.ndarray:
+        """(T,) depth of every optical trap for the sphere that it holds [pN·µm per mW], 0 where it holds none."""
+        found = [self.held(t) for t in range(len(self.table))]
+        return np.array([f.properties.depth if f and f.properties else 0.0 for f in found])
 
     def escape_distance(self) -> np.ndarray:
         """(T,) distance from the equilibrium at which the held sphere has escaped [µm], inf if nothing is held."""

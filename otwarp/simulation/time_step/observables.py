@@ -7,10 +7,12 @@ Rows of one name are one observable with several causes: the largest error count
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
+from otwarp.errors import InputError
 from otwarp.kernels.integrate.integrators import Integrator
 
 OBSERVABLES: dict[str, str] = {
@@ -25,6 +27,10 @@ OBSERVABLES: dict[str, str] = {
     "wall": "distribution next to hydrodynamic walls",
 }
 """Keys of `TimeScales.errors`, in the order in which they are printed, and what they are."""
+
+
+LARGE = 0.1
+"""Estimated relative error above which an explicit step is refused, unless the user insists."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +61,60 @@ def errors(watched: Iterable[Observable], step: float) -> dict[str, float]:
     return {name: found[name] for name in OBSERVABLES if name in found}
 
 
+def spelled(errors: Mapping[str, float | None]) -> str:
+    """Errors in words, `stationary variances in traps −0.43 %, …`; empty for none."""
+    return ", ".join(f"{OBSERVABLES[name]} {percent(error)}" for name, error in errors.items())
+
+
+def percent(error: float | None) -> str:
+    """A relative error; None and what is not finite stand for a step that is not stable."""
+    if error is None or not math.isfinite(error):
+        return "unstable"
+    return f"{100.0 * error:+.2g} %".replace("-", "−")
+
+
+def missed(errors: Mapping[str, float], accuracy: float) -> dict[str, float]:
+    """Those of the errors that are larger than the wanted accuracy."""
+    return {name: error for name, error in errors.items() if abs(error) > accuracy * (1.0 + 1e-9)}
+
+
+def check_explicit(watched: list[Observable], step: float, accuracy: float, what: str) -> None:
+    """Warn of an explicit step [s], called `what`, that misses the wanted accuracy; refuse one that errs by `LARGE`.
+
+    What no step makes right within reason is told with every step, and so does not count.
+
+    Raises:
+        InputError: An error above `LARGE` and the wanted accuracy; the message names the longest step without.
+    """
+    curable = [row for row in watched if step > row.longest]
+    above = missed(errors(curable, step), accuracy)
+    if not above:
+        return
+    limit, best = max(LARGE, accuracy), min(row.longest for row in curable)
+    large = missed(above, limit)
+    if large:
+        raise InputError(
+            f"{what} {step:g} s makes large errors: {spelled(large)}; allowed: up to "
+            f"{longest_within(curable, limit, step):.4g} s for {100.0 * limit:g} % ({best:.4g} s for the wanted "
+            f"{100.0 * accuracy:g} %), or any stable one with --allow-large-step (allow_large_step=True in Python)"
+        )
+    warnings.warn(
+        f"{what} {step:g} s misses the wanted accuracy of {100.0 * accuracy:g} %, estimated errors: {spelled(above)}; "
+        f"within it: up to {best:.4g} s",
+        stacklevel=4,
+    )
+
+
+def longest_within(watched: list[Observable], error: float, step: float) -> float:
+    """Longest step up to `step` [s] with which no estimated error exceeds `error`; errors grow with the step."""
+    low, high = 0.0, step
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        good = all(abs(row.error(middle)) <= error for row in watched)
+        low, high = (middle, high) if good else (low, middle)
+    return low
+
+
 def in_springs(
     scheme: Integrator, rate: float, accuracy: float, noise: str, *, brownian: bool = True
 ) -> list[Observable]:
@@ -62,24 +122,34 @@ def in_springs(
     if rate <= 0.0:
         return []
     longest = scheme.largest_product(accuracy, noise) / rate
-    limit = "trap relaxation and wanted accuracy"
     known = {"correlation": scheme.rate_error}
     if brownian:
         known |= {"variance": scheme.variance_error, "displacement": scheme.displacement_error}
     return [
-        Observable(name=name, error=partial(_of_product, error, rate), longest=longest, limit=limit)
+        Observable(
+            name=name,
+            error=partial(_of_product, error, rate),
+            longest=longest if scheme.mends(error) else math.inf,
+            limit="trap relaxation and wanted accuracy",
+        )
         for name, error in known.items()
     ]
 
 
-def on_steep_sides(scheme: Integrator, steep: float, accuracy: float, noise: str) -> Observable:
-    """Escapes, which are decided where forces are steepest: there a bead would relax at `steep` [1/s]."""
-    return Observable(
-        name="escape",
-        error=partial(_of_product, partial(scheme.rim_error, noise=noise), steep),
-        longest=scheme.rim_product(accuracy, noise) / steep if steep > 0.0 else math.inf,
-        limit="steepest slope of a trap's force",
+def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[Observable]:
+    """Escapes, which are decided where forces are steepest: there a bead would relax at `steep` [1/s].
+
+    What crossings between steps and cheaper noise make wrong is told, but steps are not shortened for it.
+    """
+    limit = "force where beads leave a trap"
+    longest = scheme.rim_product(accuracy, noise) / steep
+    curable, told = (
+        partial(_of_product, e, steep) for e in (scheme.rim_error, partial(scheme.told_error, noise=noise))
     )
+    return [
+        Observable(name="escape", error=curable, longest=longest, limit=limit),
+        Observable(name="escape", error=told, longest=math.inf, limit=limit),
+    ]
 
 
 def near_walls(longest: float, accuracy: float) -> Observable:

@@ -15,6 +15,12 @@ from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.time_step.relaxation import point_mobility
 
 
+def authored_powers(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(T,) largest power of each trap in any world and at any time [mW]."""
+    peaks = np.array([t.power.values.max() for t in scene.traps])
+    return np.maximum(values["trap_power"].max(axis=0), peaks) if len(peaks) else peaks
+
+
 def places(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """(n, 3) where bodies start and where traps go [µm]: where things are to be expected."""
     rows = [np.array([b.position for b in scene.bodies]).reshape(-1, 3), values["trap_position"].reshape(-1, 3)]
@@ -50,6 +56,18 @@ def trap_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
             speeds.append(float(limit))
         elif len(times) > 1:
             speeds.append(float((np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(times)).max()))
+    return max(speeds)
+
+
+def sampled_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
+    """Fastest motion of a focus along its time samples, within its speed limit [µm/s]."""
+    limits = values["trap_speed_limit"].max(axis=0)
+    speeds = [0.0]
+    for trap, limit in zip(scene.traps, limits, strict=True):
+        times, points = trap.position.times, trap.position.values
+        if len(times) > 1:
+            ways = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            speeds.append(min(float((ways / np.diff(times)).max()), float(limit)))
     return max(speeds)
 
 

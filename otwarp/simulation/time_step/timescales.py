@@ -16,12 +16,21 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
-from otwarp.simulation.time_step.observables import Observable, errors, in_springs, near_walls, on_steep_sides
+from otwarp.simulation.time_step.observables import (
+    Observable,
+    at_edges,
+    check_explicit,
+    errors,
+    in_springs,
+    missed,
+    near_walls,
+)
 from otwarp.simulation.time_step.relaxation import TrapRelaxation
 from otwarp.simulation.time_step.rotors import in_rotation, rotors
 from otwarp.simulation.time_step.sampling import in_samples
 from otwarp.simulation.time_step.speeds import (
     adhesion_speed,
+    authored_powers,
     flow_speed,
     places,
     prescribed_speed,
@@ -72,6 +81,7 @@ class TimeScales:
         integrator: Name of the integrator.
         errors: Estimated relative error of what the step may make wrong, by the names of `OBSERVABLES`; in traps of
             the stiffest mode.
+        accuracy: Wanted relative error of all of these.
         chosen_by: What decided the step; never longer than a frame.
     """
 
@@ -87,13 +97,13 @@ class TimeScales:
     largest_stable: float
     integrator: str
     errors: dict[str, float]
+    accuracy: float
     chosen_by: str
 
-
-def authored_powers(scene: Scene, values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """(T,) largest power of each trap in any world and at any time [mW]."""
-    peaks = np.array([t.power.values.max() for t in scene.traps])
-    return np.maximum(values["trap_power"].max(axis=0), peaks) if len(peaks) else peaks
+    @property
+    def missed(self) -> dict[str, float]:
+        """Those of `errors` that are above the wanted accuracy: with a chosen step, what no affordable one mends."""
+        return missed(self.errors, self.accuracy)
 
 
 def _within(distance: float, speed: float) -> float | None:
@@ -183,12 +193,14 @@ def time_scales(
     values: Mapping[str, np.ndarray],
     relaxation: TrapRelaxation,
     steepest: TrapRelaxation,
+    edges: TrapRelaxation,
     loads: list[Load],
     *,
     integrator: str,
     contacts: bool,
     wanted: float | None,
     from_scene: bool = False,
+    allow_large: bool = False,
 ) -> TimeScales:
     """Time scales of a scene and its step; `values` are the `(1|W, …)` parameters of `parameters.PARAMETERS`.
 
@@ -200,13 +212,15 @@ def time_scales(
         relaxation: Rates in the traps near their equilibria.
         steepest: Rates where the forces are steepest: a table's slope at the rim of a sphere can be several times that
             at its equilibrium. They limit stability.
+        edges: Rates where beads leave the traps, at powers of 1, as far as they come there; see `edges`.
         loads: Per body, how strong all forces but traps are.
         contacts: Whether anything can touch anything.
         wanted: Explicit time step [s], or None.
         from_scene: Whether that is the scene's own.
+        allow_large: Whether it may make any errors, if it is stable.
 
     Raises:
-        InputError: An explicit step that is not positive, or unstable; the message names the largest stable one.
+        InputError: An explicit step that is not positive, unstable, or errs too much; the message names a better one.
     """
     powers = authored_powers(scene, values)
     rate, stiffest = relaxation.fastest(powers)
@@ -214,17 +228,21 @@ def time_scales(
     stability = Stability.of(scheme, steepest, powers)
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)
-    watched = _observables(scene, scheme, rate, stability, wall)
+    leaving = edges.fastest(np.ones(len(powers)))[0] if edges.stiffness.any() else 0.0
+    watched = _observables(scene, scheme, rate, leaving, wall)
     for rotor in rotors(scene, moves, values, loads, scheme):
         watched += in_rotation(rotor, scene.settings.accuracy)
-    limits = _step_limits(scene, scheme, stability, motions, watched)
+    limits = _step_limits(scene, scheme, rate, stability, motions, watched)
+    what = f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step"
     if wanted is not None:
-        stability.check(wanted, f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step")
+        stability.check(wanted, what)
         limits = {"set by the user": wanted}
     sampled = in_samples(scene, values, contacts=contacts, longest=min(limits.values()))
+    watched += sampled
     if wanted is None:
         limits |= {row.limit: row.longest for row in sorted(sampled, key=lambda row: -row.longest)}
-    watched += sampled
+    elif not allow_large:
+        check_explicit(watched, wanted, scene.settings.accuracy, what)
     chosen_by = min(limits, key=lambda name: limits[name])
     step = limits[chosen_by] if wanted is not None else whole_steps(scene.settings.duration, limits[chosen_by])
     return TimeScales(
@@ -236,23 +254,23 @@ def time_scales(
         largest_stable=stability.largest,
         integrator=integrator,
         errors=errors(watched, step),
+        accuracy=scene.settings.accuracy,
         chosen_by=chosen_by,
     )
 
 
-def _observables(
-    scene: Scene, scheme: Integrator, rate: float, stability: Stability, wall: float | None
-) -> list[Observable]:
+def _observables(scene: Scene, scheme: Integrator, rate: float, leaving: float, wall: float | None) -> list[Observable]:
     """What the step of a scene may make wrong.
 
     Args:
         rate: Fastest relaxation near the equilibria of the traps [1/s].
+        leaving: The same where beads leave them.
         wall: As in `TimeScales`.
     """
     accuracy, noise, brownian = scene.settings.accuracy, scene.settings.noise, scene.settings.brownian
     watched = in_springs(scheme, rate, accuracy, noise, brownian=brownian)
-    if stability.rate > rate:
-        watched.append(on_steep_sides(scheme, stability.rate, accuracy, noise))
+    if leaving > 0.0 and brownian:
+        watched += at_edges(scheme, leaving, accuracy, noise)
     if wall is not None:
         watched.append(near_walls(WALL_PRODUCT * accuracy * wall, accuracy))
     return watched
@@ -266,6 +284,7 @@ def whole_steps(duration: float, longest: float) -> float:
 def _step_limits(
     scene: Scene,
     scheme: Integrator,
+    rate: float,
     stability: Stability,
     motions: Mapping[str, float | None],
     watched: list[Observable],
@@ -273,11 +292,14 @@ def _step_limits(
     """Longest step [s] that each of what limits it allows, by what is reported of it.
 
     Args:
+        rate: Fastest relaxation near the equilibria of the traps [1/s].
         motions: As `_motions` gives them.
         watched: As `_observables` gives them.
     """
     rim, utmost = stability.rate, stability.utmost
+    steep = scheme.rim_product(scene.settings.accuracy, scene.settings.noise)
     return {
+        "steepest slope of a trap's force": steep / rim if rim > rate else math.inf,
         **{row.limit: row.longest for row in sorted(watched, key=lambda row: -row.longest)},
         **{text: motions[name] or math.inf for name, text in _LIMITS.items()},
         "stability of coupled bodies that meet": MARGIN * scheme.stable / utmost if utmost > rim else math.inf,

@@ -106,8 +106,8 @@ def test_an_unstable_time_step_names_the_largest_stable_one(device):
     """k·dt/γ = 2 is the limit of the explicit step, for the scene's own step and for the argument."""
     largest = 2 * drag(1.0) / STIFFNESS
     for build in (
-        lambda dt: Simulation(bead_scene(), device=device, time_step=dt),
-        lambda dt: Simulation(bead_scene(time_step=dt), device=device),
+        lambda dt: Simulation(bead_scene(), device=device, time_step=dt, allow_large_step=True),
+        lambda dt: Simulation(bead_scene(time_step=dt), device=device, allow_large_step=True),
     ):
         with pytest.raises(InputError) as error:
             build(1.01 * largest)

@@ -121,7 +121,7 @@ SCENES = {
 
 
 def start(scene: Scene, precision: str, device: str, **more) -> Simulation:
-    return Simulation(scene, precision=precision, device=device, seed=11, **more)
+    return Simulation(scene, precision=precision, device=device, seed=11, allow_large_step=True, **more)
 
 
 def places(sim: Simulation) -> np.ndarray:

@@ -14,11 +14,14 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Scene, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from tests.reference import coupling as reference
 from tests.reference.rotations import matrix
 from tests.simulation.setups import COLD, STIFFNESS, VISCOSITY, bead_scene, harmonic, obstacle, sphere_body
 from tests.simulation.test_coupling import RATE, TURN, coupled, mixed, own_mobilities, trapped_pair
+
+LARGE = StepOptions(allow_large_step=True)
 
 WIDE = TrapLaw(stiffness=STIFFNESS)
 """A spring without end."""
@@ -36,7 +39,7 @@ def test_order_of_the_drift(integrator, order, device):
             medium=dataclasses.replace(scene.medium, temperature=COLD),
             traps=tuple(dataclasses.replace(t, radial=WIDE) for t in scene.traps),
         )
-        sim = Simulation(scene, device=device)
+        sim = Simulation(scene, device=device, allow_large_step=True)
         sim.set_state(position=[[0.2, 1.1, 0.1], [2.2, -0.8, 0.3]])
         sim.step(steps)
         ends.append(sim.state.position.numpy()[0].astype(float))
@@ -89,8 +92,8 @@ def test_step_follows_what_beads_do_together(device):
             dataclasses.replace(which.settings, time_step=alone.largest_stable / gain * f) for f in (1.01, 0.99)
         )
         with pytest.warns(UserWarning, match="becomes unstable where all trapped bodies"):
-            Model.build(dataclasses.replace(which, settings=risky), device=device)
-        Model.build(dataclasses.replace(which, settings=safe), device=device)
+            Model.build(dataclasses.replace(which, settings=risky), device=device, options=LARGE)
+        Model.build(dataclasses.replace(which, settings=safe), device=device, options=LARGE)
     with pytest.raises(InputError, match="is unstable"):
         Model.build(trapped_pair(3.0, time_step=1.01 * together.largest_stable), device=device)
 
@@ -113,7 +116,7 @@ def test_a_trap_that_holds_nothing_may_come_to_several_bodies_at_once(device):
 def test_powers_that_meeting_beads_could_not_carry_are_warned_of(device):
     """Control.set looks where the beads start for a refusal, and where they could meet for a warning."""
     step = 0.9 * Model.build(trapped_pair(3.0), device=device).scales.largest_stable
-    sim = Simulation(trapped_pair(3.0, time_step=0.5 * step), device=device)
+    sim = Simulation(trapped_pair(3.0, time_step=0.5 * step), device=device, allow_large_step=True)
     # at the start a gain of 1.46, at one place of 2: a factor of 2/1.46 in power lies between
     with pytest.warns(UserWarning) as said:
         sim.control.set(trap_power=[40.0, 40.0])

@@ -32,7 +32,7 @@ def packed(**more) -> Scene:
 
 def soft_simulation(scene: Scene, **more) -> Simulation:
     """A simulation that takes contact forces explicitly."""
-    sim = Simulation(scene, **{"integrator": "eulerMaruyama", **more})
+    sim = Simulation(scene, **{"integrator": "eulerMaruyama", "allow_large_step": True, **more})
     assert sim.model.features.soft_contacts
     return sim
 

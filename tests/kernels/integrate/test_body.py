@@ -50,7 +50,8 @@ SCENE = Scene(
 
 @pytest.fixture(scope="module")
 def model(device) -> Model:
-    return Model.build(SCENE, worlds=3, seed=SEED, device=device, options=StepOptions(integrator="eulerMaruyama"))
+    options = StepOptions(integrator="eulerMaruyama", allow_large_step=True)
+    return Model.build(SCENE, worlds=3, seed=SEED, device=device, options=options)
 
 
 def make_probe(model: Model) -> wp.Kernel:
