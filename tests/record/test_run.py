@@ -54,7 +54,7 @@ def test_the_reach_that_was_given_decides_what_an_escape_is(device: str, tmp_pat
     reach = np.array([[10.0], [1e-4], [1e-4]])
     dark = np.array([[1.0], [1.0], [0.0]])  # mW; a dark trap holds nothing that could escape
     values = {"trap_cutoff": reach, "trap_axial_cutoff": reach, "trap_power": dark}
-    options = StepOptions(time_step=1e-3)
+    options = StepOptions(time_step=1e-3, allow_large_step=True)
     summary = record_run(scene, tmp_path / "run", device=device, worlds=3, parameters=values, options=options)
     assert summary["escapes"] == 1
     assert summary["first_escape"]["world"] == 1

@@ -96,14 +96,12 @@ def at_edges(
         hottest, coldest = float(energy.max()), float(energy.min())
         acting = np.minimum(powers, reached_power(k, begin, hottest * shallower, pull))
         acting = np.where(gap > STARTED * begin, powers, acting)
-        steep = np.maximum.reduce([
-            slope * acting,
-            JUMP * slow * (jump * acting) ** 2 / coldest,
-            END * final * acting / last,
-            NARROW * hottest / last**2 * np.isfinite(end),
-        ])  # fmt: skip
+        falling = np.maximum(slope * acting, JUMP * slow * (jump * acting) ** 2 / coldest)
+        ending = np.maximum(END * final * acting / last, NARROW * hottest / last**2 * np.isfinite(end))
         held = np.divide(2.0 * REACHED * hottest, depths, out=np.zeros_like(depths), where=depths > 0.0)
-        found[curve + "stiffness"] = np.where(authored, np.where(edged, steep, 0.0), slopes * np.minimum(powers, held))
+        found[curve + "stiffness"] = np.where(
+            authored, np.where(edged, np.maximum(falling, ending), 0.0), slopes * np.minimum(powers, held)
+        )
     return found
 
 
@@ -119,4 +117,4 @@ def reached_power(stiffness: np.ndarray, distance: np.ndarray, energy: np.ndarra
     """
     thermal = np.sqrt(2.0 * REACHED * energy)
     root = 2.0 * distance / (thermal + np.sqrt(thermal**2 + 4.0 * pull * distance))
-    return np.divide(1.0 / root**2, stiffness, out=np.full(np.shape(stiffness), np.inf), where=stiffness > 0.0)
+    return np.where(stiffness > 0.0, 1.0 / (root**2 * np.where(stiffness > 0.0, stiffness, 1.0)), np.inf)
