@@ -202,12 +202,16 @@ class Solution:
         share = np.abs(shapes[:, 0]) * np.sqrt(weight)
         return share / share.sum(), float(rates[0])
 
-    @cached_property
+    @property
     def escape(self) -> float:
         """Mean time from the middle to the end."""
+        return self.time_until(math.inf)
+
+    def time_until(self, end: float) -> float:
+        """Mean time in the well from the middle, counted up to `end`."""
         middle, weight, ((rates, shapes), _) = self._modes
         root = np.sqrt(weight)
-        times = (shapes @ ((shapes.T @ root) / rates)) / root
+        times = (shapes @ ((shapes.T @ root) * -np.expm1(-rates * end) / rates)) / root
         return float(np.interp(0.0, middle, times))
 
     @cached_property

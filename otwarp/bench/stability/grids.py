@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from otwarp.bench.radial_wells import SHAPES
 from otwarp.bench.scenes import PLACE
 from otwarp.bench.stability.gaps import KINDS, PAIRS, contacts_in_box, pair_in_trap
+from otwarp.bench.stability.laws import time_in_a_well
 from otwarp.bench.stability.mechanical import (
     dragged_bead,
     first_overlap,
@@ -119,6 +121,15 @@ def _draws(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
                 yield f"{kind}, {first} + …", str(seed - first), partial(run_draw, effort, seed, cold=cold)
 
 
+def _laws(effort: Effort) -> Iterator[tuple[str, str, Measure]]:
+    """Every integrator at two wanted accuracies, and every law."""
+    for integrator in INTEGRATORS:
+        for accuracy in (0.01, 0.05):
+            for law in SHAPES:
+                row = f"{integrator}, {100.0 * accuracy:g} %"
+                yield row, law, partial(time_in_a_well, effort, law=law, how=(integrator, accuracy))
+
+
 INTEGRATORS = ("eulerMaruyama", "leimkuhlerMatthews", "heun", "exponential")
 _POWERS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 
@@ -128,6 +139,12 @@ GRIDS: tuple[StressGrid, ...] = (
         title="Bead in a spring: ⟨x²⟩ against k_BT/k",
         axes=("integrator", "time step over the chosen and the largest stable one"),
         cells=_steps(_bead_at, ("integrator", INTEGRATORS)),
+    ),
+    StressGrid(
+        name="laws",
+        title="Bead in a well of 3 k_BT: mean time until it leaves, against the Smoluchowski equation",
+        axes=("integrator, wanted accuracy", "law"),
+        cells=_laws,
     ),
     StressGrid(
         name="power",

@@ -47,7 +47,7 @@ SCENE = Schema(
             0.01,
             range="[1e-05, 0.5]",
             field="settings.accuracy",
-            doc="Wanted relative error of variances, correlations and escape times; the time step follows from it.",
+            doc="Wanted relative error of variances, correlations, displacements and escapes; the time step follows.",
         ),
         Attribute(
             "ot:scene:timeStep",
@@ -56,7 +56,7 @@ SCENE = Schema(
             "[0, 1]",
             none=0.0,
             field="settings.time_step",
-            doc="Explicit time step; 0 lets otwarp choose it from the accuracy.",
+            doc="Explicit time step; 0 lets otwarp choose it. Refused where its estimated errors are above 10 %.",
         ),
         Attribute(
             "ot:scene:integrator",
