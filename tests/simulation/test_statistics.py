@@ -107,6 +107,7 @@ def test_every_world_follows_its_own_parameters(device):
             "medium_viscosity": viscosity,
             "medium_temperature": temperature,
         },
+        allow_large_step=True,
     )
     sim.step(100)
     x = sample(sim, 25, every=16)[:, :, 0, :]
