@@ -165,8 +165,8 @@ def main() -> None:
     arguments = options("Whether the chosen time step keeps its promise.", rounds=1).parse_args()
     section = measure(arguments.device)
     print(section.markdown())
-    if arguments.json:
-        save_json(arguments.json, [section])
+    if arguments.out:
+        save_json(arguments.out, [section])
 
 
 if __name__ == "__main__":

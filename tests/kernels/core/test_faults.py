@@ -122,10 +122,10 @@ def test_a_sweep_of_powers_tightens_the_step(device):
     """The strongest world decides: ten times the power, a tenth of the chosen step, and of the largest stable one."""
     base = Simulation(bead_scene(), worlds=2, device=device)
     swept = Simulation(bead_scene(), worlds=2, device=device, parameters={"trap_power": np.array([[20.0], [200.0]])})
-    assert swept.time_step == pytest.approx(0.1 * base.time_step)
+    assert swept.time_step == pytest.approx(0.1 * base.time_step, rel=1e-3)  # both runs end with a whole step
     assert swept.model.scales.largest_stable == pytest.approx(0.1 * base.model.scales.largest_stable)
     # Heun's displacements over one step are the first to err by what the promised 1 % allows
-    assert base.model.scales.errors["displacement"] == pytest.approx(-0.007, rel=1e-6)
+    assert base.model.scales.errors["displacement"] == pytest.approx(-0.007, rel=1e-3)
 
 
 @pytest.mark.parametrize(
