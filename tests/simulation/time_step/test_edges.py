@@ -20,7 +20,7 @@ FALL = 2.0 * 16.18 / 0.08**3 / 12000.0
 
 
 WHOLE = 5e-3
-"""By how much a step is shortened so that a run is a whole number of them, and the paper's branches join too coarsely."""
+"""By how much a step is shortened so that a run is a whole number of them, and the paper's branches do not join."""
 
 
 def product(scene: Scene, well: RadialWell) -> float:
