@@ -365,7 +365,7 @@ def limits() -> tuple[FeltLimit, ...]:
         ),
         FeltLimit(
             "force of a servo that was killed or stopped",
-            f"zero after {1e3 * SHARE * safety.disarm_after:.0f} ms and the way to the driver",
+            f"zero sent within {1e3 * SHARE * safety.disarm_after:.0f} ms",
             f"guardian, for {', '.join(kinds_that_keep('driver'))}; {' and '.join(kinds_that_keep('library'))} run "
             "inside the servo and end with it: there the device's own timeout has to act",
         ),

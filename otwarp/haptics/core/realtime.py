@@ -162,6 +162,11 @@ def schedule(priority: int = PRIORITY) -> Grant:
     return Grant("nice", nice.granted, f"{nice.detail} ({why})")
 
 
+def schedule_threads(priority: int) -> Grant:
+    """SCHED_FIFO for all threads that this process has by now, and for those that these start; Linux alone."""
+    return _attempt("SCHED_FIFO of all threads", lambda: _fifo_threads(priority))
+
+
 def favour() -> Callable[[], None]:
     """Let this thread run before ordinary processes, where the system allows it; what is returned takes it back.
 
@@ -253,6 +258,13 @@ def _fifo(priority: int) -> str:
     policy = os.SCHED_FIFO | getattr(os, "SCHED_RESET_ON_FORK", 0)
     os.sched_setscheduler(0, policy, os.sched_param(priority))
     return f"priority {os.sched_getparam(0).sched_priority}"
+
+
+def _fifo_threads(priority: int) -> str:
+    threads = [int(entry.name) for entry in os.scandir("/proc/self/task")]
+    for thread in threads:
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+    return f"priority {priority} of {len(threads)}"
 
 
 def _round_robin() -> str:

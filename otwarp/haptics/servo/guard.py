@@ -32,7 +32,7 @@ SILENCE = 0.2
 """Seconds without word of the guardian after which the sides that need it disarm: it speaks every 5 ms."""
 STANDS = 0.2
 """Seconds without a cycle after which a parent says that the servo stands still."""
-SHARE = 0.6
+SHARE = 0.5
 """Part of the time after which a gap disarms that a guardian lets pass: zero force is there before it is over."""
 RESTART_AFTER = 1.0
 """Seconds from one start of a guardian to the next, where one is killed again and again."""

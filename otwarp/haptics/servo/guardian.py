@@ -23,7 +23,7 @@ from collections.abc import Callable
 from importlib import import_module
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.realtime import process_ended, request_realtime
+from otwarp.haptics.core.realtime import process_ended, schedule_threads, timer
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.core.types import ServoFrame, ZeroForce
 from otwarp.haptics.devices import KINDS
@@ -172,12 +172,12 @@ def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> Non
         Side(
             Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
             Mailbox.attach(AddressLayout(), names["addresses"][i]),
-            _sender(kind),
+            _sender(kind, order.realtime),
         )
         for i, kind in enumerate(order.kinds)
     ]
     if order.realtime:
-        request_realtime(PRIORITY, lock=False)
+        timer()
     sys.setswitchinterval(SWITCH)
     beat, state, last, died = 0, "", clock(), math.inf
     while True:
@@ -201,10 +201,21 @@ def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> Non
         time.sleep(POLL)
 
 
-def _sender(kind: str) -> Sender | None:
-    """What sends zero force to a device of a kind; None where nothing goes on without the servo."""
+def _sender(kind: str, realtime: bool) -> Sender | None:
+    """What sends zero force to a device of a kind; None where nothing goes on without the servo.
+
+    The threads of a client send, so once it is made all threads are scheduled before those of ordinary processes: not
+    before, for what it imports takes a second of a core.
+    """
     row = KINDS[kind]
     if row.keeps != "driver":
         return None
     module = row.home.split(":")[0]
-    return Sender(lambda address: import_module(module).zero_force(address))
+
+    def make(address: str) -> ZeroForce:
+        zero = import_module(module).zero_force(address)
+        if realtime:
+            schedule_threads(PRIORITY)
+        return zero
+
+    return Sender(make)
