@@ -13,7 +13,6 @@ from otwarp.files import written
 from otwarp.record.monitor import DELIVERED, OUTCOMES, Monitor
 from otwarp.record.netcdf import scene_name
 from otwarp.scene import Scene
-from otwarp.simulation.time_step.observables import spelled
 
 LISTED_WORLDS = 16
 """Up to so many worlds are listed one by one; beyond, they are counted."""
@@ -148,6 +147,9 @@ def _text(s: dict[str, Any]) -> str:
     run = f"{s['scene']}: {s['duration_s']:.4g} s simulated in {s['wall_time_s']:.3g} s{factor}{worlds}"
     lines = [run if s["status"] == "finished" else f"{run}; {s['status']}"]
     if s["time_step_errors"]:
+        # beside the kernels, which take seconds to import
+        from otwarp.simulation.time_step.observables import spelled
+
         lines.append(f"time step {s['time_step_s']:.4g} s, estimated errors: {spelled(s['time_step_errors'])}")
     if s["task"] is not None:
         ends = s["task"].get("worlds")
