@@ -14,6 +14,7 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | `transforms`, `meshes` | rigid transforms and triangle meshes, NumPy | `transforms` |
 | `vocabulary` | the one table of `ot:` attributes, which all the rest follows | `vocabulary/__init__` |
 | `schema` | the USD schema files, written from the table | `schema/generate` |
+| `check` | what every description is held to, from a file or from Python |
 | `read` | stage → fields of a `Scene`, and `validate` | `read/load` |
 | `plausibility` | scene → what it hardly means: slips of units, traps that hold nothing | `plausibility/__init__` |
 | `write` | description → stage | `write/builder` |

@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from otwarp.scene.check.scene import check_scene
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
 from otwarp.scene.finding import Finding
 from otwarp.scene.track import ByValue
@@ -46,6 +47,15 @@ class Scene(ByValue):
         from otwarp.scene.read.load import read_file
 
         return cls(**read_file(Path(file), duration=duration))
+
+    def check(self) -> None:
+        """Hold it to what files are held to; a model does so before it is built.
+
+        Raises:
+            InputError: One line that names prim, attribute, value and what is allowed.
+        """
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.compare}
+        check_scene(str(self.file or "Scene"), **fields)
 
     def with_trap_speed(self, factor: float) -> Scene:
         """The same scene with its traps played `factor` times faster, and the run shortened to match."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from otwarp.errors import InputError
+
 
 def _same(a: object, b: object) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
@@ -35,10 +37,29 @@ class Track(ByValue):
     Attributes:
         times: (n,) seconds from the start of the run, strictly increasing; n = 1 means constant.
         values: (n, k) samples.
+
+    Raises:
+        InputError: Other shapes, a number that is not finite, times that do not increase.
     """
 
     times: np.ndarray
     values: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, shape in (("times", 1), ("values", 2)):
+            given = np.asarray(getattr(self, name))
+            if given.ndim != shape or given.dtype.kind not in "iuf" or not len(given):
+                allowed = "numbers (n,)" if name == "times" else "numbers (n, k)"
+                raise InputError(f"Track: {name} = shape {given.shape} of {given.dtype}: must be {allowed}, n ≥ 1")
+            if np.any(bad := ~np.isfinite(given)):
+                place = "".join(f"[{i}]" for i in np.argwhere(bad)[0])
+                raise InputError(f"Track: {name}{place} = {given[bad][0]}: must be finite")
+        if len(self.times) != len(self.values):
+            raise InputError(f"Track: values = {len(self.values)} samples: must be as many as times, {len(self.times)}")
+        if np.any(late := np.diff(self.times) <= 0.0):
+            n = int(np.argmax(late))
+            shown = f"times[{n + 1}] = {self.times[n + 1]:g} s after {self.times[n]:g} s"
+            raise InputError(f"Track: {shown}: must be strictly increasing")
 
     @classmethod
     def constant(cls, value: object) -> Track:

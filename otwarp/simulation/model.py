@@ -23,6 +23,7 @@ from otwarp.scene import Scene
 from otwarp.scene.plausibility import judge
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import Place
 from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.packing.commands import Samples, staged_commands
@@ -112,11 +113,14 @@ class Model:
             options: What is chosen about the step; None: as the scene says.
 
         Raises:
-            InputError: Anything out of range.
+            InputError: Anything out of range or of another type, in the arguments and in the scene (`Scene.check`).
         """
+        if not isinstance(scene, Scene):
+            raise InputError(f"scene is {scene!r}; allowed: a Scene, such as Scene.load reads from a file")
         options = options or StepOptions()
         asked = options.of(scene)
-        _check(asked, worlds, seed)
+        _check(scene, asked)
+        worlds, seed = whole("worlds", worlds, 1), whole("seed", seed, 0, 2**32 - 1)
         _warn_of_oddities(scene)
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
@@ -168,13 +172,10 @@ class Model:
         return position - rotate(orientation, self.reference)
 
 
-def _check(scene: Scene, worlds: int, seed: int) -> None:
-    """Refuse what no model can be built from."""
-    check_settings(scene)
-    if worlds < 1:
-        raise InputError(f"worlds is {worlds}; allowed: 1 or more")
-    if not 0 <= seed < 2**32:
-        raise InputError(f"seed is {seed}; allowed: 0 to 4294967295")
+def _check(scene: Scene, asked: Scene) -> None:
+    """Refuse what no model can be built from: as the reader does with files, and without a body."""
+    check_settings(asked)
+    scene.check()
     if not scene.bodies:
         where = f"{scene.file}: {scene.root}" if scene.file else scene.root
         raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")

@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from otwarp.simulation.packing.arguments import number
+
 if TYPE_CHECKING:
     from otwarp.scene import Scene
     from otwarp.simulation.user_forces import Force
@@ -40,4 +42,6 @@ class StepOptions:
         """The scene with those of its own settings replaced that are chosen here."""
         chosen = {"time_step": self.time_step, "integrator": self.integrator, "noise": self.noise}
         given = {name: value for name, value in chosen.items() if value is not None}
+        if "time_step" in given:
+            given["time_step"] = number("time step", given["time_step"])
         return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **given))

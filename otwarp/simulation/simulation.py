@@ -18,6 +18,7 @@ from otwarp.simulation.grid_stepper import SHARED, GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
@@ -91,8 +92,7 @@ class Simulation:
             allow_large_step=allow_large_step,
         )
         self.model = Model.build(scene, worlds=worlds, seed=seed, device=device, parameters=parameters, options=options)
-        if threads is not None and threads < 1:
-            raise InputError(f"threads is {threads}; allowed: 1 or more")
+        threads = None if threads is None else whole("threads", threads, 1)
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
         self._readout = Readout.empty(self.model)
@@ -122,11 +122,10 @@ class Simulation:
         """Take `steps` time steps.
 
         Raises:
-            InputError: `steps` is negative.
+            InputError: `steps` is negative, or no whole number.
             SimulationError: The state is no longer physical; bodies with a fault keep their last good pose.
         """
-        if steps < 0:
-            raise InputError(f"steps is {steps}; allowed: 0 or more")
+        steps = whole("steps", steps, 0)
         if steps == 0:
             return
         self._stepper.advance(self.state.step, steps)
@@ -142,9 +141,7 @@ class Simulation:
             duration: Simulated time [s], 0 or more.
             progress: Called with the simulated time every few thousand steps.
         """
-        if not (np.isfinite(duration) and duration >= 0.0):
-            raise InputError(f"duration is {duration:g} s; allowed: a finite time, 0 or more")
-        last = round((self.time + duration) / self.time_step)
+        last = round((self.time + seconds("duration", duration)) / self.time_step)
         while self.state.step < last:
             self.step(min(5000, last - self.state.step))
             if progress is not None:
@@ -164,7 +161,7 @@ class Simulation:
         rows = {}
         for name, values, width in (("position", position, 3), ("orientation", orientation, 4)):
             if values is not None:
-                rows[name] = self._state_rows(name, np.asarray(values, dtype=float), width)
+                rows[name] = self._state_rows(name, numbers(f"state {name}", values), width)
         for name, values in rows.items():
             array = getattr(self.state, name)
             array.assign(values.astype(host_type(array.dtype)))

@@ -12,7 +12,6 @@
 | `attributes` | `ot:` attributes by the vocabulary's rows: names, types, ranges |
 | `bodies`, `traps`, `obstacles`, `environment` | the readers |
 | `motion` | time samples → keys between which straight lines will do |
-| `overlap` | bodies that start inside each other or inside an obstacle |
 | `lenses` | cameras that can show something |
 | `remarks` | what the file says without effect |
 | `validate` | all that can be said of a file before it runs |

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pxr import Usd, UsdGeom
 
 from otwarp.scene import vocabulary
-from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Settings
+from otwarp.scene.description import Camera, Flow, Goal, Medium, Settings
 from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.source import Source, quat, vec3
 
@@ -43,14 +43,12 @@ def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
     """The background flow, if any.
 
     Raises:
-        InputError: More than one, or plates without a distance.
+        InputError: More than one.
     """
     prim = _at_most_one(source, prims, "OtFlowAPI")
     if prim is None:
         return None
     values = read_values(source.file, prim, vocabulary.FLOW)
-    if values["kind"] == "poiseuille" and values["half_height"] == 0.0:  # negative is out of the table's range
-        raise source.bad(prim, "ot:flow:halfHeight", values["half_height"], "in (0, inf) m for poiseuille")
     position, rotation, _ = source.pose(prim)
     return Flow(prim=str(prim.GetPath()), origin=vec3(position), orientation=quat(rotation), **values)
 
@@ -69,24 +67,19 @@ def read_camera(source: Source, prims: Sequence[Usd.Prim]) -> Camera | None:
     return Camera(prim=str(prim.GetPath()), **read_values(source.file, prim, vocabulary.CAMERA))
 
 
-def read_goal(source: Source, prims: Sequence[Usd.Prim], bodies: Sequence[Body]) -> Goal | None:
+def read_goal(source: Source, prims: Sequence[Usd.Prim]) -> Goal | None:
     """The task, if any.
 
     Raises:
-        InputError: More than one, or its relationships do not name one cell and at least one robot of the scene.
+        InputError: More than one, or not one cell.
     """
     prim = _at_most_one(source, prims, "OtGoalAPI")
     if prim is None:
         return None
     values = read_values(source.file, prim, vocabulary.GOAL)
-    cells = {body.prim for body in bodies if body.kind == "cell" and body.instance is None}
-    robots = {body.prim for body in bodies if body.kind == "robot"}
     named = values["cell"]
-    if len(named) != 1 or named[0] not in cells:
+    if len(named) != 1:
         raise source.bad(prim, "ot:goal:cell", ", ".join(named) or "(no target)", "one prim with OtCellAPI")
-    strangers = [path for path in values["robots"] if path not in robots]
-    if strangers or not values["robots"]:
-        raise source.bad(prim, "ot:goal:robots", ", ".join(strangers) or "(no target)", "prims with OtBodyAPI")
     return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values | {"cell": named[0]})
 
 

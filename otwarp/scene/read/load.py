@@ -7,6 +7,8 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
 
+from otwarp.scene.check.overlap import OVERLAP_TOLERANCE
+from otwarp.scene.check.scene import check_scene
 from otwarp.scene.description import Body, Obstacle
 from otwarp.scene.read.attributes import check_prim
 from otwarp.scene.read.bodies import read_cell, read_instances, read_robot
@@ -14,10 +16,9 @@ from otwarp.scene.read.diagnostics import reading
 from otwarp.scene.read.environment import read_camera, read_flow, read_goal, read_medium, read_settings
 from otwarp.scene.read.lenses import check_lens
 from otwarp.scene.read.obstacles import is_collider, read_obstacle
-from otwarp.scene.read.overlap import check_overlaps
 from otwarp.scene.read.remarks import remarks
 from otwarp.scene.read.source import Source, open_stage
-from otwarp.scene.read.traps import check_holds, read_trap
+from otwarp.scene.read.traps import read_trap
 
 _BODIES = ("OtBodyAPI", "OtCellAPI")
 _ELEMENTS = ("OtSphereAPI", "OtRodAPI")
@@ -113,11 +114,9 @@ def _read(source: Source, duration: float | None) -> dict[str, Any]:
             bodies += read_instances(source, prim)
         else:
             bodies.append(read_robot(source, prim) if source.has(prim, "OtBodyAPI") else read_cell(source, prim))
-    traps = [read_trap(source, prim, medium, settings.duration) for prim in found.traps]
-    check_holds(source, traps, bodies)
+    traps = [read_trap(source, prim, settings.duration) for prim in found.traps]
     obstacles: list[Obstacle] = [read_obstacle(source, prim) for prim in found.obstacles]
-    check_overlaps(source.file, bodies, obstacles)
-    return dict(
+    fields: dict[str, Any] = dict(
         root=str(root.GetPath()),
         medium=medium,
         settings=settings,
@@ -126,6 +125,8 @@ def _read(source: Source, duration: float | None) -> dict[str, Any]:
         obstacles=tuple(obstacles),
         flow=read_flow(source, found.single["OtFlowAPI"]),
         camera=read_camera(source, found.single["OtCameraAPI"]),
-        goal=read_goal(source, found.single["OtGoalAPI"], bodies),
-        remarks=tuple(remarks(source, [*found.bodies, *found.single["OtFlowAPI"], *found.single["OtGoalAPI"]])),
+        goal=read_goal(source, found.single["OtGoalAPI"]),
     )
+    check_scene(source.file, **fields, overlap=OVERLAP_TOLERANCE)
+    odd = remarks(source, [*found.bodies, *found.single["OtFlowAPI"], *found.single["OtGoalAPI"]])
+    return fields | {"remarks": tuple(odd)}

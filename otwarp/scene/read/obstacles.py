@@ -34,8 +34,7 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     """Read one prim with PhysicsCollisionAPI.
 
     Raises:
-        InputError: A shape that is not supported, a scale it cannot carry, or a scale that changes; a hydrodynamic
-            obstacle that is no plane at rest.
+        InputError: A shape that is not supported, a scale it cannot carry, or a scale that changes.
     """
     readers = {
         "Cube": _box,
@@ -53,25 +52,18 @@ def read_obstacle(source: Source, prim: Usd.Prim) -> Obstacle:
     axis = source.values.value(prim, "axis") if kind in (*ROUND, "Plane") else "Z"
     fields: dict[str, Any] = readers[kind](source, prim, scales[0], axis)
     turned = rotations if axis == "Z" else multiply(rotations, np.array(_AXES[axis]))
-    obstacle = Obstacle(
+    return Obstacle(
         prim=str(prim.GetPath()),
         position=track(times, positions),
         orientation=track(times, turned),
         hydrodynamic=_hydrodynamic(source, prim),
         **fields,
     )
-    if obstacle.hydrodynamic and (obstacle.position.animated or obstacle.orientation.animated):
-        raise source.bad(prim, "ot:obstacle:hydrodynamic", True, "false on an obstacle that moves")
-    return obstacle
 
 
 def _hydrodynamic(source: Source, prim: Usd.Prim) -> bool:
-    if not source.has(prim, vocabulary.OBSTACLE.name):
-        return False
-    hydrodynamic = read_values(source.file, prim, vocabulary.OBSTACLE)["hydrodynamic"]
-    if hydrodynamic and str(prim.GetTypeName()) != "Plane":
-        raise source.bad(prim, "ot:obstacle:hydrodynamic", True, f"false on a {prim.GetTypeName()}, true on a Plane")
-    return hydrodynamic
+    applied = source.has(prim, vocabulary.OBSTACLE.name)
+    return applied and read_values(source.file, prim, vocabulary.OBSTACLE)["hydrodynamic"]
 
 
 def _box(source: Source, prim: Usd.Prim, scale: np.ndarray, axis: str) -> dict[str, Any]:

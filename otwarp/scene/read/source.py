@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from otwarp.errors import InputError
+from otwarp.scene.check.numbers import FARTHEST
 from otwarp.scene.description import Track
 from otwarp.scene.read.attributes import applied_schemas
 from otwarp.scene.read.crate import check_crate
@@ -20,9 +21,6 @@ from otwarp.scene.transforms import SHEAR_TOLERANCE, decompose
 from otwarp.scene.vocabulary.values import bad
 
 register()
-
-FARTHEST = 1e9
-"""Largest coordinate of anything in a scene [µm]; single precision is coarser than 60 µm there."""
 
 SCALE_TOLERANCE = 1e-6
 """Largest relative difference of the three scales of a sphere; single-precision scales reach 1e-7."""

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
-from otwarp.scene.description import OPTICAL_MODELS, Body, Medium, Track, Trap
+from otwarp.scene.description import OPTICAL_MODELS, Track, Trap
 from otwarp.scene.read.attributes import read_values
 from otwarp.scene.read.motion import motion
 from otwarp.scene.read.source import Source, quat, track
-from otwarp.scene.vocabulary.values import authored, check, internal
+from otwarp.scene.vocabulary.values import check, internal
 
 TIME_SLACK = 1e-9
 """How far the samples of a moving trap may fall short of the run [s]: rounding of time codes."""
@@ -23,17 +20,15 @@ _TURN = 1e-6
 """Largest change of a component of a trap's quaternion that counts as no rotation."""
 
 
-def read_trap(source: Source, prim: Usd.Prim, medium: Medium, duration: float) -> Trap:
+def read_trap(source: Source, prim: Usd.Prim, duration: float) -> Trap:
     """Read one prim with OtTrapAPI.
 
     Raises:
-        InputError: NA ≥ medium index, a depth without a glass, no force curve where the model needs one, time samples
-            that do not cover the run, a trap that turns.
+        InputError: No force curve where the model needs one, time samples that do not cover the run, a trap that turns.
     """
     if not prim.IsA(UsdGeom.Xformable):
         raise source.bad(prim, "apiSchemas", "OtTrapAPI", "on an Xform")
     values = read_values(source.file, prim, vocabulary.TRAP)
-    _check_beam(source, prim, values, medium)
     held = values.pop("holds")
     if len(held) > 1:
         raise source.bad(prim, "ot:trap:holds", ", ".join(held), "one prim path")
@@ -44,35 +39,6 @@ def read_trap(source: Source, prim: Usd.Prim, medium: Medium, duration: float) -
     radial, axial = _laws(source, prim, values["model"])
     values |= {"position": position, "power": power, "orientation": orientation, "radial": radial, "axial": axial}
     return Trap(prim=str(prim.GetPath()), holds=held[0] if held else None, **values)
-
-
-def check_holds(source: Source, traps: Sequence[Trap], bodies: Sequence[Body]) -> None:
-    """Refuse a trap whose `holds` does not name a sphere that traps act on.
-
-    Raises:
-        InputError: One line.
-    """
-    spheres = {sphere.prim for body in bodies if body.instance is None for sphere in body.spheres if sphere.trapped}
-    for trap in traps:
-        if trap.holds is not None and trap.holds not in spheres:
-            raise source.bad(trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
-
-
-def _check_beam(source: Source, prim: Usd.Prim, values: dict[str, Any], medium: Medium) -> None:
-    aperture, depth = values["numerical_aperture"], values["depth"]
-    if not aperture < medium.refractive_index:
-        limit = (
-            f"in (0, {medium.refractive_index:g}), below the refractive index of the medium (an aperture of"
-            f" {aperture:g} needs an immersion medium of index above {aperture:g})"
-        )
-        raise source.bad(prim, "ot:trap:numericalAperture", aperture, limit)
-    if depth > 0.0 and values["glass_index"] is None:
-        limit = "0 m while ot:trap:glassIndex = 0; a depth above 0 needs the index of the glass, in [1, 4]"
-        raise source.bad(prim, "ot:trap:depth", authored(depth, "length"), limit)
-    glass = values["glass_index"]
-    if glass is not None and glass <= values["numerical_aperture"]:
-        limit = f"above the numerical aperture, {values['numerical_aperture']:g}, or 0 for no interface"
-        raise source.bad(prim, "ot:trap:glassIndex", glass, limit)
 
 
 def _motion(source: Source, prim: Usd.Prim) -> tuple[Track, tuple[float, float, float, float]]:

@@ -15,6 +15,7 @@ from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.types import ForceData
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
+from otwarp.simulation.packing.arguments import numbers
 from otwarp.simulation.packing.arrays import Place, device_array
 from otwarp.simulation.packing.parameters import Parameter, expand, scene_values
 
@@ -103,10 +104,10 @@ def _values(
             rows = np.zeros((bodies, 3) if p.width == 3 else bodies)
             # what an instance is given for itself goes before what its prim is given for all
             for prim, value in sorted(given.items(), key=lambda item: -len(places[item[0]])):
-                numbers = np.asarray(value, dtype=float)
-                if numbers.shape != rows.shape[1:]:
+                row = numbers(f"{where} of {prim}", value)
+                if row.shape != rows.shape[1:]:
                     raise InputError(f"{where} of {prim} is {value!r}; allowed: {p.width} number{'s' * (p.width > 1)}")
-                rows[list(places[prim])] = numbers
+                rows[list(places[prim])] = row
             chosen = {b for prim in given for b in places[prim]}
             named = chosen if named is None else named | chosen
             given = rows

@@ -13,6 +13,7 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene, vocabulary
 from otwarp.scene.vocabulary import Attribute, Schema
 from otwarp.scene.vocabulary.values import internal, to_field
+from otwarp.simulation.packing.arguments import numbers
 from otwarp.units import INTERNAL_SYMBOL
 
 Of = Literal["", "traps", "bodies"]
@@ -86,7 +87,7 @@ def expand(
     if spec is None and name not in PARAMETERS:
         raise InputError(f"parameter {name!r} is unknown; allowed: {', '.join(PARAMETERS)}")
     spec = spec or PARAMETERS[name]
-    array = np.asarray(values, dtype=float)
+    array = numbers(f"parameter {name}", values)
     tail = (3,) if spec.width == 3 else ()
     lead = array.shape[: array.ndim - len(tail)]
     good_tail = array.shape[array.ndim - len(tail) :] == tail

@@ -25,17 +25,13 @@ STILL = 1e-3
 
 
 def hydrodynamic_walls(scene: Scene) -> tuple[Obstacle, ...]:
-    """The planes that hinder motion, checked.
+    """The planes that hinder motion; that they are planes at rest `Scene.check` has seen.
 
     Raises:
-        InputError: One that is no plane at rest, or that a body starts behind.
+        InputError: One that a body starts behind.
     """
     walls = tuple(o for o in scene.obstacles if o.hydrodynamic)
     for wall in walls:
-        moves = wall.position.animated or wall.orientation.animated
-        if wall.shape != "plane" or moves:
-            kind = f"a {wall.shape} that moves" if moves else f"a {wall.shape}"
-            raise _bad(scene, wall, "true", f"false on {kind}; only planes at rest are hydrodynamic")
         normal, offset = plane_of(wall)
         for body in scene.bodies:
             turned = rotate(np.array(body.orientation), np.array([s.offset for s in drag_spheres(body)]).reshape(-1, 3))

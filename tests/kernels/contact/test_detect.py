@@ -42,6 +42,10 @@ def rod_body(name: str, **more) -> Body:
     return Body(prim=f"/World/{name}", spheres=(ball,), rods=(rod,), **more)
 
 
+AWAY = (0.0, 0.0, 900.0)
+"""Where a body may start; what is looked at are poses that tests give."""
+
+
 def sphere_body(name: str) -> Body:
     return Body(prim=f"/World/{name}", spheres=(Sphere(prim=f"/World/{name}/S", radius=BALL),))
 
@@ -63,7 +67,7 @@ def still(shape: str, at: tuple[float, float, float] = (0.0, 0.0, 0.0), **more) 
 def alone(shape: str, **more) -> Scene:
     """A rod and one obstacle at the origin; one of every other shape far below, so that all tests share a kernel."""
     others = [still(other, (0.0, 0.0, -900.0), size=SIZE) for other in SHAPES if other != shape]
-    return Scene(bodies=(rod_body("A"),), obstacles=(still(shape, **more), *others))
+    return Scene(bodies=(rod_body("A", position=AWAY),), obstacles=(still(shape, **more), *others))
 
 
 @functools.lru_cache(maxsize=8)
@@ -155,7 +159,7 @@ def poses(seed: int, n: int, spread: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_rods_touch_where_they_are_nearest(device):
     """The deepest contact is that of the nearest points of the axes, listed if within reach; the arms meet there."""
-    bodies, n, ahead = (rod_body("A"), rod_body("B")), 1500, 0.2
+    bodies, n, ahead = (rod_body("A"), rod_body("B", position=AWAY)), 1500, 0.2
     position, rotation = poses(0, n, 1.0)
     got = Found(Scene(bodies=bodies), position, rotation, device, ahead)
     touching = 0
@@ -201,7 +205,7 @@ def test_a_rod_and_a_sphere_touch_once(device):
 def test_parallel_rods_touch_at_both_ends_of_where_they_meet(device):
     """Shifted along each other: contacts at the ends of the common part, whichever body they belong to; a tilt of less
     than the valley's slope leaves both, a larger one the deeper."""
-    bodies = (rod_body("A"), rod_body("B"))
+    bodies = (rod_body("A"), rod_body("B", position=AWAY))
     length, gap = float(END[0] - START[0]), 0.55
     shifts = np.array([0.0, 1.0, -1.7, 3.0, 4.9])
     position = np.zeros((len(shifts), 2, 3))

@@ -84,7 +84,7 @@ def model(device) -> Model:
         prim="/World/Moving", shape="box", size=SIZE,
         position=Track(times=TIMES, values=PLACES), orientation=Track(times=TIMES, values=turns),
     )  # fmt: skip
-    body = Body(prim="/World/B", spheres=(Sphere(prim="/World/B/S", radius=1.0),))
+    body = Body(prim="/World/B", position=(0.0, 0.0, 900.0), spheres=(Sphere(prim="/World/B/S", radius=1.0),))
     return Model.build(Scene(bodies=(body,), obstacles=(*obstacles, moving)), device=device)
 
 

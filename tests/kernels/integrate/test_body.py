@@ -158,7 +158,9 @@ def test_free_step_is_that_of_the_twin(model, device):
 def test_weight_of_overlapping_spheres_counts_them_once(device):
     """The union's volume: for two coincident spheres that of one, for the bead exactly 4/3 π a³."""
     twice = dataclasses.replace(
-        BEAD, spheres=(BEAD.spheres[0], dataclasses.replace(BEAD.spheres[0], prim="/World/Bead/Again"))
+        BEAD,
+        prim="/World/Twice",
+        spheres=(BEAD.spheres[0], dataclasses.replace(BEAD.spheres[0], prim="/World/Bead/Again")),
     )
     built = Model.build(dataclasses.replace(SCENE, bodies=(twice, BEAD)), device=device)
     double, single = built.data.body.weight.numpy()

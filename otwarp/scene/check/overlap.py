@@ -13,7 +13,10 @@ from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import bad
 
 OVERLAP_TOLERANCE = 0.1
-"""Allowed overlap at the start, relative to the smaller radius."""
+"""Overlap at the start that a file may say, relative to the smaller radius."""
+
+INSIDE = 1.9
+"""Overlap, relative to the smaller radius, beyond which the smaller is as good as inside: no contact parts them."""
 
 _BEADS = 0.5
 """Distance, relative to its radius, of the spheres that stand for a rod: 3 % of the radius is the most they miss."""
@@ -24,8 +27,16 @@ _LARGE = 4.0
 _HALF_SPACE = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
 
 
-def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
+def check_overlaps(
+    where: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle], share: float = OVERLAP_TOLERANCE
+) -> None:
     """Check colliding spheres and rods of different bodies, and each of them against all obstacles, at the start.
+
+    Args:
+        where: What errors name first.
+        bodies: The bodies.
+        obstacles: The obstacles.
+        share: Allowed overlap relative to the smaller radius.
 
     Raises:
         InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
@@ -37,20 +48,20 @@ def check_overlaps(file: str, bodies: Sequence[Body], obstacles: Sequence[Obstac
     other = owners[a] != owners[b]
     a, b = a[other], b[other]
     depth = radii[a] + radii[b] - np.linalg.norm(centres[a] - centres[b], axis=1)
-    excess = depth - OVERLAP_TOLERANCE * np.minimum(radii[a], radii[b])
+    excess = depth - share * np.minimum(radii[a], radii[b])
     if len(excess) and excess.max() > 0.0:
         worst = int(excess.argmax())
         first, second = (bodies[int(owners[pair[worst]])].name for pair in (a, b))
-        limit = OVERLAP_TOLERANCE * min(radii[a[worst]], radii[b[worst]])
-        raise bad(file, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
+        limit = share * min(radii[a[worst]], radii[b[worst]])
+        raise bad(where, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
     for obstacle in obstacles:
         depth = radii - (mesh_distance if obstacle.shape == "mesh" else signed_distance)(obstacle, centres, radii)
-        excess = depth - OVERLAP_TOLERANCE * radii
+        excess = depth - share * radii
         worst = int(excess.argmax())
         if excess[worst] > 0.0:
-            limit = f"at most {OVERLAP_TOLERANCE * radii[worst]:g} µm at the start"
+            limit = f"at most {share * radii[worst]:g} µm at the start"
             name = bodies[owners[worst]].name
-            raise bad(file, name, f"overlap with {obstacle.prim}", f"{depth[worst]:g} µm", limit)
+            raise bad(where, name, f"overlap with {obstacle.prim}", f"{depth[worst]:g} µm", limit)
 
 
 def _colliding(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

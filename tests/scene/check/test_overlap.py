@@ -10,7 +10,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.scene import Body, Obstacle, Sphere, Track
-from otwarp.scene.read.overlap import candidate_pairs, check_overlaps, mesh_distance, signed_distance
+from otwarp.scene.check.overlap import candidate_pairs, check_overlaps, mesh_distance, signed_distance
 from otwarp.scene.transforms import rotation_matrix
 
 TURN = np.array([0.1, -0.2, 0.3, np.sqrt(1 - 0.14)])

@@ -1,0 +1,10 @@
+"""What every description is held to, read from a file or built in Python. Open `scene` first.
+
+| file | what it holds |
+|---|---|
+| `scene` | `check_scene`: each part by itself, then what parts say of each other |
+| `fields` | values against the vocabulary's rows: types and ranges |
+| `numbers` | places, rotations and tracks |
+| `parts` | traps, bodies and obstacles |
+| `overlap` | bodies that start inside each other or inside an obstacle |
+"""

@@ -1,0 +1,134 @@
+"""One judge of descriptions: the reader asks it of what files say, and the model of what was built in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from otwarp.scene import vocabulary
+from otwarp.scene.check.fields import check_fields, is_number
+from otwarp.scene.check.numbers import check_numbers, check_places, check_turns
+from otwarp.scene.check.overlap import INSIDE, check_overlaps
+from otwarp.scene.check.parts import check_bodies, check_obstacle, check_trap
+from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
+from otwarp.scene.vocabulary.values import bad
+
+INFINITY = float("inf")
+
+
+def check_scene(
+    where: str,
+    *,
+    root: str,
+    medium: Medium,
+    settings: Settings,
+    traps: Sequence[Trap],
+    bodies: Sequence[Body],
+    obstacles: Sequence[Obstacle],
+    flow: Flow | None,
+    camera: Camera | None,
+    goal: Goal | None,
+    overlap: float = INSIDE,
+) -> None:
+    """Refuse what cannot be simulated: wrong types, values out of range, parts that do not go together.
+
+    Args:
+        where: What errors name first: a file, or `Scene`.
+        root: Path of the default prim.
+        overlap: Overlap at the start that is allowed, relative to the smaller radius: files may say little of it,
+            descriptions may start pressed together.
+
+    The other arguments are fields of `Scene`.
+
+    Raises:
+        InputError: One line that names prim, attribute, value and what is allowed.
+    """
+    _check_classes(where, locals())
+    check_fields(where, root, vocabulary.SCENE, medium=medium, settings=settings)
+    for name in ("duration", "frames_per_second"):
+        value = getattr(settings, name)
+        if not is_number(value) or not 0.0 < value < INFINITY:
+            raise bad(where, root, name, repr(value), "in (0, inf)")
+    check_bodies(where, bodies)
+    for trap in traps:
+        check_trap(where, trap, medium)
+    for obstacle in obstacles:
+        check_obstacle(where, obstacle)
+    check_names(where, traps, bodies, obstacles)
+    check_holds(where, traps, bodies)
+    check_overlaps(where, bodies, obstacles, overlap)
+    if flow is not None:
+        _check_flow(where, flow)
+    if camera is not None:
+        check_fields(where, camera.prim, vocabulary.CAMERA, camera)
+    if goal is not None:
+        _check_goal(where, goal, bodies)
+
+
+_CLASSES: dict[str, type] = {
+    "medium": Medium,
+    "settings": Settings,
+    "traps": Trap,
+    "bodies": Body,
+    "obstacles": Obstacle,
+    "flow": Flow,
+    "camera": Camera,
+    "goal": Goal,
+}
+
+
+def _check_classes(where: str, fields: dict[str, Any]) -> None:
+    for name, kind in _CLASSES.items():
+        several = name in ("traps", "bodies", "obstacles")
+        items = fields[name]
+        if several and not isinstance(items, Sequence):
+            raise bad(where, fields["root"], name, repr(items)[:80], f"a tuple of {kind.__name__}")
+        for item in items if several else [] if items is None and name in ("flow", "camera", "goal") else [items]:
+            if not isinstance(item, kind):
+                raise bad(where, fields["root"], name, repr(item)[:80], f"of class {kind.__name__}")
+
+
+def check_names(where: str, traps: Sequence[Trap], bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
+    """Refuse two parts of one name: by it recordings, topics and messages tell them apart."""
+    for kind, names in (
+        ("traps", [trap.prim for trap in traps]),
+        ("bodies", [body.name for body in bodies]),
+        ("obstacles", [obstacle.prim for obstacle in obstacles]),
+    ):
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise bad(where, twice, "prim", f"{names.count(twice)} {kind}", "the path of one of them")
+
+
+def check_holds(where: str, traps: Sequence[Trap], bodies: Sequence[Body]) -> None:
+    """Refuse a trap whose `holds` does not name a sphere that traps act on.
+
+    Raises:
+        InputError: One line.
+    """
+    spheres = {sphere.prim for body in bodies if body.instance is None for sphere in body.spheres if sphere.trapped}
+    for trap in traps:
+        if trap.holds is not None and trap.holds not in spheres:
+            raise bad(where, trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
+
+
+def _check_flow(where: str, flow: Flow) -> None:
+    check_fields(where, flow.prim, vocabulary.FLOW, flow)
+    check_places(where, [flow.prim], "origin", check_numbers(where, flow.prim, "origin", flow.origin, (3,))[None])
+    turn = check_numbers(where, flow.prim, "orientation", flow.orientation, (4,))
+    check_turns(where, [flow.prim], "orientation", turn[None])
+    if flow.kind == "poiseuille" and flow.half_height == 0.0:  # negative is out of the table's range
+        raise bad(where, flow.prim, "ot:flow:halfHeight", flow.half_height, "in (0, inf) m for poiseuille")
+
+
+def _check_goal(where: str, goal: Goal, bodies: Sequence[Body]) -> None:
+    check_fields(where, goal.prim, vocabulary.GOAL, goal)
+    check_places(where, [goal.prim], "position", check_numbers(where, goal.prim, "position", goal.position, (3,))[None])
+    cells = {body.prim for body in bodies if body.kind == "cell" and body.instance is None}
+    robots = {body.prim for body in bodies if body.kind == "robot"}
+    if goal.cell not in cells:
+        raise bad(where, goal.prim, "ot:goal:cell", goal.cell or "(no target)", "one prim with OtCellAPI")
+    strangers = [path for path in goal.robots if path not in robots]
+    if strangers or not goal.robots:
+        shown = ", ".join(strangers) or "(no target)"
+        raise bad(where, goal.prim, "ot:goal:robots", shown, "prims with OtBodyAPI")

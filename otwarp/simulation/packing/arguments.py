@@ -1,0 +1,70 @@
+"""Arguments that users give in Python: whole numbers and arrays of numbers, held to be what they say they are."""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from otwarp.errors import InputError
+
+
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """A whole number in a range.
+
+    Raises:
+        InputError: Another type (a text, a truth value, 1.5), or out of range.
+    """
+    allowed = f"{least} or more" if most is None else f"{least} to {most}"
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} is {value!r}; allowed: a whole number, {allowed}")
+    if number < least or (most is not None and number > most):
+        raise InputError(f"{name} is {number}; allowed: {allowed}")
+    return number
+
+
+def numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """Real numbers as a float64 array of their own shape.
+
+    Raises:
+        InputError: Texts, truth values, complex numbers, objects, or rows of unequal length.
+    """
+    try:
+        given = np.asarray(values)
+    except ValueError:
+        raise InputError(f"{name} has rows of unequal length; allowed: an array of numbers") from None
+    if given.dtype.kind not in "iuf":
+        shown = repr(values) if len(repr(values)) < 60 else f"{repr(values)[:57]}…"
+        raise InputError(f"{name} is {shown} of type {given.dtype}; allowed: numbers")
+    return given.astype(float)
+
+
+def number(name: str, value: Any) -> float:
+    """One real number.
+
+    Raises:
+        InputError: Another type, or an array.
+    """
+    given = numbers(name, value)
+    if given.ndim:
+        raise InputError(f"{name} has shape {given.shape}; allowed: one number")
+    return float(given)
+
+
+def seconds(name: str, value: Any) -> float:
+    """A time [s], finite and 0 or more.
+
+    Raises:
+        InputError: Another type, or out of range.
+    """
+    time = number(name, value)
+    if not (math.isfinite(time) and time >= 0.0):
+        raise InputError(f"{name} is {time:g} s; allowed: a finite time, 0 or more")
+    return time
