@@ -18,7 +18,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
-from otwarp.scene import Body, Scene
+from otwarp.scene import Body, Obstacle, Scene
 from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
@@ -27,14 +27,19 @@ if TYPE_CHECKING:
 FORMAT = 1
 """Version of the file format."""
 
-YOUNGER: dict[type, dict[str, Any]] = {Body: {"forces": {}}}
+YOUNGER: dict[type, dict[str, Any]] = {
+    Body: {"forces": {}},
+    Obstacle: {"double_sided": False},
+    Scene: {"remarks": (), "judged": False},
+}
 """Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
 does not use them has the digest that it had before."""
 
 
 def scene_digest(scene: Scene) -> str:
     """Content hash of everything a scene says but the length of the run, which may be extended."""
-    scene = dataclasses.replace(scene, file=None, settings=dataclasses.replace(scene.settings, duration=0.0))
+    same = {"file": None, "remarks": (), "judged": False}  # what is no part of a scene's equality
+    scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, duration=0.0), **same)
     with np.printoptions(threshold=2**31, floatmode="unique"):
         return hashlib.sha256(_canonical(scene).encode()).hexdigest()
 
