@@ -40,7 +40,7 @@ def check_numbers(where: str, prim: str, name: str, value: Any, shape: tuple[int
 
 def check_places(where: str, prims: list[str], name: str, values: np.ndarray) -> None:
     """Refuse the first of places (n, 3) [µm] that is too far away; each is that of a prim."""
-    distance = np.linalg.norm(values, axis=1)
+    distance = np.abs(values).max(axis=1)  # a norm would overflow
     if np.any(far := distance > FARTHEST):
         shown = f"{distance[far][0]:g} µm from the origin"
         raise bad(where, prims[int(np.argmax(far))], name, shown, f"within {FARTHEST:g} µm of it")
