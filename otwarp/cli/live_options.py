@@ -77,7 +77,7 @@ _SESSION = (
 _REST = (
     click.option("--host", default="127.0.0.1", show_default=True, help="Interface of the page; others need a token."),
     click.option(
-        "--port", type=Number(1, 65_535, whole=True), help="Port of the page; default: 8080, or the next that is free."
+        "--port", type=Number(0, 65_535, whole=True), help="Port of the page; default: 8080, or the next that is free."
     ),
     click.option("--token", help="What a browser must know; made by itself where it is needed."),
     click.option("--duration", type=SECONDS, metavar="SECONDS", help="End by then; default: by Ctrl-C."),

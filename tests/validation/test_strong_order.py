@@ -73,7 +73,7 @@ def ends(
 ) -> np.ndarray:
     """(W, 3) where the kernels' paths end [µm]."""
     how = {"time_step": TIME / RATE / steps, "integrator": name, "noise": noise}
-    sim = Simulation(scene(law), worlds=worlds, seed=SEED, device=device, **how)
+    sim = Simulation(scene(law), worlds=worlds, seed=SEED, device=device, allow_large_step=True, **how)
     sim.set_state(position=start[:, None])
     sim.step(steps)
     return sim.state.position.numpy()[:, 0].astype(float)

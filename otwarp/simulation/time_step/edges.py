@@ -96,7 +96,9 @@ def at_edges(
         hottest, coldest = float(energy.max()), float(energy.min())
         acting = np.minimum(powers, reached_power(k, begin, hottest * shallower, pull))
         acting = np.where(gap > STARTED * begin, powers, acting)
-        falling = np.maximum(slope * acting, JUMP * slow * (jump * acting) ** 2 / coldest)
+        # without thermal motion a bead crosses a jump once, and there is no rate to be wrong
+        jumping = JUMP * slow * (jump * acting) ** 2 / coldest if coldest > 0.0 else np.zeros_like(jump)
+        falling = np.maximum(slope * acting, jumping)
         ending = np.maximum(END * final * acting / last, NARROW * hottest / last**2 * np.isfinite(end))
         held = np.divide(2.0 * REACHED * hottest, depths, out=np.zeros_like(depths), where=depths > 0.0)
         found[curve + "stiffness"] = np.where(
@@ -116,5 +118,7 @@ def reached_power(stiffness: np.ndarray, distance: np.ndarray, energy: np.ndarra
         pull: F [pN].
     """
     thermal = np.sqrt(2.0 * REACHED * energy)
-    root = 2.0 * distance / (thermal + np.sqrt(thermal**2 + 4.0 * pull * distance))
-    return np.where(stiffness > 0.0, 1.0 / (root**2 * np.where(stiffness > 0.0, stiffness, 1.0)), np.inf)
+    # 2·distance over this is the root of the power's inverse, so that a bead which nothing moves needs no power
+    carried = thermal + np.sqrt(thermal**2 + 4.0 * pull * distance)
+    held = (carried / (2.0 * distance)) ** 2 / np.where(stiffness > 0.0, stiffness, 1.0)
+    return np.where(stiffness > 0.0, held, np.inf)

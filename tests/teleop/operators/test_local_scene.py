@@ -95,7 +95,7 @@ def crowd(count: int) -> Scene:
 
 
 def test_a_large_scene_is_cut_to_the_spheres_near_the_hands_and_slots_stay():
-    sim = Simulation(crowd(20), device="cpu")
+    sim = Simulation(crowd(20), device="cpu", allow_large_step=True)
     local = LocalScene.of(sim.model, (1,), slots=4)
     assert local.kinds.count(0) == 4 and local.kinds.count(1) == 1
 

@@ -57,7 +57,7 @@ def places(recording: Path) -> dict[str, np.ndarray]:
         for connection, _, data in reader.messages([c for c in reader.connections if c.topic == "/tf"]):
             for one in reader.deserialize(data, connection.msgtype).transforms:
                 place = one.transform.translation
-                found.setdefault(one.child_frame_id, []).append((place.x, place.y, place.z))
+                found.setdefault(one.child_frame_id, []).append((1e6 * place.x, 1e6 * place.y, 1e6 * place.z))
     return {name: np.array(rows) for name, rows in found.items()}
 
 
