@@ -192,8 +192,14 @@ class Passivity:
         k = less / speed
         return fx - k * vx, fy - k * vy, fz - k * vz
 
-    def bound(self, force: Vec3) -> Vec3:
-        """The force [N] made so small that no motion within reach can take more than there is."""
+    def bound(self, force: Vec3, falling: bool = False) -> Vec3:
+        """The force [N] made so small that no motion within reach can take more than there is.
+
+        Between two positions of a device that is slower than the servo the force stays what it was: a change would be
+        charged with all that the hand may have moved meanwhile. One that must fall falls.
+        """
+        if self._age > 0.0 and not falling:
+            return self._force
         fx, fy, fz = force
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
         if size == 0.0:

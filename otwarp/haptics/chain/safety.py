@@ -41,7 +41,7 @@ class Safety:
     Args:
         config: Limits and times.
         rate: Servo rate [Hz]; the slew limit never allows more than one period's change per step.
-        bound: Shortens the force that would be sent, at once; `Passivity.bound`.
+        bound: Shortens the force that would be sent, at once, and is told whether it must fall; `Passivity.bound`.
 
     Attributes:
         phase: `disarmed` (it needs `arm`), `ramping`, `armed`, `decaying` (it falls or has fallen, and comes back by
@@ -54,7 +54,7 @@ class Safety:
         "_bound", "_ceiling", "_config", "_faulty", "_gain", "_held", "_period", "_wanted", "force", "heat", "phase"
     )  # fmt: skip
 
-    def __init__(self, config: SafetyConfig, rate: float, bound: Callable[[Vec3], Vec3] | None = None) -> None:
+    def __init__(self, config: SafetyConfig, rate: float, bound: Callable[[Vec3, bool], Vec3] | None = None) -> None:
         self._config, self._period, self._bound = config, 1.0 / rate, bound
         self._wanted = self._faulty = False
         self._gain = 0.0
@@ -160,7 +160,7 @@ class Safety:
         if size2 > peak:
             fx, fy, fz = _shortened(fx, fy, fz, config.clamp)
         if self._bound:
-            fx, fy, fz = self._bound((fx, fy, fz))
+            fx, fy, fz = self._bound((fx, fy, fz), self._ceiling < math.inf)
             size2 = fx * fx + fy * fy + fz * fz
         share = step / config.thermal_time
         self.heat = heat + (share if share < 1.0 else 1.0) * (size2 - heat)
