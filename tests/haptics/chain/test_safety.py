@@ -261,7 +261,7 @@ def test_a_force_that_falls_does_not_follow_a_hand_that_pulls():
 def test_what_passivity_takes_away_goes_at_once_and_comes_back_by_the_slew_limit():
     left = [math.inf]
     safety = Safety(
-        SafetyConfig(ramp_time=0.0), 1000.0, lambda force: force if force[0] <= left[0] else (left[0], 0, 0)
+        SafetyConfig(ramp_time=0.0), 1000.0, lambda force, falling: force if force[0] <= left[0] else (left[0], 0, 0)
     )
     safety.arm()
     sizes = []
