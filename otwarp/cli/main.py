@@ -102,6 +102,7 @@ def plain_warnings() -> Iterator[None]:
     kept, said = warnings.formatwarning, set()
 
     def line(message: Warning | str, *where: object) -> str:
+        """The warning, once."""
         text = " ".join(str(message).split())
         if text in said:  # Python forgets what it has said whenever its filters change
             return ""

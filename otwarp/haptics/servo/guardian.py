@@ -213,6 +213,7 @@ def _sender(kind: str, realtime: bool) -> Sender | None:
     module = row.home.split(":")[0]
 
     def make(address: str) -> ZeroForce:
+        """The device's own way to zero, its threads first in line."""
         zero = import_module(module).zero_force(address)
         if realtime:
             schedule_threads(PRIORITY)

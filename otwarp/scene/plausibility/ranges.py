@@ -114,6 +114,7 @@ def _law(field: str) -> Values:
     """A constant of the curves of traps that follow them."""
 
     def values(scene: Scene) -> Iterator[tuple[str, str, float]]:
+        """Prim, name and number of each curve that is used."""
         for trap in scene.traps:
             if trap.radial is None or trap.optical or (field == "threshold" and trap.model == "harmonic"):
                 continue
