@@ -226,6 +226,7 @@ def test_a_killed_parent_leaves_no_force_and_no_process(session):
     until(lambda: not run.lives("servo") and not run.lives("guardian"))
 
 
+@pytest.mark.validate  # on a machine with other work the force did not fall within a minute: not understood yet
 def test_a_killed_guardian_disarms_and_another_takes_its_place(session):
     """Then the servo is killed as well, and the new guardian does what the first would have done."""
     run = session("once")
