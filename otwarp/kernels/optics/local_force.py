@@ -61,7 +61,7 @@ def felt_term(models: tuple[str, ...], first: int = 0) -> wp.Function:
 
 @wp.func
 def vector_at(row: wp.array(dtype=float), first: int) -> wp.vec3:
-    """Three numbers from `first` on."""
+    """Three neighbouring numbers of a row, from index `first` on, in the row's units."""
     return wp.vec3(row[first], row[first + 1], row[first + 2])
 
 
