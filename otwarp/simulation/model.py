@@ -33,6 +33,7 @@ from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
 from otwarp.simulation.resolved import ResolvedScene
+from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
 from otwarp.simulation.time_step.softness import soft_contacts
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
@@ -190,6 +191,9 @@ def _warn_of_oddities(scene: Scene) -> None:
 
 def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -> TimeScales:
     """The step, the scene's own if `from_scene`, and what limits it."""
+    wanted, what = known.scene.settings.time_step, "time step"
+    if from_scene:
+        what = f"{known.scene.file}: ot:scene:timeStep, time step"
     return time_scales(
         known.scene,
         known.moves,
@@ -200,9 +204,7 @@ def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -
         known.loads,
         integrator=known.features.integrator,
         contacts=known.features.contacts,
-        wanted=known.scene.settings.time_step,
-        from_scene=from_scene,
-        allow_large=allow_large,
+        explicit=None if wanted is None else ExplicitStep(step=wanted, what=what, allow_large=allow_large),
     )
 
 

@@ -69,7 +69,7 @@ def path_bend_term(shapes: tuple[str, ...]) -> wp.Function:
 
     @wp.func
     def straight(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
-        """Flat everywhere."""
+        """No ridge and no curvature [1/µm]: centres move along flat obstacles on straight ways."""
         return wp.vec4(0.0)
 
     @wp.func

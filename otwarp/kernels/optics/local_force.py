@@ -119,6 +119,7 @@ def local_force_kernel(models: tuple[str, ...]) -> wp.Kernel:
         levels: wp.uint64,
         start_ptr: wp.uint64,
     ):
+        """Write the force of the hand's traps [pN] into its row; rows are given by address (`_ptr`) and number."""
         hand = wp.array(ptr=hand_ptr, shape=(wp.static(len(rows.HAND)),), dtype=float)
         pull = wp.array(ptr=pull_ptr, shape=(int(pulls), wp.static(len(rows.PULL))), dtype=float)
         sphere = wp.array(ptr=sphere_ptr, shape=(int(spheres), wp.static(len(rows.SPHERE))), dtype=float)

@@ -78,31 +78,48 @@ def missed(errors: Mapping[str, float], accuracy: float) -> dict[str, float]:
     return {name: error for name, error in errors.items() if abs(error) > accuracy * (1.0 + 1e-9)}
 
 
-def check_explicit(watched: list[Observable], step: float, accuracy: float, what: str) -> None:
-    """Warn of an explicit step [s], called `what`, that misses the wanted accuracy; refuse one that errs by `LARGE`.
+@dataclass(frozen=True, kw_only=True)
+class ExplicitStep:
+    """A time step that a scene or its user asks for.
 
-    What no step makes right within reason is told with every step, and so does not count.
-
-    Raises:
-        InputError: An error above `LARGE` and the wanted accuracy; the message names the longest step without.
+    Attributes:
+        step: [s].
+        what: What messages call it.
+        allow_large: Whether it may make any errors, if it is stable.
     """
-    curable = [row for row in watched if step > row.longest]
-    above = missed(errors(curable, step), accuracy)
-    if not above:
-        return
-    limit, best = max(LARGE, accuracy), min(row.longest for row in curable)
-    large = missed(above, limit)
-    if large:
-        raise InputError(
-            f"{what} {step:g} s makes large errors: {spelled(large)}; allowed: up to "
-            f"{longest_within(curable, limit, step):.4g} s for {100.0 * limit:g} % ({best:.4g} s for the wanted "
-            f"{100.0 * accuracy:g} %), or any stable one with --allow-large-step (allow_large_step=True in Python)"
+
+    step: float
+    what: str = "time step"
+    allow_large: bool = False
+
+    def check(self, watched: list[Observable], accuracy: float) -> None:
+        """Warn of a step that misses the wanted accuracy; refuse one that errs by `LARGE`.
+
+        What no step makes right within reason is told with every step, and so does not count.
+
+        Raises:
+            InputError: An error above `LARGE` and the wanted accuracy; the message names the longest step without.
+        """
+        if self.allow_large:
+            return
+        curable = [row for row in watched if self.step > row.longest]
+        above = missed(errors(curable, self.step), accuracy)
+        if not above:
+            return
+        limit, best = max(LARGE, accuracy), min(row.longest for row in curable)
+        large, asked = missed(above, limit), f"{self.what} {self.step:g} s"
+        if large:
+            raise InputError(
+                f"{asked} makes large errors: {spelled(large)}; allowed: up to "
+                f"{longest_within(curable, limit, self.step):.4g} s for {100.0 * limit:g} % ({best:.4g} s for the "
+                f"wanted {100.0 * accuracy:g} %), or any stable one with --allow-large-step (allow_large_step=True in "
+                "Python)"
+            )
+        warnings.warn(
+            f"{asked} misses the wanted accuracy of {100.0 * accuracy:g} %, estimated errors: {spelled(above)}; "
+            f"within it: up to {best:.4g} s",
+            stacklevel=4,
         )
-    warnings.warn(
-        f"{what} {step:g} s misses the wanted accuracy of {100.0 * accuracy:g} %, estimated errors: {spelled(above)}; "
-        f"within it: up to {best:.4g} s",
-        stacklevel=4,
-    )
 
 
 def longest_within(watched: list[Observable], error: float, step: float) -> float:

@@ -145,9 +145,8 @@ def rotors(
     return [found[k] for k in sorted(chosen)]
 
 
-def in_rotation(rotor: Rotor, accuracy: float) -> list[Observable]:
-    """What the rotation of a body within a step makes wrong."""
-    known = {"orientation": rotor.orientation_error, "axis": rotor.axis_error}
+def in_rotation(turning: list[Rotor], accuracy: float) -> list[Observable]:
+    """What the rotation of bodies within a step makes wrong."""
     return [
         Observable(
             name=name,
@@ -155,7 +154,8 @@ def in_rotation(rotor: Rotor, accuracy: float) -> list[Observable]:
             longest=rotor.longest(error, PROMISED * accuracy),
             limit="rotational diffusion and wanted accuracy",
         )
-        for name, error in known.items()
+        for rotor in turning
+        for name, error in (("orientation", rotor.orientation_error), ("axis", rotor.axis_error))
     ]
 
 

@@ -17,9 +17,9 @@ from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
 from otwarp.simulation.time_step.observables import (
+    ExplicitStep,
     Observable,
     at_edges,
-    check_explicit,
     errors,
     in_springs,
     missed,
@@ -198,26 +198,18 @@ def time_scales(
     *,
     integrator: str,
     contacts: bool,
-    wanted: float | None,
-    from_scene: bool = False,
-    allow_large: bool = False,
+    explicit: ExplicitStep | None,
 ) -> TimeScales:
-    """Time scales of a scene and its step; `values` are the `(1|W, …)` parameters of `parameters.PARAMETERS`.
-
-    The step is as long as every observable of the scene allows: what a spring's variance, correlation and
-    displacement have of known errors in the stiffest mode, smaller in all others, and the other rows of `OBSERVABLES`.
+    """Time scales of a scene, and the longest step that all observables allow; in springs those of the stiffest mode.
 
     Args:
-        integrator: Name of the integrator.
+        values: The `(1|W, …)` parameters of `parameters.PARAMETERS`.
         relaxation: Rates in the traps near their equilibria.
-        steepest: Rates where the forces are steepest: a table's slope at the rim of a sphere can be several times that
-            at its equilibrium. They limit stability.
+        steepest: Rates where forces are steepest, of tables at the rim of a sphere; they limit stability.
         edges: Rates where beads leave the traps, at powers of 1, as far as they come there; see `edges`.
         loads: Per body, how strong all forces but traps are.
         contacts: Whether anything can touch anything.
-        wanted: Explicit time step [s], or None.
-        from_scene: Whether that is the scene's own.
-        allow_large: Whether it may make any errors, if it is stable.
+        explicit: None to choose the step.
 
     Raises:
         InputError: An explicit step that is not positive, unstable, or errs too much; the message names a better one.
@@ -228,23 +220,21 @@ def time_scales(
     stability = Stability.of(scheme, steepest, powers)
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)
-    leaving = edges.fastest(np.ones(len(powers)))[0] if edges.stiffness.any() else 0.0
-    watched = _observables(scene, scheme, rate, leaving, wall)
-    for rotor in rotors(scene, moves, values, loads, scheme):
-        watched += in_rotation(rotor, scene.settings.accuracy)
-    limits = _step_limits(scene, scheme, rate, stability, motions, watched)
-    what = f"{scene.file}: ot:scene:timeStep, time step" if from_scene else "time step"
-    if wanted is not None:
-        stability.check(wanted, what)
-        limits = {"set by the user": wanted}
+    watched = _observables(scene, scheme, rate, edges, wall)
+    watched += in_rotation(rotors(scene, moves, values, loads, scheme), scene.settings.accuracy)
+    if explicit is None:
+        limits = _step_limits(scene, scheme, rate, stability, motions, watched)
+    else:
+        stability.check(explicit.step, explicit.what)
+        limits = {"set by the user": explicit.step}
     sampled = in_samples(scene, values, contacts=contacts, longest=min(limits.values()))
     watched += sampled
-    if wanted is None:
+    if explicit is None:
         limits |= {row.limit: row.longest for row in sorted(sampled, key=lambda row: -row.longest)}
-    elif not allow_large:
-        check_explicit(watched, wanted, scene.settings.accuracy, what)
+    else:
+        explicit.check(watched, scene.settings.accuracy)
     chosen_by = min(limits, key=lambda name: limits[name])
-    step = limits[chosen_by] if wanted is not None else whole_steps(scene.settings.duration, limits[chosen_by])
+    step = limits[chosen_by] if explicit else whole_steps(scene.settings.duration, limits[chosen_by])
     return TimeScales(
         trap_relaxation=1.0 / rate if rate > 0.0 else None,
         stiffest_body=stiffest,
@@ -259,14 +249,17 @@ def time_scales(
     )
 
 
-def _observables(scene: Scene, scheme: Integrator, rate: float, leaving: float, wall: float | None) -> list[Observable]:
-    """What the step of a scene may make wrong.
+def _observables(
+    scene: Scene, scheme: Integrator, rate: float, edges: TrapRelaxation, wall: float | None
+) -> list[Observable]:
+    """What the step of a scene may make wrong, apart from rotation and samples.
 
     Args:
         rate: Fastest relaxation near the equilibria of the traps [1/s].
-        leaving: The same where beads leave them.
+        edges: Where beads leave them, at powers of 1.
         wall: As in `TimeScales`.
     """
+    leaving = edges.fastest(np.ones(len(edges.stiffness)))[0] if edges.stiffness.any() else 0.0
     accuracy, noise, brownian = scene.settings.accuracy, scene.settings.noise, scene.settings.brownian
     watched = in_springs(scheme, rate, accuracy, noise, brownian=brownian)
     if leaving > 0.0 and brownian:

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from otwarp.scene import (
@@ -23,7 +23,7 @@ from otwarp.scene import (
     Track,
     vocabulary,
 )
-from otwarp.scene.transforms import decompose, quaternions, rotation_matrix
+from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import authored, internal
 from otwarp.units import FROM_SI
 from tests.scene.conftest import STAGE, StageFile
@@ -387,19 +387,3 @@ def test_ten_thousand_cells_load_in_proportion(tmp_path) -> None:
     scene, whole = load(len(grid))
     assert whole < 40.0 * load(len(grid) // 10)[1]
     assert np.array([body.position for body in scene.bodies]) == pytest.approx(grid)
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
-def test_quaternion_and_matrix_agree(values: list[float]) -> None:
-    q = np.array(values) / np.linalg.norm(values)
-    matrix = rotation_matrix(q)
-    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=ROUNDING)
-    found = quaternions(matrix[None])[0]
-    assert min(np.abs(found - q).max(), np.abs(found + q).max()) < ROUNDING
-    full = np.eye(4)
-    full[:3, :3] = np.diag([-2.0, 3.0, 5.0]) @ matrix.T
-    _, rotation, scale, shear = decompose(full[None])
-    back = np.diag(scale[0]) @ rotation_matrix(rotation[0]).T
-    assert back == pytest.approx(full[:3, :3], abs=10 * ROUNDING)
-    assert shear[0] < ROUNDING
