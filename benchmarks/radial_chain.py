@@ -140,9 +140,19 @@ class RadialChain:
         share = barycentric / (2.0 * (r - low) / (high - low) - 1.0 - nodes)
         return float(share @ values[ORDER * piece : ORDER * (piece + 1)] / share.sum())
 
+    @cached_property
+    def stay(self) -> np.ndarray:
+        """(n, n) g ↦ E g(end) over the beads that are still there after a step."""
+        return self._operator(self.kept)
+
+    def survival(self, start: float, steps: int) -> float:
+        """Share of beads still there after some steps that start at `start` of the end."""
+        there = np.linalg.matrix_power(self.stay, steps) @ np.ones(len(self.x))
+        return self._at(there, start * self.well.end)
+
     def averages(self) -> Averages:
         """What a run would show, at the times of `Solution.averages`."""
-        stay = self._operator(self.kept)
+        stay = self.stay
         turned = self._operator(self.kept * self.ends[0] / np.maximum(self.distance, 1e-300))
         values, vectors = (np.real(found) for found in np.linalg.eig(stay.T))
         best = int(np.argmax(values))

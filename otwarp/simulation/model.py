@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -21,6 +21,7 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Scene
 from otwarp.scene.plausibility import judge
+from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
@@ -122,9 +123,10 @@ class Model:
         asked = options.of(scene)
         _check(scene, asked)
         worlds, seed = whole("worlds", worlds, 1), whole("seed", seed, 0, 2**32 - 1)
-        _warn_of_oddities(scene)
+        _warn_of_oddities(scene, () if scene.judged else (f"{f.prim}: {f.message}" for f in judge(scene)))
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
+        _warn_of_oddities(scene, unusual_parameters(known.overrides))
         own = options.time_step is None and scene.file is not None
         scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
@@ -182,11 +184,10 @@ def _check(scene: Scene, asked: Scene) -> None:
         raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
 
 
-def _warn_of_oddities(scene: Scene) -> None:
-    """Say what is implausible in a scene; Python says the same from the same line once."""
-    for finding in () if scene.judged else judge(scene):
-        text = f"{scene.file or scene.root}: {finding.prim}: {finding.message}"
-        warnings.warn(text, PlausibilityWarning, stacklevel=2)
+def _warn_of_oddities(scene: Scene, texts: Iterable[str]) -> None:
+    """Say what is implausible in a scene or its parameters; Python says the same from the same line once."""
+    for text in texts:
+        warnings.warn(f"{scene.file or scene.root}: {text}", PlausibilityWarning, stacklevel=2)
 
 
 def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -> TimeScales:

@@ -11,6 +11,7 @@ from otwarp.bench.scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, r
 from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.verdict import Defect, Deviation, against
 from otwarp.errors import SimulationError
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
@@ -24,6 +25,9 @@ SETTLE, APART = 6.0, 2.0
 """Relaxation times before the first snapshot, and between two: correlations of squares fall to e⁻⁴."""
 
 SNAPSHOTS = 8
+
+TINY = 1e-300
+"""Taken for the nothing that some steps leave of a mode."""
 
 LOOKS = 2000
 """Snapshots of a long run at most."""
@@ -90,15 +94,14 @@ def chosen_step(what: Scene, effort: Effort, *, integrator: str = "heun") -> tup
 
 
 def steps_for(times: float, rate: float, sim: Simulation) -> int:
-    """Steps in which a mode of that rate forgets by e^(−times), near the largest stable step, too.
+    """Steps in which modes of that rate [1/s], and of the stiffest trap, forget by e^(−times).
 
-    There every scheme of order 1 or 2 forgets slowly: a spring at z = k·dt is damped by a factor near ±1 per step.
+    A step leaves `Integrator.decay` of a mode: near the largest stable step that may be nearly all of it.
     """
-    scales = sim.model.scales
-    z = rate * sim.time_step
-    if scales.trap_relaxation is not None and math.isfinite(scales.largest_stable):
-        z = min(z, (scales.largest_stable - sim.time_step) / scales.trap_relaxation)
-    return max(1, math.ceil(times / z))
+    scales, left = sim.model.scales, INTEGRATORS[sim.model.scales.integrator].decay
+    rates = [rate] if scales.trap_relaxation is None else [rate, 1.0 / scales.trap_relaxation]
+    forgotten = min(-math.log(max(abs(left(r * sim.time_step)), TINY)) for r in rates)
+    return max(1, math.ceil(times / forgotten))
 
 
 def snapshots(sim: Simulation, rate: float, count: int = SNAPSHOTS) -> np.ndarray:

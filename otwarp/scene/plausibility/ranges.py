@@ -6,7 +6,7 @@ number outside them is allowed, and most often a slip of units by a factor of a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,7 @@ class Row:
         dimension: Key of `otwarp.units.FROM_SI`.
         values: Finds them.
         geometry: Whether they are authored in stage units.
+        parameters: Names of the parameters of `Simulation` that are such numbers.
     """
 
     low: float
@@ -59,6 +60,7 @@ class Row:
     dimension: str
     values: Values
     geometry: bool = False
+    parameters: tuple[str, ...] = ()
 
     def odd(self, value: float) -> bool:
         """Whether a value is neither usual nor one that stands for none."""
@@ -69,10 +71,22 @@ class Row:
         si, unit = value / FROM_SI[self.dimension], SI_SYMBOL[self.dimension]
         symbol = INTERNAL_SYMBOL[self.dimension]
         shown = f"{value:g} {symbol}" if self.geometry or unit == symbol else f"{si:g} {unit} ({value:g} {symbol})"
+        return self._said(value, shown, self._meant(value, si))
+
+    def parameter_text(self, value: float) -> str:
+        """What is said of an odd value that a program gives, in internal units."""
+        symbol, unit = INTERNAL_SYMBOL[self.dimension], SI_SYMBOL[self.dimension]
+        if symbol == unit:
+            return self.text(value)
+        right = value * FROM_SI[self.dimension]
+        meant = "" if self.odd(right) else f"did you mean {right:g} {symbol}? parameters are in {symbol}, not in {unit}"
+        return self._said(value, f"{value:g} {symbol}", meant)
+
+    def _said(self, value: float, shown: str, meant: str) -> str:
         if self.dimension == "viscosity":
             shown += f", {value / WATER:.3g} × that of water"
-        usual = f"usual: {self.low:g} … {self.high:g} {symbol}".rstrip()
-        return "; ".join(filter(None, [shown.replace(" ,", ","), usual, self._meant(value, si)]))
+        usual = f"usual: {self.low:g} … {self.high:g} {INTERNAL_SYMBOL[self.dimension]}".rstrip()
+        return "; ".join(filter(None, [shown.replace(" ,", ","), usual, meant]))
 
     def _meant(self, value: float, si: float) -> str:
         """The question whether another unit was meant; empty if none would make the number usual."""
@@ -153,17 +167,47 @@ def _weighs(scene: Scene) -> bool:
 
 
 ROWS: tuple[Row, ...] = (
-    Row(low=2e-4, high=0.1, dimension="viscosity", values=_scene("ot:medium:viscosity", "medium.viscosity")),
-    Row(low=250.0, high=400.0, dimension="temperature", values=_scene("ot:medium:temperature", "medium.temperature")),
+    Row(
+        low=2e-4,
+        high=0.1,
+        dimension="viscosity",
+        values=_scene("ot:medium:viscosity", "medium.viscosity"),
+        parameters=("medium_viscosity",),
+    ),
+    Row(
+        low=250.0,
+        high=400.0,
+        dimension="temperature",
+        values=_scene("ot:medium:temperature", "medium.temperature"),
+        parameters=("medium_temperature",),
+    ),
     Row(low=0.1, high=1e5, dimension="rate", values=_scene("framesPerSecond", "settings.frames_per_second")),
     Row(low=0.01, high=500.0, dimension="length", values=_radii, geometry=True),
-    Row(low=1e-3, high=3e3, dimension="power", values=_trap("ot:trap:power", lambda t: float(t.power.values.max()))),
+    Row(
+        low=1e-3,
+        high=3e3,
+        dimension="power",
+        values=_trap("ot:trap:power", lambda t: float(t.power.values.max())),
+        parameters=("trap_power",),
+    ),
     Row(low=0.3, high=2.5, dimension="length", values=_trap("ot:trap:wavelength", lambda t: t.wavelength)),
-    Row(low=0.01, high=1e4, dimension="speed", values=_trap("ot:trap:speedLimit", lambda t: t.speed_limit)),
+    Row(
+        low=0.01,
+        high=1e4,
+        dimension="speed",
+        values=_trap("ot:trap:speedLimit", lambda t: t.speed_limit),
+        parameters=("trap_speed_limit",),
+    ),
     Row(low=0.01, high=1e3, dimension="length", values=_trap("ot:trap:reach", lambda t: t.reach)),
     Row(low=1e-4, high=1e4, dimension="stiffness", values=_law("stiffness")),
-    Row(low=1e-3, high=1e3, dimension="length", values=_law("threshold")),
-    Row(low=1e-2, high=1e3, dimension="length", values=_law("cutoff")),
+    Row(
+        low=1e-3,
+        high=1e3,
+        dimension="length",
+        values=_law("threshold"),
+        parameters=("trap_threshold", "trap_axial_threshold"),
+    ),
+    Row(low=1e-2, high=1e3, dimension="length", values=_law("cutoff"), parameters=("trap_cutoff", "trap_axial_cutoff")),
     Row(low=1e-2, high=1e3, dimension="length", values=_law("radius")),
     Row(
         low=10.0,
@@ -174,8 +218,20 @@ ROWS: tuple[Row, ...] = (
     Row(low=0.0, high=0.2e6, dimension="surface_energy", values=_body("ot:{}:adhesion", lambda b: b.material.adhesion)),
     Row(low=1e-3, high=1e6, dimension="force", values=_body("ot:{}:warningForce", lambda b: b.warning_force)),
     Row(low=1e-10, high=3e-8, dimension="density", values=_body("ot:{}:density", lambda b: b.density, _weighs)),
-    Row(low=1e-3, high=1e4, dimension="speed", values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille")),
-    Row(low=1e-4, high=1e5, dimension="rate", values=_flow("ot:flow:shearRate", "shear_rate", "shear")),
+    Row(
+        low=1e-3,
+        high=1e4,
+        dimension="speed",
+        values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille"),
+        parameters=("flow_speed",),
+    ),
+    Row(
+        low=1e-4,
+        high=1e5,
+        dimension="rate",
+        values=_flow("ot:flow:shearRate", "shear_rate", "shear"),
+        parameters=("flow_shear_rate",),
+    ),
     Row(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfHeight", "half_height", "poiseuille")),
     Row(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
     Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
@@ -184,6 +240,17 @@ ROWS: tuple[Row, ...] = (
     Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:distanceWarning", "goal", "distance_warning")),
 )
 """What is looked at."""
+
+
+def unusual_parameters(values: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """One warning for each of a program's parameters, arrays in internal units, that has unusual values."""
+    for row in ROWS:
+        for name in row.parameters:
+            found = np.abs(values.get(name, np.zeros(0)))
+            found = found[np.isfinite(found) & (found > 0.0)]
+            odd = [value for value in (found.min(), found.max()) if row.odd(value)] if found.size else []
+            if odd:
+                yield f"parameter {name} = {row.parameter_text(odd[0])}"
 
 
 def unusual_numbers(scene: Scene) -> Iterator[Finding]:

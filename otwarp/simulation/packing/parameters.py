@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene, vocabulary
+from otwarp.scene.check.numbers import FARTHEST
 from otwarp.scene.vocabulary import Attribute, Schema
 from otwarp.scene.vocabulary.values import internal, to_field
 from otwarp.simulation.packing.arguments import numbers
@@ -26,7 +27,7 @@ class Parameter:
     Attributes:
         of: What it has one value for, besides the world: each trap, each body, or nothing more.
         width: Components of one value.
-        low: Least allowed value; `strict` excludes it.
+        low, high: Least and greatest allowed value; `strict` excludes the least.
         infinite: Whether inf is a value: no limit.
         unit: Internal unit, for messages and help.
         longest: Greatest length of a vector, in its internal unit.
@@ -35,10 +36,19 @@ class Parameter:
     of: Of = ""
     width: int = 1
     low: float = -np.inf
+    high: float = np.inf
     strict: bool = False
     infinite: bool = False
     unit: str = ""
     longest: float = np.inf
+
+    @property
+    def allowed(self) -> str:
+        """What it allows, as messages say it."""
+        if np.isfinite(self.high):
+            return f"in {'(' if self.strict else '['}{self.low:g}, {self.high:g}] {self.unit}"
+        bound = f"{'>' if self.strict else '≥'} {self.low:g}" if np.isfinite(self.low) else "finite"
+        return f"{bound}{'' if self.infinite or bound == 'finite' else ', finite'} {self.unit}"
 
 
 def _parameter(schema: Schema, row: Attribute) -> Parameter:
@@ -47,6 +57,7 @@ def _parameter(schema: Schema, row: Attribute) -> Parameter:
         of,
         width=3 if row.vector else 1,
         low=-np.inf if row.vector else internal(row.interval.low, row.dimension),
+        high=np.inf if row.vector else internal(row.interval.high, row.dimension),
         strict=row.interval.low_open and np.isfinite(row.interval.low),
         infinite=row.interval.infinite,
         unit=row.per_world_unit or INTERNAL_SYMBOL[row.dimension],
@@ -67,7 +78,9 @@ def _of_vocabulary(*schemas: Schema) -> dict[str, Parameter]:
 
 PARAMETERS: dict[str, Parameter] = {
     **_of_vocabulary(vocabulary.SCENE, vocabulary.FLOW),
-    "trap_position": Parameter("traps", width=3, unit="µm"),  # a transform of the prim, not an attribute
+    "trap_position": Parameter(
+        "traps", width=3, unit="µm", longest=FARTHEST
+    ),  # a transform of the prim, not an attribute
     **_of_vocabulary(vocabulary.TRAP, vocabulary.TRAP_LAW),
     **_of_vocabulary(vocabulary.BODY, vocabulary.CELL),
 }
@@ -109,12 +122,14 @@ def expand(
 
 def _check_range(name: str, spec: Parameter, array: np.ndarray) -> None:
     outside = (array <= spec.low) if spec.strict else (array < spec.low)
-    outside |= np.isnan(array) | (np.isinf(array) & (not spec.infinite))
+    outside |= np.isnan(array) | (array > spec.high) | (np.isinf(array) & (not spec.infinite))
     if np.any(outside):
-        bound = f"{'>' if spec.strict else '≥'} {spec.low:g}" if np.isfinite(spec.low) else "finite"
-        bound += "" if spec.infinite or bound == "finite" else ", finite"
-        raise InputError(f"parameter {name} has the value {array[outside].ravel()[0]:g}; allowed: {bound} {spec.unit}")
-    if np.isfinite(spec.longest) and (length := np.linalg.norm(array, axis=-1).max(initial=0.0)) > spec.longest:
+        raise InputError(f"parameter {name} has the value {array[outside].ravel()[0]:g}; allowed: {spec.allowed}")
+    if not np.isfinite(spec.longest):
+        return
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(array, axis=-1).max(initial=0.0)
+    if length > spec.longest:
         limit = f"≤ {spec.longest:g} {spec.unit}"
         raise InputError(f"parameter {name} has a vector of length {length:g}; allowed: {limit}")
 

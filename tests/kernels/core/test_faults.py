@@ -140,7 +140,7 @@ def test_a_sweep_of_powers_tightens_the_step(device):
         ({"device": "abacus"}, "device is 'abacus'; allowed: cpu"),
         ({"time_step": 0.0}, "time step is 0 s; allowed: above 0"),
         ({"time_step": float("nan")}, "time step is nan s; allowed: above 0"),
-        ({"parameters": {"trap_power": np.nan}}, "parameter trap_power has the value nan; allowed: ≥ 0, finite mW"),
+        ({"parameters": {"trap_power": np.nan}}, "parameter trap_power has the value nan; allowed: in [0, 10000] mW"),
     ],
     ids=str,
 )

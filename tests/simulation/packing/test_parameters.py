@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
+from otwarp.scene.plausibility.ranges import unusual_parameters
+from otwarp.simulation.model import Model
 from otwarp.simulation.packing.parameters import PARAMETERS, expand, expand_all
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
@@ -64,13 +66,16 @@ def test_wrong_shapes_name_the_right_ones(name, values):
 @pytest.mark.parametrize(
     ("name", "value", "allowed"),
     [
-        ("medium_viscosity", 0.0, "> 0, finite Pa·s"),
-        ("medium_viscosity", np.inf, "> 0, finite Pa·s"),
-        ("medium_temperature", -1.0, "≥ 0, finite K"),
+        ("medium_viscosity", 0.0, "in (0, 1000] Pa·s"),
+        ("medium_viscosity", np.inf, "in (0, 1000] Pa·s"),
+        ("medium_viscosity", 2e3, "in (0, 1000] Pa·s"),
+        ("medium_temperature", -1.0, "in [0, 1000] K"),
+        ("medium_temperature", 1001.0, "in [0, 1000] K"),
         ("flow_speed", np.nan, "finite µm/s"),
         ("flow_speed", -np.inf, "finite µm/s"),
-        ("trap_power", np.inf, "≥ 0, finite mW"),
-        ("trap_power", np.nan, "≥ 0, finite mW"),
+        ("trap_power", np.inf, "in [0, 10000] mW"),
+        ("trap_power", np.nan, "in [0, 10000] mW"),
+        ("trap_power", 10001.0, "in [0, 10000] mW"),
         ("trap_speed_limit", 0.0, "> 0 µm/s"),
         ("trap_speed_limit", np.nan, "> 0 µm/s"),
         ("trap_cutoff", -np.inf, "> 0 µm"),
@@ -87,6 +92,45 @@ def test_one_bad_value_among_good_ones_is_found():
     values[2, 1] = -3.0
     with pytest.raises(InputError, match="has the value -3;"):
         expand("trap_power", values, worlds=W, traps=T)
+
+
+@pytest.mark.parametrize("far", [(0.0, 2e9, 0.0), (1e200, 0.0, 0.0)])
+def test_places_too_far_away(far):
+    with pytest.raises(InputError, match=r"parameter trap_position has a vector of length .*; allowed: ≤ 1e\+09 µm"):
+        expand("trap_position", far, worlds=W, traps=T)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        (
+            "medium_viscosity",
+            0.89,
+            "0.89 Pa·s, 1e+03 × that of water; usual: 0.0002 … 0.1 Pa·s; did you mean 0.89 mPa·s",
+        ),
+        ("medium_temperature", [298.0, 25.0], "25 K; usual: 250 … 400 K; did you mean 25 °C, which is 298.15 K?"),
+        ("trap_power", 2e-5, "2e-05 mW; usual: 0.001 … 3000 mW; did you mean 0.02 mW? parameters are in mW, not in W"),
+        ("trap_speed_limit", 3e-5, "3e-05 µm/s; usual: 0.01 … 10000 µm/s; did you mean 30 µm/s? parameters are in"),
+        ("trap_cutoff", 2e4, "20000 µm; usual: 0.01 … 1000 µm"),
+        ("flow_speed", -1e5, "100000 µm/s; usual: 0.001 … 10000 µm/s"),
+    ],
+)
+def test_unusual_values_draw_a_warning(name, value, said):
+    values = expand(name, value, worlds=2, traps=T)
+    (text,) = unusual_parameters({name: values})
+    assert text.startswith(f"parameter {name} = {said}")
+
+
+def test_usual_values_and_what_stands_for_none_draw_no_warning():
+    usual = {"trap_power": [0.0, 20.0], "trap_cutoff": np.inf, "medium_temperature": 0.0, "flow_speed": -30.0}
+    arrays = {name: np.asarray(value, dtype=float) for name, value in usual.items()}
+    assert list(unusual_parameters({**arrays, "trap_position": np.full(3, 1e8)})) == []
+
+
+def test_a_model_says_what_is_odd_in_its_parameters(device):
+    scene = bead_scene()
+    with pytest.warns(PlausibilityWarning, match=r"/World: parameter trap_power = 5000 mW; usual: 0.001 … 3000 mW"):
+        Model.build(scene, device=device, parameters={"trap_power": 5000.0})
 
 
 def test_unknown_parameters_list_the_known_ones():
