@@ -114,10 +114,10 @@ def hash_grid_times(crowd: ManySpheres, repeats: int) -> dict[str, float]:
     count = wp.zeros(crowd.count, dtype=wp.int32, device=device)
     neighbour = wp.zeros(crowd.count * 24, dtype=wp.int32, device=device)
     size = crowd.count if device.is_cpu else 1
-    inputs = [table.id, place, float(near.edge), count, neighbour, 24, size]
+    inputs = [table.id, place, float(near.edge[0]), count, neighbour, 24, size]
 
     def build() -> None:
-        table.build(place, near.edge)
+        table.build(place, near.edge[0])
 
     def query() -> None:
         wp.launch(list_by_hash_grid, dim=(1, crowd.count // size), inputs=inputs, device=device)

@@ -176,6 +176,11 @@ class NetcdfRecording:
                 dimensions = ("frame", "world", axis, *((quantity.axis,) if quantity.axis else ()))
                 self._variable(name, dimensions, kind, quantity.long_name, quantity.units, coordinates="time")
                 self._fields.append(name)
+        if any(scene.settings.period) and count["body"]:
+            said = "position of the origin of each body's prim as if space did not repeat"
+            # float64, for a body may go on for as long as the run
+            self._variable("unwrapped", ("frame", "world", "body", "xyz"), "f8", said, "um", coordinates="time")
+            self._fields.append("unwrapped")
 
     def _variable(self, name: str, dimensions: tuple[str, ...], kind: str, long_name: str, units: str, **more: str):
         variable = self._file.createVariable(name, kind, dimensions, fill_value=False)
@@ -221,7 +226,8 @@ def number_bytes(method: Method | None) -> int:
 
 def check_size(scene: Scene, worlds: int, method: Method | None = None) -> int:
     """Bytes per frame of the largest variable for so many worlds; to be compared with `LARGEST_RECORD`."""
-    return worlds * number_bytes(method) * max(4 * len(scene.bodies), 3 * len(scene.traps), 1)
+    unwrapped = 8 * 3 * len(scene.bodies) if any(scene.settings.period) else 0
+    return worlds * max(number_bytes(method) * max(4 * len(scene.bodies), 3 * len(scene.traps), 1), unwrapped)
 
 
 def scene_name(scene: Scene) -> str:

@@ -47,6 +47,8 @@ class Settings:
         brownian: Whether thermal noise acts.
         gravity: Whether weight minus buoyancy acts (along −Z).
         coupling: Whether bodies carry each other along through the liquid.
+        period: Lengths after which space repeats along x, y and z [µm]; 0 along an open axis.
+        period_center: Middle of the cell that repeats [µm].
         duration: Length of the authored run [s].
         frames_per_second: Rate at which frames are recorded [1/s].
     """
@@ -58,6 +60,8 @@ class Settings:
     brownian: bool = True
     gravity: bool = False
     coupling: bool = False
+    period: Vec3 = (0.0, 0.0, 0.0)
+    period_center: Vec3 = (0.0, 0.0, 0.0)
     duration: float = 1.0
     frames_per_second: float = 60.0
 

@@ -18,7 +18,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
-from otwarp.scene import Body, Obstacle, Scene
+from otwarp.scene import Body, Obstacle, Scene, Settings
 from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ YOUNGER: dict[type, dict[str, Any]] = {
     Body: {"forces": {}},
     Obstacle: {"double_sided": False},
     Scene: {"remarks": (), "judged": False},
+    Settings: {"period": (0.0, 0.0, 0.0), "period_center": (0.0, 0.0, 0.0)},
 }
 """Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
 does not use them has the digest that it had before."""

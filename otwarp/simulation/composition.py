@@ -185,6 +185,7 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
         pairs=pairs,
         rods=rods,
         coupling=coupling,
+        periodic=any(scene.settings.period),
         walls=min(2, len(hydrodynamic_walls(scene))),
         max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),

@@ -44,6 +44,7 @@ class Frame:
         escape_time: (W, T) when the held sphere was first out of its trap's reach, nan if it never was [s].
         contact_force: (W, B, 3) net contact force [pN].
         contact_load: (W, B) sum of the magnitudes of the normal forces [pN].
+        unwrapped: (W, B, 3) positions where space repeats, as if it did not [µm]; else None.
     """
 
     step: int
@@ -57,6 +58,7 @@ class Frame:
     escape_time: np.ndarray
     contact_force: np.ndarray
     contact_load: np.ndarray
+    unwrapped: np.ndarray | None = None
 
     @property
     def worlds(self) -> int:
@@ -104,6 +106,9 @@ def capture_frame(sim: Simulation) -> Frame:
     touching = sim.model.features.contacts
     traps = len(sim.scene.traps)
     empty = np.zeros((worlds, traps, 3))
+    unwrapped = None
+    if sim.model.features.periodic:
+        unwrapped = position + sim.unwrapped_position() - sim.state.position.numpy().astype(float)
     # traps that nothing feels are not evaluated on the device: they stand where they were authored
     acting = sim.model.features.traps > 0
     return Frame(
@@ -118,6 +123,7 @@ def capture_frame(sim: Simulation) -> Frame:
         escape_time=_escape_time(sim, readout.escape_step.numpy()),
         contact_force=readout.contact_force.numpy() if touching else np.zeros((worlds, bodies, 3)),
         contact_load=readout.contact_load.numpy() if touching else np.zeros((worlds, bodies)),
+        unwrapped=unwrapped,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from otwarp.device import empty
 from otwarp.errors import InputError
@@ -26,6 +27,9 @@ farthest of a million spheres goes five standard deviations a step, and these ad
 SKIN_RANGE = (0.3, 1.2)
 """Least and largest skin, relative to the mean contact radius: neither new lists in every step nor long lists."""
 
+CELL_EDGE = 1.00001
+"""Edge of a cell over the largest distance of neighbours: what rounding may put into the next cell but one is none."""
+
 MOST_CELLS = 1 << 30
 """Cells of all worlds, which int32 keys number."""
 
@@ -39,14 +43,28 @@ def choose_skin(model: Model) -> float:
     return float(np.clip(SPREADS * spread, SKIN_RANGE[0] * mean, SKIN_RANGE[1] * mean))
 
 
-def choose_cells(extent: np.ndarray, edge: float, elements: int, worlds: int) -> tuple[int, int, int]:
+def choose_cells(
+    extent: np.ndarray, edge: float, elements: int, worlds: int, period: ArrayLike = (0.0, 0.0, 0.0)
+) -> tuple[int, int, int]:
     """Cells along each axis, powers of two of at least 4: no more than four per element, where there is room for them.
 
     Args:
         extent: (3,) of the region where the elements start [µm]; elsewhere the cells repeat.
-        edge: Of a cell [µm].
+        edge: Of a cell [µm]; along a periodic axis at least.
+        period: (3,) lengths that a whole number of cells fills [µm], 0 along an open axis.
+
+    Raises:
+        InputError: A period that has no room for four cells.
     """
     needed = [max(4, 1 << math.ceil(math.log2(max(float(x) / edge, 1.0)) - 1e-9)) for x in extent]
+    for axis, length in enumerate(np.asarray(period, dtype=float)):
+        if 0.0 < length < 4.0 * edge:
+            raise InputError(
+                f"ot:scene:period = {1e-6 * length:g} m along {'xyz'[axis]}; allowed: 0, or at least"
+                f" {4e-6 * edge:g} m in a many-body scene of bodies of this size"
+            )
+        if length > 0.0:
+            needed[axis] = 1 << math.floor(math.log2(length / edge))
     most = min(max(64, 4 * elements), max(64, MOST_CELLS // worlds))
     while math.prod(needed) > most:
         needed[needed.index(max(needed))] //= 2
@@ -68,9 +86,11 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
         sticky = contact.adhesion.numpy() > 0.0
         data.adhesion = float(contact.adhesion_range.numpy()[sticky].max(initial=0.0))
         data.reach = data.adhesion + (0.0 if f.soft_contacts else 0.5 * data.skin)
-        data.edge = 2.0 * float(sizes.max()) + data.reach + data.skin
+        edge = CELL_EDGE * (2.0 * float(sizes.max()) + data.reach + data.skin)
         extent = np.ptp(state.position.numpy()[0].astype(float), axis=0)
-        cells = choose_cells(extent, data.edge, elements, w)
+        period = np.array(model.scene.settings.period)
+        cells = choose_cells(extent, edge, elements, w, period)
+        data.edge = wp.vec3(*np.where(period > 0.0, period / np.array(cells), edge))
     data.cells = wp.vec3i(*cells)
     total, listed = w * elements, w * elements if f.pairs else 0
     if listed * NEIGHBOURS >= 2**31:

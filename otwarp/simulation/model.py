@@ -20,6 +20,7 @@ from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Scene
+from otwarp.scene.period import in_cell
 from otwarp.scene.plausibility import judge
 from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.composition import check_settings
@@ -31,6 +32,7 @@ from otwarp.simulation.packing.commands import Samples, staged_commands
 from otwarp.simulation.packing.coupling import pack_coupling
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
 from otwarp.simulation.packing.optics import TrapOptics
+from otwarp.simulation.packing.period import pack_period
 from otwarp.simulation.packing.traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
 from otwarp.simulation.resolved import ResolvedScene
@@ -170,6 +172,11 @@ class Model:
         """(B, 4) orientations of the bodies at the start."""
         return np.array([b.orientation for b in self.scene.bodies]).reshape(-1, 4)
 
+    def in_cell(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., B, 3) points put into the cell that repeats [µm], and (..., B, 3) how many periods each was away."""
+        settings = self.scene.settings
+        return in_cell(place, settings.period, settings.period_center)
+
     def prim_position(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
         """(..., B, 3) origins of the bodies' prims from reference points and orientations [µm]."""
         return position - rotate(orientation, self.reference)
@@ -225,6 +232,7 @@ def _pack(
     scene, moves, values, optics = known.scene, known.moves, known.values, known.optics
     data = place.typed(ModelData)()
     data.bodies = len(scene.bodies)
+    data.period = pack_period(scene, place)
     data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
     data.body = pack_bodies(scene, moves, optics, place)
     data.contact = pack_contact(scene, moves, features.contacts, place, rods=features.rods)

@@ -162,6 +162,8 @@ class Simulation:
         for name, values, width in (("position", position, 3), ("orientation", orientation, 4)):
             if values is not None:
                 rows[name] = self._state_rows(name, numbers(f"state {name}", values), width)
+        if "position" in rows and self.model.features.periodic:
+            rows["position"], rows["image"] = self.model.in_cell(rows["position"])
         for name, values in rows.items():
             array = getattr(self.state, name)
             array.assign(values.astype(host_type(array.dtype)))
@@ -211,6 +213,14 @@ class Simulation:
             wp.launch(self._step.forces, dim=dim, inputs=views, outputs=out, device=self.model.device)
         self._measured_at = (self.state.step, self.control.writes)
         return self._readout
+
+    def unwrapped_position(self) -> np.ndarray:
+        """(W, B, 3) reference points where they would be if space did not repeat [µm], on the host in float64."""
+        position = self.state.position.numpy().astype(float)
+        if not self.model.features.periodic:
+            return position
+        # the length as the kernels have it, so that a body that crosses does not leap
+        return position + self.state.image.numpy() * np.array(self.model.data.period.length, dtype=float)
 
     def prim_poses(self) -> tuple[np.ndarray, np.ndarray]:
         """Origins (W, B, 3) [µm] and orientations (W, B, 4) of the bodies' prims, on the host in float64."""

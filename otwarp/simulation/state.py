@@ -48,6 +48,7 @@ class State(_Bound):
         position: (W, B) vec3, reference point (centre of diffusion) of each body [µm].
         orientation: (W, B) quaternion (x, y, z, w); (W, 0) when no body rotates.
         trap_position: (W, T) vec3, actual foci; (W, 0) when no trap has a speed limit [µm].
+        image: (W, B) vec3i, by how many periods each body has gone on along each axis; (W, 0) without periodic axes.
         step: Steps taken since the start.
         time: Simulated time [s].
     """
@@ -55,6 +56,7 @@ class State(_Bound):
     position: wp.array
     orientation: wp.array
     trap_position: wp.array
+    image: wp.array
     step: int = 0
     time: float = 0.0
 
@@ -66,18 +68,23 @@ class State(_Bound):
         def repeat(rows: np.ndarray, dtype: type) -> wp.array:
             return device_array(np.broadcast_to(rows, (w, *rows.shape)), dtype, model.place, ndim=2)
 
+        place, image = model.start_position(), np.zeros((0, 3), dtype=np.int32)
+        if f.periodic:
+            place, image = model.in_cell(place)
         first = model.values["trap_position"]
         limited = np.broadcast_to(first, (w, *first.shape[1:])) if f.speed_limits else np.zeros((w, 0, 3))
         return cls(
-            position=repeat(model.start_position(), wp.vec3),
+            position=repeat(place, wp.vec3),
             orientation=repeat(model.start_orientation() if f.rigid else np.zeros((0, 4)), wp.quat),
             trap_position=device_array(limited, wp.vec3, model.place, ndim=2),
+            image=repeat(image, wp.vec3i),
         )
 
     def data(self) -> Annotated[Any, StateData]:
         """The kernels' view."""
         data = typed(StateData, precision_of(self.position))()
         data.position, data.orientation, data.trap_position = self.position, self.orientation, self.trap_position
+        data.image = self.image
         return data
 
 

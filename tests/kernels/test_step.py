@@ -107,6 +107,13 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(EVERYTHING, moving_traps=False, moving_obstacles=False),
         ("moving_pose", "find_key"),
     ),
+    "periodic axes": (dataclasses.replace(EVERYTHING, periodic=True), EVERYTHING, ("image_shift", "kept_in_cell")),
+    "periodic grid": (
+        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, periodic=True),
+        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
+        ("image_shift", "kept_in_cell", "nearest"),
+    ),
+    "periodic beads": (dataclasses.replace(BASE, periodic=True), BASE, ("kept_in_cell", ").period)")),
     "pairs": (EVERYTHING, dataclasses.replace(EVERYTHING, pairs=False), ("pair_contacts",)),
     "grid pairs": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30),

@@ -73,6 +73,20 @@ def test_what_a_scene_lacks_is_left_out(scene: Scene, tmp_path: Path) -> None:
         assert data.sizes["frame"] == 1
 
 
+def test_unwrapped_positions_where_space_repeats(scene: Scene, tmp_path: Path) -> None:
+    """In float64: 1e6 µm and a nanometre."""
+    import dataclasses
+
+    endless = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, period=(50.0, 0.0, 0.0)))
+    recording = open_file(endless, tmp_path / "run.nc", 1, 2)
+    far = np.random.default_rng(0).uniform(-1e6, 1e6, (2, 6, 3))
+    recording.write(dataclasses.replace(frame(scene, 0, worlds=2), unwrapped=far))
+    recording.close()
+    with xr.open_dataset(tmp_path / "run.nc") as data:
+        assert data["unwrapped"].dims == ("frame", "world", "body", "xyz")
+        np.testing.assert_array_equal(data["unwrapped"].values, far[None, :1])
+
+
 def test_distances_of_traps_that_hold_nothing_are_nan(scene: Scene, tmp_path: Path) -> None:
     recording = open_file(scene, tmp_path / "run.nc", 1, 1)
     recording.write(frame(scene, 0, trap_distance=np.array([[np.nan, 0.5]])))

@@ -36,6 +36,7 @@ from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drif
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
 from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
@@ -375,6 +376,8 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
             later = wall
+            if wp.static(f.periodic):
+                pose.position += image_shift(model.period, pose.position - wall.position)
             reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
             centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
             if wp.static(f.moving_obstacles):

@@ -250,12 +250,22 @@ class ForceInput:
 
 
 @wp.struct
+class PeriodData:
+    """The cell that repeats in space; all zero along an open axis."""
+
+    low: wp.vec3  # its lower corner [µm]
+    length: wp.vec3  # [µm]
+    per_length: wp.vec3  # [1/µm]
+
+
+@wp.struct
 class ModelData:
     """All that never changes during a run."""
 
     time_step: wp.float64  # [s]
     seed: wp.uint32
     bodies: wp.int32
+    period: PeriodData
     medium: MediumData
     traps: TrapData
     body: BodyData
@@ -283,6 +293,7 @@ class StateData:
     position: wp.array2d(dtype=wp.vec3)  # (W, B) [µm]
     orientation: wp.array2d(dtype=wp.quat)  # (W, B), (W, 0) without rotation
     trap_position: wp.array2d(dtype=wp.vec3)  # (W, T) actual foci, (W, 0) without speed limits [µm]
+    image: wp.array2d(dtype=wp.vec3i)  # (W, B) cells that each body has gone on, (W, 0) in open space
 
 
 @wp.struct

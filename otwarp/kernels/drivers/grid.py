@@ -17,6 +17,7 @@ import warp as wp
 
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
@@ -156,6 +157,8 @@ def make_commit(f: Features) -> wp.Kernel:
             if wp.static(f.walls > 0):
                 pose.position = pose.position + out_of_walls(model.walls, b, pose)
             state.position[world, b] = pose.position
+            if wp.static(f.periodic):
+                state.position[world, b] = kept_in_cell(model, state, world, b, pose.position)
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
@@ -165,7 +168,10 @@ def make_commit(f: Features) -> wp.Kernel:
                 if wp.static(f.rigid):
                     s = model.contact.sphere[e]
                     centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
-                check_moved(grid.near, world * grid.near.elements + e, centre)
+                away = centre - grid.near.reference[world * grid.near.elements + e]
+                if wp.static(f.periodic):
+                    away = nearest(model.period, away)
+                check_moved(grid.near, away)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def commit(

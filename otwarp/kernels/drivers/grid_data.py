@@ -12,7 +12,7 @@ class NeighbourData:
     """Cells and neighbour lists of the elements: colliding spheres, or slots where contacts are soft; E per world."""
 
     cells: wp.vec3i  # along each axis, powers of two
-    edge: float  # of a cell [µm]
+    edge: wp.vec3  # of a cell [µm]
     skin: float  # extra distance up to which neighbours are listed [µm]
     adhesion: float  # longest range of adhesion [µm]
     reach: float  # gap up to which elements may feel each other in a step [µm]

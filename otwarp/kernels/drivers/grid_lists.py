@@ -9,6 +9,7 @@ from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_p
 from otwarp.kernels.contact.travel import lift_of, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import image_shift, nearest
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
 from otwarp.kernels.drivers.grid_store import contact_store_terms
@@ -124,7 +125,10 @@ def near_enough_term(f: Features) -> wp.Function:
         b = model.contact.body[j]
         pose = body_pose(state, world, b)
         far = si[3] + sj[3] + grid.near.reach
-        square = wp.length_sq(centre - pose.position - arm_of(pose, sj))
+        away = centre - pose.position - arm_of(pose, sj)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        square = wp.length_sq(away)
         near = square < far * far
         if near:
             # what moves are large enough for, before anything is made of it
@@ -154,6 +158,13 @@ def with_sphere_term(f: Features) -> wp.Function:
         sj = model.contact.sphere[j]
         b = model.contact.body[j]
         pose_b = body_pose(state, world, b)
+        if wp.static(f.periodic):
+            # of the later body in both views, so that both have the same numbers
+            shift = image_shift(model.period, pose_b.position - pose.position)
+            if a < b:
+                pose_b.position += shift
+            else:
+                pose.position -= shift
         arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
         c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
         return list_contact(model, readout, grid, world, world * model.bodies + a, count, c, e, j, step)
@@ -219,6 +230,8 @@ def wall_term(f: Features) -> wp.Function:
             far = s[3] + grid.near.reach
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
+            if wp.static(f.periodic):
+                pose.position += image_shift(model.period, pose.position - wall.position)
             away = pose.position + arm - wall.position
             if wp.length(away) < far + model.obstacles.bound[o]:
                 local = wp.quat_rotate_inv(wall.rotation, away)

@@ -11,6 +11,7 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
@@ -168,6 +169,8 @@ def advance_lane_term(f: Features) -> wp.Function:
                     reached = Pose(moved, wp.quat_identity())
                     later = time + model.time_step
                     record_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
+                if wp.static(f.periodic):
+                    lanes[g].position = kept_in_cell(model, state, world, b, moved)
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

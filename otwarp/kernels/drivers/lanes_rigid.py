@@ -9,6 +9,7 @@ from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import (
     BodyConstants,
     ControlData,
@@ -201,6 +202,8 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                         later = time + model.time_step
                         leeway = record_escapes(model, control, state, readout, world, b, here, there, arrival, later)
                     lanes[g].leeway = leeway
+                if wp.static(f.periodic):
+                    lanes[g].pose.position = kept_in_cell(model, state, world, b, there.position)
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

@@ -1,16 +1,17 @@
 """Neighbour lists with a skin (Verlet 1967, doi:10.1103/PhysRev.159.98), made from cells sorted by radix.
 
 A list holds every element nearer than the sum of the radii, the reach of contact forces and the skin, so it serves
-until something has moved by more than half the skin; then the device makes new lists by itself. Cells lie in an open
-space: they repeat along each axis, and distances tell apart what shares a cell by that. A list ascends by sphere, so
-that sums over it do not depend on when it was made. An element with more than `NEIGHBOURS` neighbours (a large sphere
-among small ones) is `FULL`: it looks through the cells in every step.
+until something has moved by more than half the skin; then the device makes new lists by itself. Cells repeat along each
+axis: along a periodic one with the period, along an open one distances tell apart what shares a cell by that. A list
+ascends by sphere, so that sums over it do not depend on when it was made. An element with more than `NEIGHBOURS`
+neighbours (a large sphere among small ones) is `FULL`: it looks through the cells in every step.
 """
 
 import warp as wp
 
 from otwarp.kernels.contact.obstacles import distance_term, still_pose
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ModelData, StateData
 from otwarp.kernels.drivers.grid_data import GridData, NeighbourData, body_pose_term
 
@@ -83,8 +84,8 @@ def apart_term(f: Features) -> wp.Function:
 
 @wp.func
 def cell_of(n: NeighbourData, centre: wp.vec3) -> wp.vec3i:
-    """Integer coordinates of the cell of a point [µm] of the open space."""
-    c = centre / n.edge
+    """Integer coordinates of the cell of a point [µm]."""
+    c = wp.cw_div(centre, n.edge)
     return wp.vec3i(
         int(wp.clamp(wp.floor(c[0]), -_FARTHEST_CELL, _FARTHEST_CELL)),
         int(wp.clamp(wp.floor(c[1]), -_FARTHEST_CELL, _FARTHEST_CELL)),
@@ -188,6 +189,8 @@ def walled_term(f: Features) -> wp.Function:
             for o in range(model.obstacles.shape.shape[0]):
                 wall = still_pose(model.obstacles, o, wp.float64(0.0))
                 away = centre - wall.position
+                if wp.static(f.periodic):
+                    away = nearest(model.period, away)
                 if wp.length(away) < far + model.obstacles.bound[o]:
                     local = wp.quat_rotate_inv(wall.rotation, away)
                     if distance_to(model.obstacles, o, local, far)[3] < far:
@@ -244,7 +247,10 @@ def search_term(f: Features) -> wp.Function:
             j = item(n, s)
             e = element(model, state, grid, world, j)
             reach = far + e[3]
-            if wp.length_sq(centre - wp.vec3(e[0], e[1], e[2])) < reach * reach and e[3] > 0.0:
+            away = centre - wp.vec3(e[0], e[1], e[2])
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
+            if wp.length_sq(away) < reach * reach and e[3] > 0.0:
                 if apart(model, grid, world, i, j):
                     if found < wp.static(NEIGHBOURS):
                         insert(grid, i * n.stride, found, j)
@@ -330,7 +336,10 @@ def next_in_cells_term(f: Features) -> wp.Function:
                 called = name(grid, j)
                 if called > after and called < least and apart(model, grid, world, i, j):
                     e = element(model, state, grid, world, j)
-                    gap = wp.length(here - wp.vec3(e[0], e[1], e[2])) - own[3] - e[3]
+                    away = here - wp.vec3(e[0], e[1], e[2])
+                    if wp.static(f.periodic):
+                        away = nearest(model.period, away)
+                    gap = wp.length(away) - own[3] - e[3]
                     if gap < n.reach and e[3] > 0.0:
                         best = j
                         least = called
@@ -340,9 +349,8 @@ def next_in_cells_term(f: Features) -> wp.Function:
 
 
 @wp.func
-def check_moved(n: NeighbourData, i: int, centre: wp.vec3):
-    """Mark all lists as stale when element i, now at `centre` [µm], has moved by more than half the skin."""
-    away = centre - n.reference[i]
+def check_moved(n: NeighbourData, away: wp.vec3):
+    """Mark all lists as stale when an element is `away` [µm] from where they were made by more than half the skin."""
     if 4.0 * wp.length_sq(away) > n.skin * n.skin:
         n.stale[0] = 1
 
@@ -358,6 +366,9 @@ def make_check(f: Features) -> wp.Kernel:
         first = world * grid.near.elements
         for i in range(first + share * size, first + wp.min((share + 1) * size, grid.near.elements)):
             e = element(model, state, grid, world, i)
-            check_moved(grid.near, i, wp.vec3(e[0], e[1], e[2]))
+            away = wp.vec3(e[0], e[1], e[2]) - grid.near.reference[i]
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
+            check_moved(grid.near, away)
 
     return check

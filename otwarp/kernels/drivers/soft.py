@@ -16,6 +16,7 @@ from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_p
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_data import GridData
@@ -33,27 +34,41 @@ class SoftForce:
     load: float
 
 
-@wp.func
-def soft_pair(
-    model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, j: int, step: wp.int64
-) -> SoftForce:
-    """Force and load [pN] of the sphere in slot j on body a, whose centre and radius [µm] are `here`."""
-    out = SoftForce(wp.vec3(0.0), 0.0)
-    there = grid.place[grid.row[0], j]
-    way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
-    both = here[3] + there[3]
-    far = both + grid.near.reach
-    square = wp.length_sq(way)
-    if square < far * far:
-        overlap = both - wp.sqrt(square)
-        least = wp.min(here[3], there[3])
-        if overlap > OVERLAP_LIMIT * least:
-            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-        b = grid.order[grid.turn[0], j]
-        law = pair_law(model.contact, a, b, here[3] * there[3] / both, overlap)
-        out.force = law.force * wp.normalize(way)
-        out.load = wp.abs(law.force)
-    return out
+def soft_pair_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, world, a, here, j, step) -> SoftForce` of the sphere in slot j on body a."""
+
+    @wp.func
+    def soft_pair(
+        model: ModelData,
+        readout: ReadoutData,
+        grid: GridData,
+        world: int,
+        a: int,
+        here: wp.vec4,
+        j: int,
+        step: wp.int64,
+    ) -> SoftForce:
+        """Force and load [pN] on body a, whose centre and radius [µm] are `here`."""
+        out = SoftForce(wp.vec3(0.0), 0.0)
+        there = grid.place[grid.row[0], j]
+        way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
+        if wp.static(f.periodic):
+            way = nearest(model.period, way)
+        both = here[3] + there[3]
+        far = both + grid.near.reach
+        square = wp.length_sq(way)
+        if square < far * far:
+            overlap = both - wp.sqrt(square)
+            least = wp.min(here[3], there[3])
+            if overlap > OVERLAP_LIMIT * least:
+                raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
+            b = grid.order[grid.turn[0], j]
+            law = pair_law(model.contact, a, b, here[3] * there[3] / both, overlap)
+            out.force = law.force * wp.normalize(way)
+            out.load = wp.abs(law.force)
+        return out
+
+    return soft_pair
 
 
 def soft_walls_term(f: Features) -> wp.Function:
@@ -73,6 +88,8 @@ def soft_walls_term(f: Features) -> wp.Function:
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
             away = wp.vec3(here[0], here[1], here[2]) - wall.position
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
             if wp.length(away) < far + model.obstacles.bound[o]:
                 local = wp.quat_rotate_inv(wall.rotation, away)
                 hit = distance_to(model.obstacles, o, local, far)
@@ -93,6 +110,7 @@ def soft_walls_term(f: Features) -> wp.Function:
 def soft_contacts_term(f: Features) -> wp.Function:
     """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` on the sphere in slot i, body a."""
     walls = soft_walls_term(f) if f.obstacles else None
+    soft_pair = soft_pair_term(f) if f.pairs else None
     next_in_cells = next_in_cells_term(f) if f.pairs else None
 
     @wp.func
@@ -155,10 +173,14 @@ def step_slot_term(f: Features) -> wp.Function:
         if readout.fault_count[0] != 0:
             if readout.fault[world, b] != 0:
                 moved = pose.position
+        away = moved - grid.near.reference[i]
+        arrived = Pose(moved, pose.rotation)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+            moved = kept_in_cell(model, state, world, b, moved)
         grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
-        check_moved(grid.near, i, moved)
+        check_moved(grid.near, away)
         if wp.static(f.escapes):
-            arrived = Pose(moved, pose.rotation)
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, pose, arrived, step + wp.int64(1), time)
         if step + wp.int64(1) == grid.until[0]:

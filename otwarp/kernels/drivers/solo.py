@@ -6,6 +6,7 @@ from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import (
     BeadConstants,
     ControlData,
@@ -119,6 +120,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
                     model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
                 )
             position = moved
+            if wp.static(f.periodic):
+                position = kept_in_cell(model, state, world, b, position)
         state.position[world, b] = position
         if wp.static(monitor):
             monitors = look(model, bead, monitors, world, position, first_step, taken)
@@ -168,6 +171,8 @@ def make_body_step(f: Features) -> wp.Kernel:
                     arrival = step + wp.int64(1)
                     later = time + model.time_step
                     leeway = record_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
+            if wp.static(f.periodic):
+                pose.position = kept_in_cell(model, state, world, b, pose.position)
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 

@@ -11,6 +11,7 @@ from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import image_shift, kept_in_cell
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom, load_bodies_term, store_bodies_term
@@ -76,6 +77,8 @@ def find_contacts_term(f: Features) -> wp.Function:
             if wp.static(f.pairs):
                 for b in range(a):
                     pose_b = Pose(position[b], rotation[b])
+                    if wp.static(f.periodic):
+                        pose_b.position += image_shift(model.period, pose_b.position - pose_a.position)
                     move_b = Move(linear[b], angular[b])
                     near = pushed
                     if wp.static(f.brownian):
@@ -144,6 +147,8 @@ def take_moves_term(f: Features) -> wp.Function:
                 time = wp.float64(step) * model.time_step
                 pose = Pose(position[b], rotation[b])
                 record_escapes(model, control, state, readout, world, b, before, pose, step, time)
+            if wp.static(f.periodic):
+                position[b] = kept_in_cell(model, state, world, b, position[b])
 
     return take_moves
 

@@ -3,6 +3,7 @@
 import warp as wp
 
 from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_wrench import anchor_of, reach_term, trap_command_term
@@ -25,7 +26,10 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     def one_of_few(model: ModelData, law: TrapConstants, command: wp.vec4, position: wp.vec3) -> kind:
         """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
         anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
-        return command[3] * value_at(model.traps, law, position - anchor)
+        away = position - anchor
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        return command[3] * value_at(model.traps, law, away)
 
     @wp.func
     def of_few(
@@ -55,6 +59,8 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         for trap in range(traps):
             now = trap_command(model, control, state, world, trap, time)
             away = position - anchor_of(model, trap, now)
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
             reach = reach_of(model, world, trap, bead.radius)
             if wp.length_sq(away) < reach * reach:
                 law = prepare(model.traps, world, trap, bead.radius, bead.kind)

@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
+from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.random import Stream, noise_words, uniform
 from otwarp.kernels.core.roots import reciprocal_root, square_root
 from otwarp.kernels.core.types import (
@@ -56,7 +57,10 @@ def escape_term(f: Features) -> wp.Function:
     def distance2(model: ModelData, trap: int, command: wp.vec4, pose: Pose) -> float:
         """Squared distance of the held sphere from the equilibrium point [µm²]."""
         held = pose.position + wp.quat_rotate(pose.rotation, model.traps.held_offset[trap])
-        return wp.length_sq(held - anchor_of(model, trap, command))
+        away = held - anchor_of(model, trap, command)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        return wp.length_sq(away)
 
     @wp.func
     def record_escapes(
@@ -137,7 +141,10 @@ def monitor_term(f: Features) -> wp.Function:
     ) -> EscapeMonitor:  # fmt: skip
         """The monitor after a look at `position` [µm]: lost if out of reach of a lit trap, now or in between."""
         # the same displacement as the force of the step needs, so that it is computed once
-        away2 = wp.length_sq(position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis))
+        away = position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        away2 = wp.length_sq(away)
         if wp.max(away2, monitor.last2) > monitor.near2 and command[3] > 0.0:
             lost = away2 > monitor.reach * monitor.reach
             if wp.static(f.brownian and f.crossings):

@@ -6,6 +6,7 @@ Measured on demand, not at every step: one thread per trap and per sphere gather
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import trap_force_term
@@ -49,7 +50,10 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         s = model.body.trapped[i]
         x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
         law = prepare(model.traps, world, trap, s[3], model.body.trapped_kind[i])
-        return c[3] * trap_force(model.traps, law, x - anchor_of(model, trap, c))
+        away = x - anchor_of(model, trap, c)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        return c[3] * trap_force(model.traps, law, away)
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
@@ -67,7 +71,10 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         held = model.traps.held_body[trap]
         if held >= 0:
             place = sphere_position(model, state, world, held, model.traps.held_offset[trap])
-            distance = wp.length(place - anchor_of(model, trap, c))
+            away = place - anchor_of(model, trap, c)
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
+            distance = wp.length(away)
         out.distance[world, trap] = distance
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -3,6 +3,7 @@
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.types import (
     Aim,
@@ -112,6 +113,8 @@ def aim_term(f: Features) -> wp.Function:
         """Equilibrium point [µm], power [mW] and squared reach [µm²], which is 0 if the trap is dark or too far."""
         command = trap_command(model, control, state, world, trap, time)
         anchor = anchor_of(model, trap, command)
+        if wp.static(f.periodic):
+            anchor += image_shift(model.period, anchor - pose.position)
         reach = reach_of(model, world, trap, model.body.largest[b])
         near = reach + model.body.bound[b]
         away2 = wp.length_sq(pose.position - anchor)
@@ -141,7 +144,7 @@ def sphere_force_term(f: Features) -> wp.Function:
 
 def keeps_aims(f: Features) -> bool:
     """Whether where the traps are is known before a loop of steps: `RigidConstants` holds it then."""
-    return f.still_traps and 0 < f.traps <= KEPT_AIMS
+    return f.still_traps and 0 < f.traps <= KEPT_AIMS and not f.periodic
 
 
 @wp.func

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from otwarp.scene.description import Body, Obstacle, Rod, Sphere
+from otwarp.scene.description import Body, Obstacle, Rod, Sphere, Vec3
 from otwarp.scene.meshes import inside_mesh, nearest_distance
 from otwarp.scene.obstacle_shapes import SHAPES
+from otwarp.scene.period import ghosts_of, nearest
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import bad
 
@@ -28,7 +29,11 @@ _HALF_SPACE = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0
 
 
 def check_overlaps(
-    where: str, bodies: Sequence[Body], obstacles: Sequence[Obstacle], share: float = OVERLAP_TOLERANCE
+    where: str,
+    bodies: Sequence[Body],
+    obstacles: Sequence[Obstacle],
+    share: float = OVERLAP_TOLERANCE,
+    period: Vec3 = (0.0, 0.0, 0.0),
 ) -> None:
     """Check colliding spheres and rods of different bodies, and each of them against all obstacles, at the start.
 
@@ -37,6 +42,7 @@ def check_overlaps(
         bodies: The bodies.
         obstacles: The obstacles.
         share: Allowed overlap relative to the smaller radius.
+        period: As `Settings.period` [µm].
 
     Raises:
         InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
@@ -44,10 +50,12 @@ def check_overlaps(
     owners, centres, radii = _colliding(bodies)
     if not len(owners):
         return
-    a, b = candidate_pairs(centres, radii)
+    which, shift = ghosts_of(centres, radii, period)
+    a, b = candidate_pairs(centres[which] + shift, radii[which])
+    a, b = which[a], which[b]
     other = owners[a] != owners[b]
     a, b = a[other], b[other]
-    depth = radii[a] + radii[b] - np.linalg.norm(centres[a] - centres[b], axis=1)
+    depth = radii[a] + radii[b] - np.linalg.norm(nearest(centres[a] - centres[b], period), axis=1)
     excess = depth - share * np.minimum(radii[a], radii[b])
     if len(excess) and excess.max() > 0.0:
         worst = int(excess.argmax())
@@ -55,6 +63,7 @@ def check_overlaps(
         limit = share * min(radii[a[worst]], radii[b[worst]])
         raise bad(where, first, f"overlap with {second}", f"{depth[worst]:g} µm", f"at most {limit:g} µm at the start")
     for obstacle in obstacles:
+        centres = obstacle.position.at(0.0) + nearest(centres - obstacle.position.at(0.0), period)
         depth = radii - (mesh_distance if obstacle.shape == "mesh" else signed_distance)(obstacle, centres, radii)
         excess = depth - share * radii
         worst = int(excess.argmax())

@@ -10,6 +10,7 @@ from otwarp.scene.check.fields import check_fields, is_number
 from otwarp.scene.check.numbers import check_numbers, check_places, check_turns
 from otwarp.scene.check.overlap import INSIDE, check_overlaps
 from otwarp.scene.check.parts import check_bodies, check_obstacle, check_trap
+from otwarp.scene.check.period import check_period
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
 from otwarp.scene.vocabulary.values import bad
 
@@ -56,9 +57,10 @@ def check_scene(
         check_obstacle(where, obstacle)
     check_names(where, traps, bodies, obstacles)
     check_holds(where, traps, bodies)
-    check_overlaps(where, bodies, obstacles, overlap)
     if flow is not None:
         _check_flow(where, flow)
+    check_period(where, root, settings, bodies, obstacles, flow)
+    check_overlaps(where, bodies, obstacles, overlap, settings.period)
     if camera is not None:
         check_fields(where, camera.prim, vocabulary.CAMERA, camera)
     if goal is not None:

@@ -85,6 +85,21 @@ SCENE = Schema(
             " tensors of equivalent spheres, and noise that goes with it. For up to 24 bodies without hydrodynamic"
             " walls.",
         ),
+        Attribute(
+            "ot:scene:period",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.period",
+            doc="Lengths after which space repeats along x, y and z; 0 for an open axis. Along the others bodies touch,"
+            " and feel traps and obstacles, by their nearest images.",
+        ),
+        Attribute(
+            "ot:scene:periodCenter",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.period_center",
+            doc="Middle of the cell that repeats: what leaves the cell on one side enters it on the other.",
+        ),
     ),
 )
 

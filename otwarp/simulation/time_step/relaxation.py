@@ -11,6 +11,7 @@ from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.hydrodynamics.rpy import cross_matrix
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Scene
+from otwarp.scene.period import nearest
 from otwarp.simulation.packing.traps import axial_or_radial, beam_axis, equilibrium_points, law, rotate, trap_reach
 from otwarp.simulation.time_step.coupled_rates import CoupledRates
 
@@ -43,7 +44,7 @@ class Neighbours:
         gap = np.zeros((len(scene.traps), len(rows)))
         within = np.zeros(gap.shape, dtype=bool)
         for t, trap in enumerate(scene.traps):
-            distance = np.linalg.norm(place - anchors[:, t, None], axis=2)
+            distance = np.linalg.norm(nearest(place - anchors[:, t, None], scene.settings.period), axis=2)
             gap[t] = distance.min(axis=0)
             reach = np.minimum(unit[:, t, None] * (radii if law(trap).radius > 0.0 else 1.0), hold[t])
             within[t] = (distance <= reach).any(axis=0)
