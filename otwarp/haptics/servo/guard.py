@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from otwarp.errors import InputError
@@ -29,7 +29,8 @@ from otwarp.haptics.servo.link import TEXT, ServoStatus, cut, text_of
 ADDRESS = 2048
 """Bytes of what finds a device."""
 SILENCE = 0.2
-"""Seconds without word of the guardian after which the sides that need it disarm: it speaks every 5 ms."""
+"""Seconds without word of the guardian after which the sides that need it disarm: it speaks every 5 ms. They disarm at
+once when another speaks in its place."""
 STANDS = 0.2
 """Seconds without a cycle after which a parent says that the servo stands still."""
 SHARE = 0.5
@@ -98,10 +99,12 @@ class GuardReport:
     """What the guardian says, every few milliseconds.
 
     Attributes:
+        number: Which one it is: counts the guardians of a session, from 1.
         beat: Counts reports.
         hands: One for each side.
     """
 
+    number: int
     beat: int
     hands: tuple[Watch, ...]
 
@@ -112,21 +115,21 @@ class GuardLayout:
     kind = b"guard"
 
     def __init__(self, hands: int):
-        self._record = RecordLayout(self.kind, "Q" + f"2Q{TEXT}s" * hands)
+        self._record = RecordLayout(self.kind, "2Q" + f"2Q{TEXT}s" * hands)
         self.capacities, self.size = (hands, 0), self._record.size
 
     def pack(self, buffer: bytearray, value: GuardReport) -> None:
         """See `shared_memory.Layout`."""
-        flat: list[Any] = [value.beat]
+        flat: list[Any] = [value.number, value.beat]
         for hand in value.hands:
             flat += (hand.ready, hand.sent, cut(hand.message, TEXT))
         self._record.pack(buffer, flat)
 
     def unpack(self, buffer: bytearray) -> GuardReport:
         """See `shared_memory.Layout`."""
-        beat, *rest = self._record.unpack(buffer)
+        number, beat, *rest = self._record.unpack(buffer)
         rows = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
-        return GuardReport(beat, tuple(Watch(ready, sent, text_of(message)) for ready, sent, message in rows))
+        return GuardReport(number, beat, tuple(Watch(ready, sent, text_of(message)) for ready, sent, message in rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +143,7 @@ class GuardOrder:
         after: Seconds without a cycle after which it sends zero force.
         servo: Number of the servo's process.
         realtime: Whether to ask the system for punctuality.
+        number: Of the guardian, see `GuardReport`.
     """
 
     kinds: tuple[str, ...]
@@ -148,6 +152,7 @@ class GuardOrder:
     after: float
     servo: int
     realtime: bool
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +181,7 @@ class Guard:
         self._process: subprocess.Popen[bytes] | None = None
         self._order: GuardOrder | None = None
         self._started = 0.0
-        self.report = GuardReport(0, (Watch(),) * len(specs))
+        self.report = GuardReport(0, 0, (Watch(),) * len(specs))
 
     @property
     def pid(self) -> int | None:
@@ -184,8 +189,9 @@ class Guard:
         return self._process.pid if self._process else None
 
     def start(self, order: GuardOrder) -> None:
-        """Start it."""
-        self._order, self._started = order, time.monotonic()
+        """Start one, the next in number."""
+        self._order = order = replace(order, number=order.number + 1)
+        self._started = time.monotonic()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         command = [sys.executable, "-c", "from otwarp.haptics.servo.guardian import guardian; guardian()"]
         quiet = subprocess.DEVNULL  # it must not keep the parent's pipes open

@@ -197,7 +197,8 @@ def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> Non
             if now - died > (GIVE_UP if due else LINGER):
                 return
         beat, last = beat + 1, now
-        reports.write(GuardReport(beat, tuple(side.sender.watch if side.sender else Watch() for side in sides)))
+        watches = tuple(side.sender.watch if side.sender else Watch() for side in sides)
+        reports.write(GuardReport(order.number, beat, watches))
         time.sleep(POLL)
 
 

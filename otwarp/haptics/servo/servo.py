@@ -67,7 +67,7 @@ class Servo:
         self._watched: GuardReport | None = None
         self._heard = self._cycled = self._guarded = clock.now()
         self._slept = clock.suspended()
-        self._silent = self._alone = False
+        self._silent = False
         self._end_at = math.inf
         self._state = "starting"
         self._worst, self._worst_until = 0.0, 0.0
@@ -142,17 +142,30 @@ class Servo:
         return True
 
     def _heed_guardian(self, now: float) -> None:
-        """Disarm the sides that need a guardian when it is silent."""
+        """Disarm the sides that need a guardian when the one that watched them is silent, replaced, or not ready."""
         if self._guard is None:
             return
-        report = self._guard.read()
+        was, report = self._watched, self._guard.read()
         if report is not None:
-            self._watched, self._guarded, self._alone = report, now, False
-        elif now - self._guarded > GUARD_SILENCE and not self._alone:
-            self._alone, self._watched = True, None
-            for hand in self._hands:
-                if hand.guarded:
-                    hand.disarm(f"disarmed: no word of its guardian for {GUARD_SILENCE:g} s; arm it again", SILENT)
+            self._watched, self._guarded = report, now
+        elif was is not None and now - self._guarded > GUARD_SILENCE:
+            self._watched = None
+        if was is None or was is self._watched:
+            return
+        for i, hand in enumerate(self._hands):
+            if hand.guarded and was.hands[i].ready == hand.opened and (why := self._unwatched(i, was.number)):
+                hand.disarm(f"disarmed: {why}; arm it again", SILENT)
+
+    def _unwatched(self, i: int, number: int) -> str:
+        """Why the guardian of this number does not watch a side any more, or "".
+
+        Another that speaks in its place was started after it had died, and may not be ready: a hand is never handed on.
+        """
+        if self._watched is None:
+            return f"no word of its guardian for {GUARD_SILENCE:g} s"
+        if self._watched.number != number:
+            return "its guardian ended, and another takes its place"
+        return "" if self._is_watched(i) else "its guardian is not ready any more"
 
     def _is_watched(self, i: int) -> bool:
         """Whether the guardian is ready for the device of a side as it was last opened."""

@@ -28,7 +28,7 @@ from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound, HidWanted
 from otwarp.haptics.servo.hand import REOPEN_AFTER
 from tests.haptics.devices.test_dualsense_report import RECORDED_SIMPLE, bluetooth, usb
 from tests.haptics.hid_double import AtOnce, Plugged, System
-from tests.haptics.servo.test_servo import Rig
+from tests.haptics.servo.rig import Rig
 from tests.haptics.setups import POWER, hand_config, make_chain
 
 PERIOD = 1e-3

@@ -21,7 +21,7 @@ from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound
 from otwarp.haptics.devices.spacemouse import MODELS, MOST_REPORTS, SILENCE, SpaceMouseState, create, find_devices
 from otwarp.haptics.servo.hand import REOPEN_AFTER
 from tests.haptics.hid_double import Plugged, System
-from tests.haptics.servo.test_servo import Rig
+from tests.haptics.servo.rig import Rig
 
 PERIOD = 1e-3
 ROUNDING = 1e-9

@@ -164,7 +164,7 @@ class Session:
         self.hands = Mailbox.attach(HandLayout(1), said["hands"][0])
         self.reports = Mailbox.attach(StatusLayout(1), said["status"])
         self.hand = self.status = None
-        until(lambda: self.hand is not None and self.hand.state == "armed" and heard.pushes(), self.look)
+        until(lambda: self.hand is not None and self.hand.state == "armed" and heard.pushes(), self._arm_first)
         time.sleep(REST)  # the parent has seen it as well
 
     def signal(self, who: str, what: int = signal.SIGKILL) -> float:
@@ -173,6 +173,12 @@ class Session:
 
     def look(self) -> None:
         self.hand, self.status = self.hands.read() or self.hand, self.reports.read() or self.status
+
+    def _arm_first(self) -> None:
+        """A busy machine may let the watchdog disarm what its parent arms only once."""
+        self.look()
+        if self.hand is not None and self.hand.state == "disarmed":
+            self.arm()
 
     def arm(self) -> None:
         self.parent.stdin.write(b"\n")
@@ -226,19 +232,15 @@ def test_a_killed_parent_leaves_no_force_and_no_process(session):
     until(lambda: not run.lives("servo") and not run.lives("guardian"))
 
 
-@pytest.mark.validate  # on a machine with other work the force did not fall within a minute: not understood yet
 def test_a_killed_guardian_disarms_and_another_takes_its_place(session):
-    """Then the servo is killed as well, and the new guardian does what the first would have done."""
+    """Whether the servo first misses the one or first hears the other. Then the servo is killed as well, and the new
+    guardian does what the first would have done."""
     run = session("once")
     since = run.signal("guardian")
     run.heard.falls(since)
-    until(lambda: run.status is not None and "no word of its guardian" in run.status.hands[0].message, run.look)
+    until(lambda: run.status is not None and "its guardian" in run.status.hands[0].message, run.look)
     assert run.lives("servo")
-    end = time.monotonic() + 60.0
-    while not run.heard.pushes():  # it arms again once the new guardian is ready
-        assert time.monotonic() < end
-        run.arm()
-        time.sleep(0.2)
+    until(run.heard.pushes, lambda: (run.arm(), time.sleep(0.05)))  # once the new guardian is ready
     run.heard.falls(run.signal("servo"))
 
 

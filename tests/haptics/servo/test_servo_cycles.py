@@ -34,7 +34,7 @@ from otwarp.haptics.core.types import (
 from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import Orders, OrdersLayout, Start, StartLayout
 from otwarp.haptics.servo.servo import PARENT_SILENCE
-from tests.haptics.servo.test_servo import PERIOD, Breaking, Rig, Traced
+from tests.haptics.servo.rig import PERIOD, Breaking, Rig, Traced
 from tests.haptics.setups import hand_config, make_chain
 from tests.haptics.spring import SpringChain
 

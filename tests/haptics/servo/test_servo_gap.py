@@ -12,9 +12,10 @@ from otwarp.haptics.core.types import MADE, STATES, ZERO, DeviceSample, actions_
 from otwarp.haptics.servo.guard import SILENCE, Address, AddressLayout, GuardLayout, GuardReport, Watch
 from otwarp.haptics.servo.hand import SETTLE
 from otwarp.haptics.servo.servo import DISARM_AFTER
-from tests.haptics.servo.test_servo import PERIOD, Rig, Traced
+from tests.haptics.servo.rig import PERIOD, Rig, Traced
 from tests.haptics.servo.test_servo_cycles import Recorded
 from tests.haptics.setups import chain_for, hand_config, scene_at
+from tests.haptics.spring import DISARM
 
 SPEED = 0.02
 """Of the hand [m/s]: in 2 s it goes 40 mm, which is 4 µm of trap."""
@@ -111,12 +112,12 @@ class Watched(Rig):
         self.servo._guard = self.guard
         for hand, box in zip(self.hands, self.addresses, strict=True):
             hand._addresses = box
-        self.watching, self.ready = True, 1
+        self.watching, self.ready, self.number = True, 1, 1
 
     def world(self):
         super().world()
         if getattr(self, "watching", False):
-            self.guard.write(GuardReport(self.servo.tick + 1, (Watch(self.ready),) * len(self.devices)))
+            self.guard.write(GuardReport(self.number, self.servo.tick + 1, (Watch(self.ready),) * len(self.devices)))
 
 
 def test_a_hand_whose_guardian_is_silent_disarms_and_the_other_goes_on():
@@ -147,3 +148,29 @@ def test_a_guardian_must_be_ready_for_the_device_as_it_is_now():
     rig.run((0.05, rig.arm(0)), (0.2, rig.set(ready=1)), (0.21, rig.stop))
     assert "cannot be armed without a guardian" in rig.hands[0].status.message
     assert {force for _, force in rig.devices[0].written} == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"), [({"number": 2}, "another takes its place"), ({"ready": 0}, "is not ready any more")], ids=str
+)
+def test_a_hand_is_not_handed_on_from_one_guardian_to_another(change, said):
+    """However soon another speaks: between the two nobody watched. It may be armed under the new one."""
+    rig = Watched([Guarded(), Traced()])
+    seen = {}
+
+    def look():
+        seen["said"] = [hand.status.message for hand in rig.hands]
+
+    rig.run(
+        (0.05, rig.arm(0)),
+        (0.06, rig.arm(1)),
+        (0.3, rig.set(**change)),
+        (0.45, look),
+        (0.5, rig.set(ready=1)),
+        (0.55, rig.arm(0)),
+        (0.8, rig.stop),
+    )
+    assert said in seen["said"][0] and not seen["said"][1]
+    assert rig.force(0.29) != 0.0 and rig.force(0.29, 1) == rig.force(0.45, 1) != 0.0
+    assert {force for time, force in rig.devices[0].written if 0.3 + DISARM + 2e-3 < time < 0.55} == {0.0}
+    assert rig.force(0.79) != 0.0
