@@ -14,36 +14,14 @@ import threading
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.realtime import VirtualClock
-from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices
-from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
-from otwarp.haptics.servo.link import HandLayout
-from tests.haptics.dhd_double import FUNCTIONS, PATIENCE, Dhd, Robot
-from tests.haptics.spring import SpringChain
+from tests.haptics.devices.conftest import ServedHand, ended
+from tests.haptics.dhd_double import FUNCTIONS, Dhd, Robot
 
 INSTALLED = importlib.util.find_spec("forcedimension_core") is not None
-
-
-def ended(talker) -> None:
-    """Wait for the end of the thread that talks to the device."""
-    talker._thread.join(PATIENCE)
-    assert not talker._thread.is_alive()
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture
@@ -210,35 +188,21 @@ def test_an_absent_device_is_one_clear_line(dhd, clock):
 
 def test_a_hand_of_the_servo_disarms_and_comes_back(dhd, clock):
     """Unplugged and plugged in again in mid-run, with the servo's own code and a virtual clock."""
-    servo_clock, device, robot = VirtualClock(), ForceDimensionDevice(10742, clock=clock), dhd.robots[0]
+    device, robot = ForceDimensionDevice(10742, clock=clock), dhd.robots[0]
     robot.position = (0.0, 0.01, 0.0)
-    with Mailbox.create(HandLayout(1)) as box:
-        hand = Hand(device, SpringChain, box)
-        hand.open()
-        scene = SceneFrame(1, 0.0, (), ())
-
-        def run(cycles: int) -> None:
-            for _ in range(cycles):
-                hand.cycle(servo_clock.now(), scene)
-                servo_clock.advance(0.001)
-
+    with ServedHand(device) as hand:
         dhd.turn(robot, 3)
-        run(2)
         hand.arm()
-        run(5)
         dhd.turn(robot, 3)
         assert robot.force != ZERO
         robot.plugged = False
         ended(device._service)
-        run(2)
-        assert not hand.status.present and "communication error" in hand.status.message
+        hand.run(2)
+        assert "communication error" in hand.status.message
         robot.plugged = True
-        servo_clock.advance(REOPEN_AFTER)
-        run(4)
-        assert hand.status.present and "back" in hand.status.message
+        hand.come_back()
         dhd.turn(robot, 3)
         assert robot.force == ZERO  # disarmed
-        hand.release(servo_clock.now())
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 import tty
 
 import pytest
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from otwarp.errors import InputError
 from otwarp.haptics.core.types import DeviceLost
 from otwarp.haptics.devices import hid_ports, parse_devices
-from otwarp.haptics.devices.exchange import LatestSender
 from otwarp.haptics.devices.hid import HidFound
 from otwarp.haptics.devices.hid_ports import Hidapi
 from otwarp.haptics.devices.spacemouse import create, find_devices
@@ -252,44 +250,3 @@ def test_the_absent_package_is_one_line_that_names_the_extra(monkeypatch):
 def test_this_machine_can_be_asked_what_is_plugged_in():
     lines = find_devices()
     assert all(line.startswith("spacemouse:") for line in lines)
-
-
-# the sender
-
-
-def test_a_sender_skips_what_the_kernel_has_no_room_for_and_stops_at_an_error():
-    sent, refuse = [], [BlockingIOError(11, "full")]
-
-    def send(item):
-        if refuse:
-            raise refuse.pop()
-        sent.append(item)
-
-    ended = []
-    sender = LatestSender(send, lambda: ended.append(True))
-    sender.put(1)
-    sender.close(2)
-    assert ended == [True]
-    assert sent in ([2], [])  # 1 was refused, or replaced by 2 and that refused
-
-
-def test_after_an_error_a_sender_sends_no_more_and_ends_when_told():
-    tried, failed, ended = [], threading.Event(), []
-
-    def send(item):
-        tried.append(item)
-        raise OSError(19, "gone")
-
-    class Sender(LatestSender):
-        def _empty(self):
-            super()._empty()
-            failed.set()
-
-    broken = Sender(send, lambda: ended.append(True))
-    broken.put(1)
-    assert failed.wait(30.0)
-    with pytest.raises(OSError, match="gone"):
-        broken.put(2)
-    assert ended == []
-    broken.close(3)
-    assert (tried, ended) == ([1], [True])

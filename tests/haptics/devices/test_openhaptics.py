@@ -8,82 +8,28 @@ from __future__ import annotations
 
 import ctypes
 import math
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.realtime import VirtualClock
-from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, SceneFrame, Vec3
+from otwarp.haptics.core.types import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import create_device, openhaptics, parse_devices
-from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange, share
-from otwarp.haptics.devices.libhd import OVERRIDE, library_path
+from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE
+from otwarp.haptics.devices.libhd import OVERRIDE
 from otwarp.haptics.devices.openhaptics import OpenHapticsDevice
-from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
-from otwarp.haptics.servo.link import HandLayout, HandSetup
+from otwarp.haptics.servo.link import HandSetup
 from otwarp.haptics.servo.process import ServoProcess
+from tests.haptics.devices.conftest import Clock, ServedHand
+from tests.haptics.libhd_double import Double
 from tests.haptics.servo.test_servo_process import publishing, until
 from tests.haptics.spring import SpringChain
 
-SOURCE = Path(__file__).parents[1] / "libhd_double.c"
 EXACT = 1e-12
 """Relative: one product of doubles."""
 LEFT, RIGHT = "Left Geomagic Touch", "Right Geomagic Touch"
 COMM_ERROR, WARM_MOTORS = 0x0302, 0x0200
-
-
-class Double:
-    """The double's own controls; devices are numbered as they were added."""
-
-    def __init__(self, path: str):
-        self.library = ctypes.CDLL(path)
-        self.library.double_add.argtypes = (ctypes.c_char_p, ctypes.c_char_p, ctypes.c_double, ctypes.c_double)
-        self.library.double_move.argtypes = (ctypes.c_int, *[ctypes.c_double] * 3, ctypes.c_int)
-        self.library.double_peak.restype = ctypes.c_double
-
-    def __getattr__(self, name: str):
-        return getattr(self.library, f"double_{name}")
-
-    def add(self, name: str, serial: str = "1", force: float = 3.3, continuous: float = 0.88) -> int:
-        return self.library.double_add(name.encode(), serial.encode(), force, continuous)
-
-    def force(self, device: int) -> Vec3:
-        out = (ctypes.c_double * 3)()
-        self.library.double_force(device, out)
-        return (out[0], out[1], out[2])
-
-    def told(self, device: int) -> Vec3:
-        out = (ctypes.c_double * 3)()
-        self.library.double_told(device, out)
-        return (out[0], out[1], out[2])
-
-    def tick(self) -> None:
-        assert self.wait(2) == 1, "the scheduler does not run"
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture(scope="session")
-def library(tmp_path_factory: pytest.TempPathFactory) -> str:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler (cc) to make the double of libHD with")
-    path = tmp_path_factory.mktemp("libhd") / "libhd_double.so"
-    options = ["-O1", "-Wall", "-Werror", "-shared", "-fPIC", "-pthread"]
-    subprocess.run([compiler, *options, str(SOURCE), "-o", str(path), "-lm"], check=True)
-    return str(path)
 
 
 @pytest.fixture
@@ -97,11 +43,6 @@ def double(library, monkeypatch):
     openhaptics.shared_scheduler().shutdown()
     assert double.mistakes() == 0  # calls that the real library would not take
     assert not double.running() and not double.scheduled()
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 def opened(name: str | None, clock: Clock) -> OpenHapticsDevice:
@@ -236,28 +177,6 @@ def test_the_force_of_a_servo_that_died_falls_to_zero(double, clock, age):
     expected = 3.0 * min(1.0, max(0.0, (GONE - age) / (GONE - HOLD)))
     assert double.force(0)[1] == pytest.approx(expected, rel=1e-9, abs=1e-15)
     assert double.peak(0) <= 3.0
-
-
-@given(st.floats(-1.0, 1e3))
-def test_the_share_of_a_force_never_grows(age):
-    assert 0.0 <= share(age + 1e-3) <= share(age) <= 1.0
-    assert (share(age) == 1.0) == (age <= HOLD)
-    assert (share(age) == 0.0) == (age >= GONE)
-
-
-@given(
-    force=st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3), age=st.floats(-1e3, 1e3, allow_nan=False)
-)
-def test_an_exchange_never_renders_more_than_was_written(force, age):
-    clock = Clock()
-    exchange = Exchange("it", clock)
-    exchange.write(force)
-    clock.now = age
-    got = exchange.force()
-    for component, written in zip(got, force, strict=True):
-        assert math.isfinite(component) and (abs(component) <= abs(written) or component == 0.0)
-    exchange.lose("gone")
-    assert exchange.force() == ZERO
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -407,22 +326,6 @@ def test_a_device_that_does_not_say_its_forces_is_a_touch(double, clock):
     assert opened("Silent", clock).info.force == openhaptics.TOUCH_FORCES[0]
 
 
-@pytest.mark.parametrize("bad", ["/nowhere/libHD.so", "libc.so.6"])
-def test_without_the_library_there_is_one_clear_line(monkeypatch, bad):
-    monkeypatch.setenv(OVERRIDE, bad)
-    for call in (OpenHapticsDevice(None).open, openhaptics.find_devices):
-        with pytest.raises(InputError, match=r"install 3D Systems OpenHaptics .* OTWARP_LIBHD") as error:
-            call()
-        assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(("system", "name"), [("linux", "libHD.so"), ("win32", "hd.dll"), ("darwin", "HD.framework")])
-def test_the_library_has_the_name_of_the_system(monkeypatch, system, name):
-    monkeypatch.delenv(OVERRIDE, raising=False)
-    monkeypatch.setattr(sys, "platform", system)
-    assert name in library_path()
-
-
 def test_devices_are_found_by_the_names_of_touch_setup(double, clock, monkeypatch, tmp_path):
     monkeypatch.setenv("GTDD_HOME", str(tmp_path))
     (tmp_path / "config").mkdir()
@@ -451,32 +354,16 @@ def test_a_system_without_devices_finds_none(double, monkeypatch, tmp_path):
 
 def test_a_hand_of_the_servo_disarms_and_comes_back(double, clock):
     """Unplugged and plugged in again in mid-run, with the servo's own code and a virtual clock."""
-    servo_clock, device = VirtualClock(), OpenHapticsDevice(LEFT, "openhaptics", clock)
-    with Mailbox.create(HandLayout(1)) as box:
-        hand = Hand(device, SpringChain, box)
-        hand.open()
-        scene = SceneFrame(1, 0.0, (), ())
-
-        def run(cycles: int) -> None:
-            for _ in range(cycles):
-                double.tick()
-                hand.cycle(servo_clock.now(), scene)
-                servo_clock.advance(0.001)
-
+    with ServedHand(OpenHapticsDevice(LEFT, "openhaptics", clock), double.tick) as hand:
         double.move(0, 10.0, 0.0, 0.0, 0)
-        run(2)
         hand.arm()
-        run(5)
         assert double.force(0) != ZERO
         double.plug(0, 0)
-        run(3)
-        assert not hand.status.present and hand.status.losses == 1 and "HD_COMM_ERROR" in hand.status.message
+        hand.run(3)
+        assert hand.status.losses == 1 and "HD_COMM_ERROR" in hand.status.message
         double.plug(0, 1)
-        servo_clock.advance(REOPEN_AFTER)
-        run(4)
-        assert hand.status.present and "back" in hand.status.message
+        hand.come_back()
         assert double.force(0) == ZERO  # disarmed
-        hand.release(servo_clock.now())
     assert not double.open(0)
 
 
@@ -496,25 +383,3 @@ def test_the_servo_process_serves_two_hands(library, monkeypatch):
     with pytest.raises(InputError, match="cannot be opened: HD_DEVICE_FAULT"):
         absent.start()
     absent.stop()
-
-
-def test_an_interpreter_that_ends_with_a_device_open_ends_well(library):
-    program = (
-        "import ctypes, os\n"
-        "from otwarp.haptics.devices.openhaptics import OpenHapticsDevice\n"
-        f"double = ctypes.CDLL({library!r})\n"
-        "double.double_add.argtypes = (ctypes.c_char_p, ctypes.c_char_p, ctypes.c_double, ctypes.c_double)\n"
-        "double.double_add(b'it', b'1', 1.0, 1.0)\n"
-        "device = OpenHapticsDevice('it')\n"
-        "device.open()\n"
-        "device.write((1.0, 0.0, 0.0))\n"
-        "double.double_wait(3)\n"
-        "import atexit\n"
-        "print('numpy' in __import__('sys').modules, double.double_running())\n"
-    )
-    environment = {**os.environ, OVERRIDE: library}
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.split() == ["False", "1"]
