@@ -50,7 +50,13 @@ def beam_options(*, na: float, power: float | None = None, jones: bool = False) 
         *chosen,
         option("--beam", default="gaussian", metavar="KIND", help="gaussian, sine or aplanatic."),
         option("--polarization", default="circular", metavar="P", help=polarization),
-        option("--filling", type=POSITIVE, default=1.0, metavar="F", help="1/e² radius over the aperture's radius."),
+        option(
+            "--filling",
+            type=Number(0.01, 100.0),
+            default=1.0,
+            metavar="F",
+            help="1/e² radius over the aperture's radius.",
+        ),
         option(
             "--charge",
             type=Number(-30, 30, whole=True),

@@ -15,9 +15,9 @@ from otwarp.errors import InputError
 if TYPE_CHECKING:
     from otwarp.optics.models import Ladder
 
-SMALLEST_RADIUS, LARGEST_INDEX, LARGEST_CHARGE = 1e-4, 100.0, 30
-"""An atom's size [µm]; an index, and a vortex charge, that no material and no hologram has. Beyond them the recurrences
-and the quadrature no longer hold, or no longer end."""
+SMALLEST_RADIUS, LARGEST_INDEX = 1e-4, 100.0
+"""An atom's size [µm]; an index that no material has. Beyond them the recurrences and the quadrature no longer hold, or
+no longer end."""
 
 
 def _flag(name: str, text: str) -> click.Option:
@@ -111,10 +111,6 @@ def _check(request: ForcesRequest) -> None:
         raise InputError(f"--out is {request.out}, the file of --points; allowed: another file")
     if request.model not in MODELS:
         raise InputError(f"--model is {request.model!r}; allowed: {', '.join(MODELS)}")
-    if not 0.01 <= request.bead.filling <= 100.0:
-        raise InputError(f"--filling is {request.bead.filling:g}; allowed: 0.01 to 100")
-    if abs(request.bead.charge) > LARGEST_CHARGE:
-        raise InputError(f"--charge is {request.bead.charge}; allowed: −{LARGEST_CHARGE} to {LARGEST_CHARGE}")
     if 0.0 < request.bead.radius < SMALLEST_RADIUS:
         raise InputError(f"--radius is {request.bead.radius:g} µm; allowed: {SMALLEST_RADIUS:g} µm or more")
     for picture in (request.plot, request.map):

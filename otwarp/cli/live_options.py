@@ -1,22 +1,27 @@
-"""Options and assembly of a live session, which `teleop`, `ros1` and `ros2` share."""
+"""Options and assembly of a live session, which `teleop`, `ros1` and `ros2` share; what the latter two have besides."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import device_option, json_option, seed_option, with_options
+from otwarp.cli.options import device_option, json_option, mode_option, rate_option, seed_option, with_options
 from otwarp.cli.output import json_text
-from otwarp.cli.types import FILE, POSITIVE, SECONDS, Number
+from otwarp.cli.types import FILE, POSITIVE, SECONDS, UNIT, Number
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
+    from otwarp.ros.roles import Roles
     from otwarp.scene import Scene
+    from otwarp.teleop.core import Sink
     from otwarp.teleop.session import Session, SessionOptions
+
+Node = TypeVar("Node")
 
 DEVICES = (
     "mouse, spacemouse, dualsense, haply, openhaptics:NAME, forcedimension, ros1:/NAME, virtual:SCRIPT, replay:FILE"
@@ -37,9 +42,7 @@ _SESSION = (
     click.option(
         "--speed", type=Number(0.01, 10.0), default=1.0, show_default=True, help="Simulated seconds per second."
     ),
-    click.option(
-        "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
-    ),
+    mode_option,
     click.option(
         "--pairing",
         type=click.Choice(["release", "older"]),
@@ -57,20 +60,8 @@ _SESSION = (
         metavar="FILE",
         help="What differs from the presets, JSON; `otwarp haptics config` prints them.",
     ),
-    click.option(
-        "--rate",
-        type=Number(10.0, 1000.0, unit="Hz"),
-        default=120.0,
-        show_default=True,
-        help="Frames per second of the live loop.",
-    ),
-    click.option(
-        "--servo-rate",
-        type=Number(1.0, 20_000.0, unit="Hz"),
-        default=1000.0,
-        show_default=True,
-        help="Servo cycles per second.",
-    ),
+    rate_option("--rate", 10.0, 1000.0, 120.0, "Frames per second of the live loop."),
+    rate_option("--servo-rate", 1.0, 20_000.0, 1000.0, "Servo cycles per second."),
 )
 """Hands, pace and scene."""
 
@@ -86,6 +77,14 @@ _REST = (
     json_option,
 )
 """Where the page is served, and how the session ends and is reported."""
+
+
+ROS_OPTIONS = (
+    click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node."),
+    rate_option("--topic-rate", 1.0, 1000.0, 60.0, "Most publications per second of each of the simulator's topics."),
+    click.option("--scene-unit", type=UNIT, default=25.0, show_default=True, help="Micrometres in 1 on the topics."),
+)
+"""The node, and the units of its topics."""
 
 
 def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -150,3 +149,26 @@ def run_session(session: Session, options: dict[str, Any]) -> int:
     click.echo(json_text(report) if options["as_json"] else report["text"])
     stop.check_terminated()  # Ctrl-C is how a session ends; SIGTERM has an exit code of its own
     return int(session.loop.hands.died)
+
+
+def run_with_ros(
+    scene: Path,
+    options: dict[str, Any],
+    join: Callable[[], AbstractContextManager[Node]],
+    sink_of: Callable[[Node, Roles], Sink],
+) -> int:
+    """Run a scene with a node of ROS, which is closed with it; the exit code.
+
+    Args:
+        scene, options: As `read_session`.
+        join: Opens the node.
+        sink_of: Between the node and the session, by what the topics mean in the scene.
+    """
+    from otwarp.ros.roles import Roles
+
+    loaded, asked = read_session(scene, options)
+    with join() as node:
+        session = open_session(loaded, asked, options)
+        model = session.loop.sim.model
+        session.loop.add(sink_of(node, Roles.of(model.scene, model.held, options["pairing"])))
+        return run_session(session, options)

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from otwarp.cli.types import COUNT, FILE, SECONDS, SEED, OutputPath
+from otwarp.cli.types import COUNT, FILE, SECONDS, SEED, Number, OutputPath
 
 scene_argument = click.argument("scene", type=FILE)
 
@@ -70,6 +70,10 @@ def step_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return gathered
 
 
+mode_option = click.option(
+    "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
+)
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for a program, and no text.")
 """Standard output then has the object and nothing else; what is said meanwhile goes to standard error."""
 
@@ -77,6 +81,11 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 def out_option(metavar: str, help: str) -> Callable[..., Any]:
     """`-o`, `--out`: the file or folder that a command is called for."""
     return click.option("-o", "--out", type=OutputPath(folder=metavar == "DIR"), metavar=metavar, help=help)
+
+
+def rate_option(name: str, low: float, high: float, default: float, help: str) -> Callable[..., Any]:
+    """A rate from `low` to `high` [Hz]."""
+    return click.option(name, type=Number(low, high, unit="Hz"), default=default, show_default=True, help=help)
 
 
 def with_options(*options: Callable[..., Any]) -> Callable[..., Any]:

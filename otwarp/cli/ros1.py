@@ -8,23 +8,15 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, read_session, run_session, sayer
-from otwarp.cli.options import scene_argument
-from otwarp.cli.types import UNIT, Number
+from otwarp.cli.live_options import ROS_OPTIONS, live_options, run_with_ros, sayer
+from otwarp.cli.options import scene_argument, with_options
+from otwarp.cli.types import UNIT
 
 
 @click.command()
 @scene_argument
 @click.option("--master", metavar="URI", help="ROS master; default: ROS_MASTER_URI, else http://localhost:11311.")
-@click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node.")
-@click.option(
-    "--topic-rate",
-    type=Number(1.0, 1000.0, unit="Hz"),
-    default=60.0,
-    show_default=True,
-    help="Of the simulator's topics [Hz].",
-)
-@click.option("--scene-unit", type=UNIT, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
+@with_options(*ROS_OPTIONS)
 @click.option(
     "--control-gain",
     type=UNIT,
@@ -50,7 +42,6 @@ def ros1(
     traps by <namespace>/smoothed_twist. Needs a ROS master, no ROS installation.
     """
     from otwarp.ros.contract import ContractConfig
-    from otwarp.ros.roles import Roles
     from otwarp.ros.ros1.bridge import Ros1Bridge
     from otwarp.ros.ros1.node import Ros1Node
     from otwarp.ros.sinks import Ros1Sink
@@ -62,14 +53,10 @@ def ros1(
         scene_unit=scene_unit,
         motion_gain=control_gain,
     )
-    loaded, asked = read_session(scene, options)
-    node = Ros1Node(node_name, master)
-    try:
-        session = open_session(loaded, asked, options)
-        model = session.loop.sim.model
-        roles = Roles.of(model.scene, model.held, config.pairing)
-        bridge = Ros1Bridge(node, config, clock=time.perf_counter)
-        session.loop.add(Ros1Sink(node, bridge, roles, say=sayer(options), alone=not options["page"]))
-        return run_session(session, options)
-    finally:
-        node.close()
+    how = {"say": sayer(options), "alone": not options["page"]}
+    return run_with_ros(
+        scene,
+        options,
+        lambda: Ros1Node(node_name, master),
+        lambda node, roles: Ros1Sink(node, Ros1Bridge(node, config, clock=time.perf_counter), roles, **how),
+    )

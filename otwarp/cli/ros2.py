@@ -7,31 +7,17 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, read_session, run_session, sayer
-from otwarp.cli.options import scene_argument
-from otwarp.cli.types import UNIT, Number
+from otwarp.cli.live_options import ROS_OPTIONS, live_options, run_with_ros, sayer
+from otwarp.cli.options import rate_option, scene_argument, with_options
+from otwarp.cli.types import Number
 
 
 @click.command()
 @scene_argument
 @click.option("--domain", type=Number(0, 232, whole=True), help="DDS domain, 0 to 232; default: ROS_DOMAIN_ID, else 0.")
-@click.option("--node", "node_name", default="otwarp", show_default=True, help="Name of the node.")
 @click.option("--namespace", default="", help="Put before every topic.")
-@click.option(
-    "--topic-rate",
-    type=Number(1.0, 1000.0, unit="Hz"),
-    default=60.0,
-    show_default=True,
-    help="Most publications a second.",
-)
-@click.option(
-    "--control-rate",
-    type=Number(0.1, 1000.0, unit="Hz"),
-    default=5.0,
-    show_default=True,
-    help="Commands a second of a controller.",
-)
-@click.option("--scene-unit", type=UNIT, default=25.0, show_default=True, help="Micrometres in 1 on the topics.")
+@rate_option("--control-rate", 0.1, 1000.0, 5.0, "Commands per second of a controller.")
+@with_options(*ROS_OPTIONS)
 @live_options(page=False, browser=False)
 def ros2(
     scene: Path,
@@ -48,7 +34,6 @@ def ros2(
     Beside the ROS 1 names it publishes /object and /DynaOb01Collide to /DynaOb04Collide, and obeys /rl_vel,
     /resetSignal and <namespace>/smoothed_twist. Needs no ROS installation.
     """
-    from otwarp.ros.roles import Roles
     from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Config
     from otwarp.ros.ros2.node import Ros2Node
     from otwarp.ros.sinks import Ros2Sink
@@ -58,16 +43,13 @@ def ros2(
         namespace=namespace,
         communication_rate=topic_rate,
         control_rate=control_rate,
-        timeout=max(0.5, 1.0 / control_rate) if control_rate > 0.0 else 0.5,
+        timeout=max(0.5, 1.0 / control_rate),
         scene_unit=scene_unit,
     )
-    loaded, asked = read_session(scene, options)
-    node = Ros2Node(node_name, domain)
-    try:
-        session = open_session(loaded, asked, options)
-        model = session.loop.sim.model
-        roles = Roles.of(model.scene, model.held, config.pairing)
-        session.loop.add(Ros2Sink(node, Ros2Bridge(node, config), roles, say=sayer(options)))
-        return run_session(session, options)
-    finally:
-        node.close()
+    say = sayer(options)
+    return run_with_ros(
+        scene,
+        options,
+        lambda: Ros2Node(node_name, domain),
+        lambda node, roles: Ros2Sink(node, Ros2Bridge(node, config), roles, say=say),
+    )

@@ -42,7 +42,7 @@ OUTPUT = (
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Where results go, as typed; refused at once if nothing could be written there minutes later."""
+    """Where results go, as typed."""
 
     out: Path | None
     as_json: bool
@@ -50,11 +50,6 @@ class Output:
     others: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
-        for option, file in (("--out", self.out), ("--plot", self.plot)):
-            if file is not None and not file.parent.is_dir():
-                raise InputError(f"{option} {file} cannot be written: no folder {file.parent}")
-            if file is not None and file.is_dir():
-                raise InputError(f"{option} {file} cannot be written: it is a folder")
         if self.others and self.plot is None:
             raise InputError(f"--with {self.others[0]} comes without --plot; allowed: both")
 

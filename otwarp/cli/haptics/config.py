@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import click
 
+from otwarp.cli.options import mode_option
 from otwarp.cli.output import json_text
 
 
 @click.command()
-@click.option(
-    "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
-)
+@mode_option
 def config(mode: str) -> None:
     """Print the hands' configuration as JSON.
 
