@@ -9,6 +9,7 @@ from typing import Any
 
 from otwarp.bench.radial_wells import SHAPES
 from otwarp.bench.scenes import PLACE
+from otwarp.bench.stability.curved import OBSTACLES, curved_gap
 from otwarp.bench.stability.gaps import KINDS, PAIRS, contacts_in_box, pair_in_trap
 from otwarp.bench.stability.laws import time_in_a_well
 from otwarp.bench.stability.mechanical import (
@@ -279,6 +280,12 @@ GRIDS: tuple[StressGrid, ...] = (
         title="The same in a spring of 0.4 pN/µm",
         axes=("driver", "k·dt/γ"),
         cells=product(partial(pair_in_trap, stiffness=0.4), ("driver", tuple(PAIRS)), ("z", (0.02, 0.05, 0.1, 0.2))),
+    ),
+    StressGrid(
+        name="curved",
+        title="Hard bead with noise that a spring pulls onto what is curved, k·dt/γ = 0.2: the same",
+        axes=("touched", "stiffness of the spring [pN/µm]"),
+        cells=product(curved_gap, ("shape", tuple(OBSTACLES)), ("stiffness", (0.4, 4.0, 20.0))),
     ),
     StressGrid(
         name="box",

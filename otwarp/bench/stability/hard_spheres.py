@@ -1,10 +1,11 @@
-"""Where hard spheres are by Boltzmann's distribution: two in a spring by quadrature, several in a box by Metropolis.
+"""Where hard spheres are by Boltzmann's distribution: in a spring by quadrature, several in a box by Metropolis.
 
 Independent of the kernels: float64, host only. Units are the internal ones (µm, pN).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,24 +33,32 @@ class GapDistribution:
         return float(self.chance[self.gap < gap].sum())
 
 
-def pair_gaps(stiffness: float, hard: float, energy: float, reach: float = 2.0) -> GapDistribution:
-    """Gap of two spheres in one spring: p(r) ∝ r²·exp(−U/k_BT), U = k/4·r² + 2/5·K·(reach − r)^{5/2} below `reach`.
+def spring_gaps(
+    stiffness: float, hard: float, energy: float, reach: float, room: Callable[[np.ndarray], np.ndarray]
+) -> GapDistribution:
+    """Gap that a spring closes: p(r) ∝ room(r)·exp(−U/k_BT), U = k/2·r² + 2/5·K·(reach − r)^{5/2} below `reach`.
 
     Args:
-        stiffness: k of the spring on each [pN/µm].
+        stiffness: k [pN/µm].
         hard: K of Hertz's law F = K·δ^{3/2} [pN/µm^{3/2}].
         energy: k_BT [pN·µm].
-        reach: Sum of the radii [µm].
+        reach: Distance r at which the bodies touch [µm].
+        room: How much of space is at a distance r: r² about a point, r about a line.
     """
-    pull = 0.5 * stiffness * reach
-    far = min(40.0 * energy / pull, 10.0 * np.sqrt(2.0 * energy / stiffness))
+    pull = stiffness * reach
+    far = min(40.0 * energy / pull, 10.0 * np.sqrt(energy / stiffness))
     deep = 6.0 * (2.5 * energy / hard) ** 0.4 + (2.0 * pull / hard) ** (2.0 / 3.0)
     n = 800_000
     gap = (far + deep) * (np.arange(n) + 0.5) / n - deep
     r = reach + gap
-    exponent = 0.25 * stiffness * (r**2 - reach**2) + 0.4 * hard * np.maximum(-gap, 0.0) ** 2.5
-    weight = r**2 * np.exp(-exponent / energy)
+    exponent = 0.5 * stiffness * (r**2 - reach**2) + 0.4 * hard * np.maximum(-gap, 0.0) ** 2.5
+    weight = room(r) * np.exp(-exponent / energy)
     return GapDistribution(gap, weight / weight.sum())
+
+
+def pair_gaps(stiffness: float, hard: float, energy: float, reach: float = 2.0) -> GapDistribution:
+    """Gap of two spheres in one spring of stiffness k on each [pN/µm], whose distance has one of k/2; see above."""
+    return spring_gaps(0.5 * stiffness, hard, energy, reach, np.square)
 
 
 def metropolis(
