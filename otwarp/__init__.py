@@ -17,8 +17,9 @@ from otwarp.lazy import lazy_names
 
 if TYPE_CHECKING:
     from otwarp.errors import InputError, PlausibilityWarning, SimulationError
-    from otwarp.kernels.core.types import ForceInput, Wrench
+    from otwarp.kernels.core.types import ForceInput, WorldNow, Wrench
     from otwarp.scene import Scene
+    from otwarp.simulation.ends import end, escaped, reached, strayed, timed_out
     from otwarp.simulation.simulation import Simulation
     from otwarp.simulation.user_forces import force
 
@@ -31,17 +32,24 @@ __all__ = [
     "Scene",
     "Simulation",
     "SimulationError",
+    "WorldNow",
     "Wrench",
     "__version__",
+    "end",
+    "escaped",
     "force",
+    "reached",
+    "strayed",
+    "timed_out",
 ]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "errors": ("InputError", "PlausibilityWarning", "SimulationError"),
-        "kernels.core.types": ("ForceInput", "Wrench"),
+        "kernels.core.types": ("ForceInput", "WorldNow", "Wrench"),
         "scene": ("Scene",),
+        "simulation.ends": ("end", "escaped", "reached", "strayed", "timed_out"),
         "simulation.simulation": ("Simulation",),
         "simulation.user_forces": ("force",),
     },

@@ -55,6 +55,7 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
             "contacts may be stiff against the time step",
             "contacts are soft against the time step" if f.contacts else "nothing touches",
         ),
+        ("worlds that end", f.episodes, "Simulation(ends=…)", "Simulation without ends"),
         (
             "escape detection",
             f.escapes,

@@ -67,8 +67,10 @@ def save(sim: Simulation, path: Path) -> Path:
     """Write the state, the commands and how the simulation was made to `path` (`.npz`), atomically.
 
     Raises:
-        InputError: The scene was not loaded from a file, or `path` cannot be written.
+        InputError: The simulation has episodes, its scene was not loaded from a file, or `path` cannot be written.
     """
+    if sim.model.features.episodes:
+        raise InputError("a checkpoint holds no episodes; allowed: simulations made without ends or part")
     if sim.scene.file is None:
         raise InputError("a checkpoint names its scene file, and this scene was not loaded from one; allowed: save it")
     about = {

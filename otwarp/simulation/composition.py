@@ -47,12 +47,18 @@ def compose(
     """
     f = dataclasses.replace(_terms(scene, values, optics), forces=forces)
     _check_precision(scene, f, options.precision, fast_math=options.fast_math)
+    if options.ends is not None and f.driver == "grid":
+        raise InputError(
+            f"{scene.file or scene.root}: ends or part is given; allowed: neither in a scene of {f.bodies} bodies "
+            f"{_why_grid(f)}, both in scenes of up to {MAX_WORLD_BODIES}"
+        )
     f = dataclasses.replace(
         f,
         integrator=serving_integrator(f),
         fast_math=options.fast_math,
         crossings=options.crossings,
         precision=options.precision,
+        episodes=options.ends is not None,
     )
     return dataclasses.replace(f, lanes=device.is_cpu and f.precision == "float32" and _takes_lanes(f))
 

@@ -143,7 +143,7 @@ class GridStepper:
         assert capture.graph is not None
         return capture.graph
 
-    def advance(self, first_step: int, steps: int) -> None:
+    def advance(self, first_step: int, steps: int, worlds: int) -> None:
         """Take `steps` steps from `first_step`."""
         if self.layout != self.control.layout:
             # an array of the control grew and is another one now; the graph holds the old address

@@ -35,6 +35,7 @@ from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.period import pack_period
 from otwarp.simulation.packing.traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
+from otwarp.simulation.packing.worlds import pack_worlds
 from otwarp.simulation.resolved import ResolvedScene
 from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
@@ -49,7 +50,9 @@ class Model:
     Attributes:
         scene: What it was built from, with the laws that follow from optics filled in.
         authored: The scene as it was given.
-        worlds: Number of worlds W.
+        worlds: Number of worlds W in this part.
+        first_world: Number of the first of them among all worlds.
+        all_worlds: Number of worlds in all parts.
         seed: Key of the random streams.
         device: Where the arrays live.
         features: Terms the step is made of.
@@ -68,11 +71,14 @@ class Model:
         data: The kernels' view.
         meshes: Obstacle meshes, kept alive for the kernels.
         force_data: `ForceData` of the forces with parameters, likewise; at most one.
+        episode_data: `WorldsData`, likewise, where worlds have clocks of their own.
     """
 
     scene: Scene
     authored: Scene
     worlds: int
+    first_world: int
+    all_worlds: int
     seed: int
     device: wp.Device
     features: Features
@@ -90,6 +96,7 @@ class Model:
     data: Annotated[Any, ModelData]
     meshes: list[wp.Mesh]
     force_data: list[Any]
+    episode_data: list[Any]
 
     @property
     def time_step(self) -> float:
@@ -106,6 +113,7 @@ class Model:
         device: str | wp.Device | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
         options: StepOptions | None = None,
+        part: tuple[int, int] | None = None,
     ) -> Model:
         """Pack a scene for a device.
 
@@ -115,6 +123,7 @@ class Model:
             device: `"cpu"`, `"cuda:0"` or None for the best available.
             parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
             options: What is chosen about the step; None: as the scene says.
+            part: First of the worlds that this model holds, and the one after its last; None: all of them.
 
         Raises:
             InputError: Anything out of range or of another type, in the arguments and in the scene (`Scene.check`).
@@ -122,10 +131,13 @@ class Model:
         if not isinstance(scene, Scene):
             raise InputError(f"scene is {scene!r}; allowed: a Scene, such as Scene.load reads from a file")
         options = options or StepOptions()
+        if part is not None and options.ends is None:
+            options = dataclasses.replace(options, ends=())
         asked = options.of(scene)
         _check(scene, asked)
         worlds, seed = whole("worlds", worlds, 1), whole("seed", seed, 0, 2**32 - 1)
         _warn_of_oddities(scene, () if scene.judged else (f"{f.prim}: {f.message}" for f in judge(scene)))
+        rows = _rows(part, worlds)
         place = pick_device(device)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
         _warn_of_oddities(scene, unusual_parameters(known.overrides))
@@ -134,11 +146,17 @@ class Model:
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
         features = dataclasses.replace(_stepped_features(known, scales.time_step), leaps=staged is not None)
         packed = Place(place, options.precision)
+        known = known.part(rows)
         data, meshes, force_data = _pack(known, features, scales.time_step, seed, staged, packed)
+        data.first_world = wp.int32(rows.start)
+        count = rows.stop - rows.start
+        data.worlds, episode_data = pack_worlds(count if features.episodes else 0, rows.start, packed)
         return cls(
             scene=known.scene,
             authored=scene,
-            worlds=worlds,
+            worlds=count,
+            first_world=rows.start,
+            all_worlds=worlds,
             seed=seed,
             device=place,
             features=features,
@@ -156,7 +174,12 @@ class Model:
             data=data,
             meshes=meshes,
             force_data=force_data,
+            episode_data=episode_data,
         )
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """The rows of this part in a `(1|W, …)` array of all worlds."""
+        return values if len(values) == 1 else values[self.first_world : self.first_world + self.worlds]
 
     @property
     def place(self) -> Place:
@@ -180,6 +203,20 @@ class Model:
     def prim_position(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
         """(..., B, 3) origins of the bodies' prims from reference points and orientations [µm]."""
         return position - rotate(orientation, self.reference)
+
+
+def _rows(part: tuple[int, int] | None, worlds: int) -> slice:
+    """The worlds of a part.
+
+    Raises:
+        InputError: It is empty, or not within all worlds.
+    """
+    if part is None:
+        return slice(0, worlds)
+    first, stop = (whole("part", n, 0, worlds) for n in part)
+    if first >= stop:
+        raise InputError(f"part is {part}; allowed: two numbers from 0 to {worlds}, the first of them smaller")
+    return slice(first, stop)
 
 
 def _check(scene: Scene, asked: Scene) -> None:

@@ -10,6 +10,7 @@ from otwarp.simulation.packing.arguments import number
 
 if TYPE_CHECKING:
     from otwarp.scene import Scene
+    from otwarp.simulation.ends import End
     from otwarp.simulation.user_forces import Force
 
 
@@ -27,6 +28,7 @@ class StepOptions:
         forces: Forces that the user adds; see `otwarp.force`.
         allow_large_step: Whether an explicit step that is stable may make any errors; else it draws a warning above the
             wanted accuracy, and is refused above 10 %.
+        ends: What ends the task of a world, each then with a clock of its own; None: all worlds go on for good.
     """
 
     time_step: float | None = None
@@ -37,6 +39,7 @@ class StepOptions:
     precision: str = "float32"
     forces: tuple[Force, ...] = ()
     allow_large_step: bool = False
+    ends: tuple[End, ...] | None = None
 
     def of(self, scene: Scene) -> Scene:
         """The scene with those of its own settings replaced that are chosen here."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -103,6 +104,18 @@ class ResolvedScene:
             steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held, loads),
             edges=TrapRelaxation.of(scene, moves, edges, near, held, loads),
             optics=optics,
+        )
+
+    def part(self, rows: slice) -> ResolvedScene:
+        """The same for some of the worlds: what they share, steps and terms included, stays as it is for all."""
+
+        def of(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: array if len(array) == 1 else array[rows] for name, array in values.items()}
+
+        forces = dataclasses.replace(self.forces, values=of(self.forces.values), overrides=of(self.forces.overrides))
+        held_range = of({"": self.held_range})[""]
+        return dataclasses.replace(
+            self, values=of(self.values), overrides=of(self.overrides), held_range=held_range, forces=forces
         )
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -14,12 +15,15 @@ from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.compilation import tell_of_compilation
+from otwarp.simulation.ends import End, check_ends
+from otwarp.simulation.episodes import Episodes
 from otwarp.simulation.grid_stepper import SHARED, GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
+from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
 from otwarp.simulation.user_forces import Force
@@ -50,6 +54,10 @@ class Simulation:
             for its length. Their parameters are parameters, too: `<force>_<parameter>`.
         allow_large_step: Whether an explicit `time_step` that is stable may make any errors; else it draws a warning
             above the wanted accuracy, and is refused above 10 %.
+        ends: What ends the task of a world, looked at when a call of `step` is over; such worlds stand still at no cost
+            until `reset`; see `episodes`. An empty list leaves that to the user; None: all worlds go on for good.
+        part: First of the worlds that this object steps, and the one after its last, of `worlds`: the same bits as in
+            the whole, for several devices or processes.
 
     Raises:
         InputError: An argument out of range.
@@ -80,6 +88,8 @@ class Simulation:
         precision: str = "float32",
         forces: Sequence[Force] = (),
         allow_large_step: bool = False,
+        ends: Sequence[End] | None = None,
+        part: tuple[int, int] | None = None,
     ):
         options = StepOptions(
             time_step=time_step,
@@ -90,12 +100,16 @@ class Simulation:
             precision=precision,
             forces=tuple(forces),
             allow_large_step=allow_large_step,
+            ends=None if ends is None else check_ends(ends),
         )
-        self.model = Model.build(scene, worlds=worlds, seed=seed, device=device, parameters=parameters, options=options)
+        named = {"worlds": worlds, "seed": seed, "device": device, "parameters": parameters}
+        self.model = Model.build(scene, **named, options=options, part=part)
         threads = None if threads is None else whole("threads", threads, 1)
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
         self._readout = Readout.empty(self.model)
+        self._ends = options.ends
+        self._episodes = Episodes.start(self.model, options.ends or ()) if self.model.features.episodes else None
         self._measured_at: tuple[int, int] | None = None
         self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
@@ -128,11 +142,71 @@ class Simulation:
         steps = whole("steps", steps, 0)
         if steps == 0:
             return
-        self._stepper.advance(self.state.step, steps)
+        if self._episodes is None:
+            self._stepper.advance(self.state.step, steps, self.model.worlds)
+        else:
+            self._segment(self._episodes, steps)
+        self._count(steps)
+        if self._episodes is not None:
+            self._episodes.look()
+        if self._ends is None:
+            self._check()
+
+    def _segment(self, episodes: Episodes, steps: int) -> None:
+        """Launch `steps` steps of the worlds in motion, and what tells which of them have ended."""
+        places = episodes.list()
+        if places:
+            self._stepper.advance(0, steps, places)
+            episodes.settle(self.state, self._readout, steps, places)
+
+    def _count(self, steps: int) -> None:
+        """Turn the clock by which the host counts."""
         self.state.step += steps
         self.state.time = self.state.step * self.time_step
         self._measured_at = None
-        self._check()
+
+    @property
+    def episodes(self) -> Episodes:
+        """Which worlds are in motion, since when, and with which noise.
+
+        Raises:
+            InputError: The simulation was made without `ends`.
+        """
+        if self._episodes is None or self._ends is None:
+            raise InputError(
+                "this simulation has no episodes; allowed: Simulation(..., ends=[...]), or ends=() for none"
+            )
+        return self._episodes
+
+    def reset(
+        self,
+        worlds: Any = None,
+        *,
+        position: Any = None,
+        orientation: Any = None,
+        number: Any = None,
+    ) -> None:
+        """Start worlds anew, each in its next trial and with its clock at 0; what is on the device stays there.
+
+        Args:
+            worlds: Which: flags (W) as a Warp array or a tensor of torch, bool or int32, such as `episodes.done`, read
+                on the device; or on the host flags (W) or indices. None: all of them.
+            position: Reference points where they start, (B, 3) or (W, B, 3) [µm], of which the rows of the chosen
+                worlds count; on the host, a Warp array (1|W, B) of vec3, or a tensor. None: the scene's.
+            orientation: Quaternions, likewise.
+            number: Trials that they run, (W) uint32. None: the next of each, the last one + all worlds, so that no
+                trial comes twice.
+
+        Raises:
+            InputError: The simulation has no episodes; a wrong shape, type or device, or a value out of range.
+        """
+        episodes = self.episodes
+        poses = {"position": position, "orientation": orientation}
+        start = starts_of(self.model, episodes.origin, worlds, poses, number, self._state_rows)
+        episodes.restart(self.state, self._readout, start)
+        if isinstance(self._stepper, GridStepper):
+            self._stepper.place()
+        self._measured_at = None
 
     def run(self, duration: float, *, progress: Callable[[float], None] | None = None) -> None:
         """Simulate `duration` seconds, to the nearest whole step.
@@ -265,7 +339,7 @@ class Simulation:
         step = int(when[world, body])
         raise SimulationError(
             FAULT_TEXT[Fault(int(code[world, body]))],
-            world=int(world),
+            world=self.model.first_world + int(world),
             body=self.scene.bodies[body].name,
             step=step,
             time=step * self.time_step,

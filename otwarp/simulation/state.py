@@ -25,7 +25,7 @@ from otwarp.simulation.packing.parameters import expand
 from otwarp.simulation.time_step.timescales import check_powers
 
 
-class _Bound:
+class Bound:
     """Arrays that a compiled or captured step has bound: written in place, never replaced."""
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -41,7 +41,7 @@ class _Bound:
 
 
 @dataclass(eq=False, kw_only=True)
-class State(_Bound):
+class State(Bound):
     """What moves. `Simulation.set_state` puts bodies elsewhere.
 
     Attributes:
@@ -89,7 +89,7 @@ class State(_Bound):
 
 
 @dataclass(eq=False, kw_only=True)
-class Control(_Bound):
+class Control(Bound):
     """What an operator or controller commands: read the arrays, write with `set`.
 
     `.assign(...)` on an array works too, but nothing then checks what is written, stops a trap from following its time
@@ -216,7 +216,7 @@ class Control(_Bound):
 
 
 @dataclass(eq=False, kw_only=True)
-class Readout(_Bound):
+class Readout(Bound):
     """What was measured at the present state; contact is that of the last step.
 
     Attributes:

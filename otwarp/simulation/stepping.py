@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -41,14 +42,11 @@ class FusedStepper:
         self.parts = (state, control, readout)
         self.layout = -1
         self.views: tuple = ()
-        wanted = threads or usable_cores()
-        chunks = min(wanted, model.worlds) if model.device.is_cpu else 1
-        edges = np.linspace(0, model.worlds, chunks + 1).astype(int)
-        self.spans = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
         # compile and load once, before threads may race for it
         assert step.fused is not None
         load(step.fused, model.device)
-        self.pool = ThreadPoolExecutor(chunks) if chunks > 1 else None
+        self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
 
     def _launch(self, span: tuple[int, int], first_step: int, steps: int) -> None:
         features = self.step.features
@@ -67,15 +65,19 @@ class FusedStepper:
             self.views = (self.model.data, control.data(), state.data(), readout.data())
             self.layout = control.layout
 
-    def advance(self, first_step: int, steps: int) -> None:
-        """Take `steps` steps from `first_step`."""
+    def advance(self, first_step: int, steps: int, worlds: int) -> None:
+        """Take `steps` steps from `first_step` in the first `worlds` worlds, or of the list of those in motion."""
         self._look()
+        # threads record nothing into the graph that another one captures
+        pool = None if self.model.device.is_capturing else self.pool
         for start in range(first_step, first_step + steps, STEPS_PER_LAUNCH):
             count = min(STEPS_PER_LAUNCH, first_step + steps - start)
-            if self.pool is None:
-                self._launch(self.spans[0], start, count)
+            if pool is None:
+                self._launch((0, worlds), start, count)
             else:
-                list(self.pool.map(lambda span, s=start, n=count: self._launch(span, s, n), self.spans))
+                edges = np.linspace(0, worlds, min(self.chunks, worlds) + 1).astype(int).tolist()
+                spans = itertools.pairwise(edges)
+                list(pool.map(lambda span, s=start, n=count: self._launch(span, s, n), spans))
 
     def extra_state(self) -> dict[str, wp.array]:
         """Arrays beyond State that a checkpoint must hold: none."""

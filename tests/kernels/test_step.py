@@ -115,6 +115,21 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     ),
     "periodic beads": (dataclasses.replace(BASE, periodic=True), BASE, ("kept_in_cell", ").period)")),
     "pairs": (EVERYTHING, dataclasses.replace(EVERYTHING, pairs=False), ("pair_contacts",)),
+    "worlds that end": (
+        dataclasses.replace(BASE, episodes=True),
+        BASE,
+        ("living_world", "own_step", "trial_number"),
+    ),
+    "worlds that end, in contact": (
+        dataclasses.replace(EVERYTHING, episodes=True),
+        EVERYTHING,
+        ("living_world", "own_step", "trial_number"),
+    ),
+    "worlds that end, on a CPU": (
+        dataclasses.replace(BASE, episodes=True, lanes=True),
+        dataclasses.replace(BASE, lanes=True),
+        ("living_world", "own_step", "trial_number"),
+    ),
     "grid pairs": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, pairs=False),

@@ -8,6 +8,7 @@ from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
 from otwarp.kernels.optics.traps import commanded_still, trap_force_term
@@ -56,6 +57,7 @@ def bead_constants_term(f: Features) -> wp.Function:
 def bead_noise_term(f: Features) -> wp.Function:
     """`(model, bead, world, b, position, step) -> kick`: √(2 k_B T μ dt) ξ."""
     three_deviates = three_deviates_term(f.noise, f.fast_math)
+    number = number_term(f)
 
     @wp.func
     def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
@@ -64,7 +66,7 @@ def bead_noise_term(f: Features) -> wp.Function:
         if wp.static(f.brownian and f.lanes):
             kick = bead.spread * three_at(bead.deviates, int(step - bead.deviates_from))
         if wp.static(f.brownian and not f.lanes):
-            kick = bead.spread * three_deviates(model.seed, step, world, b)
+            kick = bead.spread * three_deviates(model.seed, step, number(model, world), b)
         return kick
 
     return noise

@@ -13,6 +13,7 @@ from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kept_noise
 from otwarp.kernels.forces.total import body_stiffness_total, body_total
 from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
@@ -144,6 +145,7 @@ def rigid_noise_term(f: Features) -> wp.Function:
     """`(model, body, world, b, pose, step) -> twist`: noise of a step, as `rotational_noise` says, from the factor of
     `RigidConstants`."""
     six_deviates = six_deviates_term(f.noise, f.fast_math)
+    number = number_term(f)
 
     @wp.func
     def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
@@ -158,7 +160,7 @@ def rigid_noise_term(f: Features) -> wp.Function:
         """Thermal move [µm, rad] in world axes by six deviates; 0 without noise."""
         kick = vec6()
         if wp.static(f.brownian):
-            deviates = six_deviates(model.seed, step, world, b)
+            deviates = six_deviates(model.seed, step, number(model, world), b)
             first = linear_part(deviates)
             second = angular_part(deviates)
             v = lower_product(body.translation_root, first)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import inspect
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import doubled_function, full_source
+from otwarp.kernels.core.functions import compiled, full_source
 from otwarp.kernels.core.types import ForceInput, Wrench
 
 Bound = float | Callable[..., Any]
@@ -116,12 +115,7 @@ class BodyForce:
 
     def compiled(self, precision: str) -> wp.Function:
         """The function in a precision, as Warp's."""
-        return _compiled(self.function, precision)
-
-
-@functools.lru_cache(maxsize=256)
-def _compiled(function: Callable[..., Any], precision: str) -> wp.Function:
-    return wp.func(function) if precision == "float32" else doubled_function(function)
+        return compiled(self.function, precision)
 
 
 def _parameter(force: str, argument: inspect.Parameter, units: dict[str, str]) -> ForceParameter:

@@ -36,6 +36,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import thermal_energy_of
 from otwarp.kernels.core.random import Stream, noise_words, squared_radius
 from otwarp.kernels.core.types import ModelData
+from otwarp.kernels.core.worlds import number_term
 
 LAYER = wp.constant(0.75)
 """Depth of the thermal layer over δ_T, Γ(7/5) = 0.887 less what backward Euler yields: by emulation in one dimension
@@ -67,6 +68,7 @@ def excursion_term(f: Features) -> wp.Function:
     pair apart, 0 to 3. A contact that its path cannot reach, or that is soft, draws nothing, nor does any without
     noise.
     """
+    number = number_term(f)
 
     @wp.func
     def still(
@@ -91,7 +93,7 @@ def excursion_term(f: Features) -> wp.Function:
                 high = wp.max(first, second)
                 # the second number goes with the stream, because the counter has room for one
                 stream = wp.static(wp.uint32(Stream.CONTACT)) + (wp.uint32(high) << wp.uint32(8))
-                words = noise_words(model.seed, stream, step, world, low)
+                words = noise_words(model.seed, stream, step, number(model, world), low)
                 c.wander = variance * squared_radius(words[which])
                 c.layer = layer
         return c

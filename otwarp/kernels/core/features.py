@@ -57,6 +57,7 @@ class Features:
         precision: Of all real numbers but the noise: `float32` or `float64`.
         integrator: Key of `INTEGRATORS`.
         noise: Distribution of the thermal noise, one of `NOISES`.
+        episodes: Worlds end and start anew, each with a clock of its own; see `kernels.core.worlds`.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
     """
@@ -89,6 +90,7 @@ class Features:
     precision: Literal["float32", "float64"] = "float32"
     integrator: str = "heun"
     noise: str = "gaussian"
+    episodes: bool = False
     lanes: bool = False
 
     @property

@@ -201,6 +201,12 @@ class _WarpByItsName(ast.NodeTransformer):
 
 
 @functools.lru_cache(maxsize=256)
+def compiled(function: Callable[..., Any], precision: str) -> wp.Function:
+    """A function from outside this package as Warp's, in a precision."""
+    return wp.func(function) if precision == "float32" else doubled_function(function)
+
+
+@functools.lru_cache(maxsize=256)
 def doubled_function(function: Callable[..., Any]) -> wp.Function:
     """The float64 twin of a function that was written for float32, outside this package.
 

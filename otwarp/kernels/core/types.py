@@ -259,11 +259,23 @@ class PeriodData:
 
 
 @wp.struct
+class WorldsData:
+    """Worlds with clocks of their own: the one part of a model that changes, between launches."""
+
+    number: wp.array(dtype=wp.uint32)  # (W) of the trial that a world runs: what its noise goes by
+    step: wp.array(dtype=wp.int64)  # (W) steps since it was started or reset
+    done: wp.array(dtype=wp.int32)  # (W) 0 in motion, else why it ended
+    living: wp.array(dtype=wp.int32)  # (W) worlds in motion, in the first `count` places
+    count: wp.array(dtype=wp.int32)  # (2) how many these are, and how many were left when the last segment ended
+
+
+@wp.struct
 class ModelData:
     """All that never changes during a run."""
 
     time_step: wp.float64  # [s]
     seed: wp.uint32
+    first_world: wp.int32  # number of this part's world 0 among all worlds
     bodies: wp.int32
     period: PeriodData
     medium: MediumData
@@ -275,6 +287,7 @@ class ModelData:
     walls: WallData
     coupling: CouplingData
     forces: wp.array(dtype=ForceData)  # (1), (0) without forces that have parameters: the model stays small
+    worlds: wp.array(dtype=WorldsData)  # (1), (0) without episodes
 
 
 @wp.struct
@@ -306,6 +319,17 @@ class ReadoutData:
     fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.core.faults, 0 good
     fault_step: wp.array2d(dtype=wp.int64)  # (W, B)
     fault_count: wp.array(dtype=wp.int32)  # (1) not 0: some body has a fault
+
+
+@wp.struct
+class WorldNow:
+    """What the end of a world's task may depend on."""
+
+    world: wp.int32  # index of the world, the row of the arrays
+    step: wp.int64  # steps since it was started or reset
+    time: wp.float32  # the same in seconds
+    state: StateData
+    readout: ReadoutData
 
 
 @wp.struct

@@ -14,6 +14,7 @@ from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import BLOCK, block_source
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
 from otwarp.kernels.integrate.body import as_move, body_dynamics
@@ -44,6 +45,7 @@ def body_block_term(noise: str) -> wp.Function:
 def draw_block_term(f: Features) -> wp.Function:
     """`(model, grid, buffer, world, i, count)`: the noise of the bodies in `count` slots of a world, from slot i on."""
     body_block = body_block_term(f.noise)
+    number = number_term(f)
 
     @wp.func
     def draw_block(
@@ -51,7 +53,7 @@ def draw_block_term(f: Features) -> wp.Function:
     ):
         """Draw the deviates of the step that the clock shows for the bodies in `count` slots from i on."""
         at = grid.turn[0] * grid.order.shape[1] + i
-        body_block(buffer, model.seed, grid.clock[0], world, grid.order, at, count)
+        body_block(buffer, model.seed, grid.clock[0], number(model, world), grid.order, at, count)
 
     return draw_block
 

@@ -13,6 +13,7 @@ from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
@@ -47,6 +48,8 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
     start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
+    number = number_term(f)
+    worlds_in, world_in, start_of = worlds_term(f), world_term(f), start_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
     def bead_lanes(
@@ -55,13 +58,13 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
     ):  # fmt: skip
         """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` spheres a thread."""
         before = wp.tid() * GROUP
-        bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
+        bodies = wp.min(GROUP, worlds_in(model, first_world, worlds) * wp.static(f.bodies) - before)
         deviates = wp.zeros(shape=(wp.static(GROUP * 3 * BLOCK),), dtype=wp.float32)
         room = wp.zeros(shape=(GROUP,), dtype=BeadLane)
         lanes = wp.array(ptr=bead_lanes_at(room), shape=(GROUP,), dtype=BeadLane)
         # names differ from loop to loop: one that came back would be carried from turn to turn
         for g0 in range(bodies):
-            w0 = first_world + (before + g0) // wp.static(f.bodies)
+            w0 = world_in(model, first_world + (before + g0) // wp.static(f.bodies))
             b0 = (before + g0) % wp.static(f.bodies)
             lanes[g0] = start(model, control, state, readout, w0, b0)
             lanes[g0].until = steps
@@ -70,21 +73,32 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
         while done < steps:
             if wp.static(draw is not None):
                 for g1 in range(bodies):
-                    w1 = first_world + (before + g1) // wp.static(f.bodies)
+                    w1 = world_in(model, first_world + (before + g1) // wp.static(f.bodies))
                     b1 = (before + g1) % wp.static(f.bodies)
-                    now = first_step + wp.int64(done)
-                    draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, w1, b1)
+                    now = start_of(model, w1, first_step) + wp.int64(done)
+                    draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, number(model, w1), b1)
                     lanes[g1].bead.deviates_from = now
             for k in range(done, wp.min(done + wp.static(fresh), steps)):
                 for g2 in range(bodies):
-                    w2 = first_world + (before + g2) // wp.static(f.bodies)
+                    w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
                     b2 = (before + g2) % wp.static(f.bodies)
-                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first_step, k)
+                    advance(
+                        model,
+                        control,
+                        state,
+                        readout,
+                        lanes,
+                        from_start(g2),
+                        w2,
+                        b2,
+                        start_of(model, w2, first_step),
+                        k,
+                    )
             done += wp.static(fresh)
         for g3 in range(bodies):
-            w3 = first_world + (before + g3) // wp.static(f.bodies)
+            w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))
             b3 = (before + g3) % wp.static(f.bodies)
-            finish(model, state, readout, lanes[g3], w3, b3, first_step)
+            finish(model, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
 
     return bead_lanes
 

@@ -19,6 +19,7 @@ from otwarp.kernels.core.types import (
     RigidConstants,
     StateData,
 )
+from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
 from otwarp.kernels.cpu.rigid_block import KEPT, keep
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
@@ -51,6 +52,7 @@ def deviates_term(f: Features) -> wp.Function:
     kind = BodyConstants if f.spheres else RigidConstants
     draw_three = noise_block_term(f.noise, 3)
     draw_six = noise_block_term(f.noise, 6)
+    number = number_term(f)
 
     @wp.func
     def of_rigid(
@@ -58,7 +60,7 @@ def deviates_term(f: Features) -> wp.Function:
         world: int, b: int,
     ) -> RigidConstants:  # fmt: skip
         """The constants with the address of a freshly drawn block of six deviates per step."""
-        draw_six(buffer, at, model.seed, first, world, b)
+        draw_six(buffer, at, model.seed, first, number(model, world), b)
         body.deviates = address_of(buffer, at)
         body.deviates_from = first
         return body
@@ -70,11 +72,11 @@ def deviates_term(f: Features) -> wp.Function:
     ) -> BodyConstants:  # fmt: skip
         """The constants with the address of a fresh block: six deviates per step for a rigid body, else three."""
         if body.turns != 0:
-            draw_six(buffer, at, model.seed, first, world, b)
+            draw_six(buffer, at, model.seed, first, number(model, world), b)
             body.rigid.deviates = address_of(buffer, at)
             body.rigid.deviates_from = first
         else:
-            draw_three(buffer, at, model.seed, first, world, b)
+            draw_three(buffer, at, model.seed, first, number(model, world), b)
             body.bead.deviates = address_of(buffer, at)
             body.bead.deviates_from = first
         return body
@@ -128,6 +130,7 @@ def make_body_lanes(f: Features) -> wp.Kernel:
     with_deviates = deviates_term(f) if draws_blocks(f) else None
     with_kept = kept_term(f)
     fresh = fresh_steps(f)
+    worlds_in, world_in, start_of = worlds_term(f), world_term(f), start_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
     def body_lanes(
@@ -136,14 +139,14 @@ def make_body_lanes(f: Features) -> wp.Kernel:
     ):  # fmt: skip
         """Take `steps` steps from `first_step` for `worlds` worlds from `first_world` on, `GROUP` bodies a thread."""
         before = wp.tid() * GROUP
-        bodies = wp.min(GROUP, worlds * wp.static(f.bodies) - before)
+        bodies = wp.min(GROUP, worlds_in(model, first_world, worlds) * wp.static(f.bodies) - before)
         deviates = wp.zeros(shape=(wp.static(GROUP * 6 * BLOCK),), dtype=wp.float32)
         kept = wp.zeros(shape=(wp.static(GROUP * KEPT),), dtype=wp.float32)
         room = wp.zeros(shape=(GROUP,), dtype=lane_type)
         lanes = wp.array(ptr=lanes_at(room), shape=(GROUP,), dtype=lane_type)
         # names differ from loop to loop: one that came back would be carried from turn to turn
         for g0 in range(bodies):
-            w0 = first_world + (before + g0) // wp.static(f.bodies)
+            w0 = world_in(model, first_world + (before + g0) // wp.static(f.bodies))
             b0 = (before + g0) % wp.static(f.bodies)
             lanes[g0].pose = Pose(state.position[w0, b0], state.orientation[w0, b0])
             lanes[g0].body = with_kept(model, constants_of(model, control, w0, b0), kept, KEPT * g0, b0)
@@ -153,19 +156,30 @@ def make_body_lanes(f: Features) -> wp.Kernel:
         while done < steps:
             if wp.static(with_deviates is not None):
                 for g1 in range(bodies):
-                    w1 = first_world + (before + g1) // wp.static(f.bodies)
+                    w1 = world_in(model, first_world + (before + g1) // wp.static(f.bodies))
                     b1 = (before + g1) % wp.static(f.bodies)
-                    now = first_step + wp.int64(done)
+                    now = start_of(model, w1, first_step) + wp.int64(done)
                     at = wp.static(6 * BLOCK) * g1
                     lanes[g1].body = with_deviates(model, lanes[g1].body, deviates, at, now, w1, b1)
             for k in range(done, wp.min(done + wp.static(fresh), steps)):
                 for g2 in range(bodies):
-                    w2 = first_world + (before + g2) // wp.static(f.bodies)
+                    w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
                     b2 = (before + g2) % wp.static(f.bodies)
-                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first_step, k)
+                    advance(
+                        model,
+                        control,
+                        state,
+                        readout,
+                        lanes,
+                        from_start(g2),
+                        w2,
+                        b2,
+                        start_of(model, w2, first_step),
+                        k,
+                    )
             done += wp.static(fresh)
         for g3 in range(bodies):
-            w3 = first_world + (before + g3) // wp.static(f.bodies)
+            w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))
             b3 = (before + g3) % wp.static(f.bodies)
             state.position[w3, b3] = lanes[g3].pose.position
             state.orientation[w3, b3] = lanes[g3].pose.rotation

@@ -16,6 +16,7 @@ from otwarp.kernels.core.types import (
     StateData,
     TrapData,
 )
+from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
@@ -95,6 +96,12 @@ def make_bead_step(f: Features) -> wp.Kernel:
         if wp.static(f.bodies > 1):
             b = wp.tid() % wp.static(f.bodies)
             world = first_world + wp.tid() // wp.static(f.bodies)
+        start = first_step
+        if wp.static(f.episodes):
+            world = living_world(model, world)
+            if world < 0:
+                return
+            start = own_step(model, world, first_step)
         position = state.position[world, b]
         bead = bead_constants(model, control, world, b)
         monitors = EscapeMonitors()
@@ -103,8 +110,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
         taken = int(0)
         for i in range(steps):
             if wp.static(monitor):
-                monitors = look(model, bead, monitors, world, position, first_step, i)
-            step = first_step + wp.int64(i)
+                monitors = look(model, bead, monitors, world, position, start, i)
+            step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
             if wp.static(f.walls > 0):
@@ -124,10 +131,10 @@ def make_bead_step(f: Features) -> wp.Kernel:
                 position = kept_in_cell(model, state, world, b, position)
         state.position[world, b] = position
         if wp.static(monitor):
-            monitors = look(model, bead, monitors, world, position, first_step, taken)
-            report_escape(readout, monitors.first, world, 0, first_step)
+            monitors = look(model, bead, monitors, world, position, start, taken)
+            report_escape(readout, monitors.first, world, 0, start)
             if wp.static(f.traps == FEW_TRAPS):
-                report_escape(readout, monitors.second, world, 1, first_step)
+                report_escape(readout, monitors.second, world, 1, start)
 
     return bead_step
 
@@ -149,12 +156,18 @@ def make_body_step(f: Features) -> wp.Kernel:
         if wp.static(f.bodies > 1):
             b = wp.tid() % wp.static(f.bodies)
             world = first_world + wp.tid() // wp.static(f.bodies)
+        start = first_step
+        if wp.static(f.episodes):
+            world = living_world(model, world)
+            if world < 0:
+                return
+            start = own_step(model, world, first_step)
         pose = Pose(state.position[world, b], state.orientation[world, b])
         body = constants_of(model, control, world, b)
         bound = model.body.bound[b]
         leeway = float(0.0)
         for i in range(steps):
-            step = first_step + wp.int64(i)
+            step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             move = move_freely(model, control, state, body, world, b, pose, step, time)
             if not finite(pose.position + linear_part(move) + angular_part(move)):

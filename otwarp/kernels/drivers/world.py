@@ -14,6 +14,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import image_shift, kept_in_cell
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData, vec6
+from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom, load_bodies_term, store_bodies_term
 from otwarp.kernels.hydrodynamics.coupling import block_count
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
@@ -317,6 +318,12 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     ):  # fmt: skip
         """Take `steps` steps from `first_step` for the worlds from `first_world` on, one world a thread."""
         world = first_world + wp.tid()
+        start = first_step
+        if wp.static(f.episodes):
+            world = living_world(model, world)
+            if world < 0:
+                return
+            start = own_step(model, world, first_step)
         position = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
         rotation = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)
         linear = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
@@ -344,7 +351,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
             room = ContactRoom(contacts, matrix, gap, right, pivot, order, on)
         load_bodies(state, world, body)
         for i in range(steps):
-            step = first_step + wp.int64(i)
+            step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             predict(model, control, state, world, body, carry, step, time)
             if wp.static(f.speed_limits):

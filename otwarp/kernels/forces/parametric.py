@@ -99,7 +99,7 @@ def force_input(model: ModelData, world: int, b: int, pose: Pose, radius: float,
     known.exact_time = time
     known.thermal_energy = thermal_energy_of(model, world)
     known.viscosity = viscosity_of(model, world)
-    known.world = world
+    known.world = model.first_world + world
     known.body = b
     return known
 

@@ -4,6 +4,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Pose, StateData, Wrench
+from otwarp.kernels.core.worlds import time_term
 from otwarp.kernels.forces.parametric import parametric_wrench_term
 
 
@@ -33,6 +34,7 @@ def make_force_readout(f: Features) -> wp.Kernel:
         return first(model, world, b, pose, time)
 
     wrench = only
+    time_of = time_term(f)
     for index, term in enumerate(terms, start=1):
         wrench = nth(index, wrench, term)
 
@@ -47,7 +49,7 @@ def make_force_readout(f: Features) -> wp.Kernel:
         if wp.static(f.rigid):
             pose.rotation = state.orientation[world, b]
         for index in range(wp.static(len(f.forces))):
-            value = wrench(model, world, b, pose, time, index)
+            value = wrench(model, world, b, pose, time_of(model, world, time), index)
             force[world, index, b] = value.force
             torque[world, index, b] = value.torque
 

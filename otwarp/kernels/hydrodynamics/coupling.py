@@ -50,6 +50,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, vec6
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.forces.total import body_total
 
 COUPLED = ("heun", "eulerMaruyama")
@@ -228,6 +229,7 @@ def shake_term(f: Features) -> wp.Function:
     """
     three_deviates = three_deviates_term(f.noise, f.fast_math)
     six_deviates = six_deviates_term(f.noise, f.fast_math)
+    number = number_term(f)
 
     @wp.func
     def shake(
@@ -243,10 +245,10 @@ def shake_term(f: Features) -> wp.Function:
             xi = wp.vec3(0.0)
             if wp.static(f.spheres):
                 if model.body.rigid[j] == 0:
-                    xi = three_deviates(model.seed, step, world, j)
+                    xi = three_deviates(model.seed, step, number(model, world), j)
             if wp.static(f.rigid):
                 if model.body.rigid[j] != 0:
-                    six = six_deviates(model.seed, step, world, j)
+                    six = six_deviates(model.seed, step, number(model, world), j)
                     xi = linear_part(six)
                     shape = model.body.shape[j]
                     w = turning * (model.coupling.turning_root[shape] * angular_part(six))

@@ -30,6 +30,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.noise import WEAK_TERMS, high_half, six_deviates_term, three_deviates_term
 from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData, WallData, vec6
+from otwarp.kernels.core.worlds import number_term
 from otwarp.laws.wall_fits import ENTRAINED, GAP_FAR, NORMAL, SLIDING, GapFit
 
 _FAR = wp.constant(GAP_FAR)
@@ -251,6 +252,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
     carried = sphere_flow_term(f)
     flow_at = FLOW_TERMS[f.flow] if f.flow else None
     four_deviates = more_deviates_term(f)[0]
+    number = number_term(f)
 
     @wp.func
     def drift(
@@ -273,7 +275,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         kick = wp.vec3(0.0)
         if wp.static(f.brownian):
             radius = model.walls.sphere[model.walls.start[b]][3]
-            xi = four_deviates(model.seed, step, world, b)
+            xi = four_deviates(model.seed, step, number(model, world), b)
             kick = noise_of(model.walls, position, radius, bead.spread, wp.vec3(xi[0], xi[1], xi[2]), xi[3])
         return kick
 

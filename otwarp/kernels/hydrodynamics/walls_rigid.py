@@ -38,6 +38,7 @@ from otwarp.kernels.core.types import (
     mat66,
     vec6,
 )
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.forces.total import body_total
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess
 from otwarp.laws.wall_fits import COUPLING, PARALLEL, ROLL, SHEAR_FORCE, SHEAR_TORQUE, SPIN
@@ -279,6 +280,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
     noise_of = body_noise_term(f)
     flow_velocity = body_flow_term(f) if f.flow else None
     seven_deviates = more_deviates_term(f)[1]
+    number = number_term(f)
 
     @wp.func
     def drift(
@@ -302,7 +304,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
         """√(2 k_B T dt) noise of M(x) and its thermal drift k_B T ∇·M dt [µm, rad] in world axes; 0 without noise."""
         kick = vec6()
         if wp.static(f.brownian):
-            xi, seventh = seven_deviates(model.seed, step, world, b)
+            xi, seventh = seven_deviates(model.seed, step, number(model, world), b)
             energy = thermal_energy_of(model, world)
             spread = wp.sqrt(2.0 * energy * step_over_viscosity(model, world))
             root = root_of(model.walls, model.body.shape[b], b, pose)

@@ -24,6 +24,7 @@ from otwarp.kernels.core.types import (
     TrapData,
     world_row,
 )
+from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
 
 NEAR = wp.constant(5.0)
@@ -52,6 +53,7 @@ def escape_term(f: Features) -> wp.Function:
     lost.
     """
     trap_command = trap_command_term(f)
+    number = number_term(f)
 
     @wp.func
     def distance2(model: ModelData, trap: int, command: wp.vec4, pose: Pose) -> float:
@@ -85,7 +87,7 @@ def escape_term(f: Features) -> wp.Function:
                         before2 = distance2(model, trap, start, before)
                         if wp.max(before2, after2) > near * near and before2 < reach * reach:
                             lost = crossed(
-                                model.seed, world, trap, step - wp.int64(1), reach, before2, after2, s2
+                                model.seed, number(model, world), trap, step - wp.int64(1), reach, before2, after2, s2
                             )  # fmt: skip
                 if lost:
                     readout.escape_step[world, trap] = step
@@ -133,6 +135,7 @@ def start_monitor(
 
 def monitor_term(f: Features) -> wp.Function:
     """`(model, bead, monitor, law, command, world, trap, position, first, taken) -> monitor` after `taken` steps."""
+    number = number_term(f)
 
     @wp.func
     def monitored(
@@ -151,7 +154,8 @@ def monitor_term(f: Features) -> wp.Function:
                 if taken > 0 and not lost:
                     step = first + wp.int64(taken - 1)
                     s2 = bead.spread * bead.spread
-                    lost = crossed(model.seed, world, trap, step, monitor.reach, monitor.last2, away2, s2)
+                    n = number(model, world)
+                    lost = crossed(model.seed, n, trap, step, monitor.reach, monitor.last2, away2, s2)
             if lost:
                 monitor.escape = taken
                 monitor.reach = wp.inf

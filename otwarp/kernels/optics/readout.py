@@ -8,6 +8,7 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
+from otwarp.kernels.core.worlds import time_term
 from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import trap_force_term
 
@@ -43,6 +44,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     trap_command = trap_command_term(f)
     prepare, trap_force = trap_force_term(f.trap_models)[1:3]
     sphere_position = sphere_position_term(f)
+    time_of = time_term(f)
 
     @wp.func
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
@@ -59,7 +61,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
         """Write focus [µm], power [mW], total force [pN] and distance to the held sphere [µm] of one trap."""
         world, trap = wp.tid()
-        c = trap_command(model, control, state, world, trap, time)
+        c = trap_command(model, control, state, world, trap, time_of(model, world, time))
         out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
         out.power[world, trap] = c[3]
         total = wp.vec3(0.0)
@@ -84,7 +86,7 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
             total = wp.vec3(0.0)
             for trap in range(model.traps.axis.shape[0]):
-                c = trap_command(model, control, state, world, trap, time)
+                c = trap_command(model, control, state, world, trap, time_of(model, world, time))
                 total += force_on(model, state, world, b, i, trap, c)
             out.sphere_force[world, i] = total
 

@@ -44,6 +44,19 @@ def device_array(values: Any, dtype: Any, device: Any, *, ndim: int = 1) -> wp.a
     return wp.array(table.reshape(*table.shape[:ndim], *inner), dtype=dtype, device=device, ndim=ndim)
 
 
+def device_view(values: Any, dtype: Any = None) -> wp.array | None:
+    """A Warp array or a tensor of torch as a Warp array, without a copy; None for what lives on the host.
+
+    Args:
+        dtype: Of its elements, a vector for the last axis of a tensor; None: as it is.
+    """
+    if isinstance(values, wp.array):
+        return values
+    if type(values).__module__.partition(".")[0] == "torch":
+        return wp.from_torch(values, dtype=dtype)
+    return None
+
+
 def host_type(dtype: Any) -> Any:
     """NumPy type of the numbers in an array of `dtype`."""
     return wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))

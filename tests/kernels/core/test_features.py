@@ -26,6 +26,7 @@ SWITCHED = {
     "moving obstacles": {"moving_obstacles": True},
     "rods in contact": {"rods": True},
     "escape detection": {"escapes": True},
+    "worlds that end": {"episodes": True},
 }
 
 

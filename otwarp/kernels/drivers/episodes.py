@@ -1,0 +1,151 @@
+"""Between launches: which worlds are in motion, which have come to their end, and which start anew."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from otwarp.kernels.core.functions import compiled, function_from_text
+from otwarp.kernels.core.types import ModelData, ReadoutData, StateData, WorldNow, world_row
+from otwarp.kernels.core.worlds import living_world
+
+PRECISION = "float64" if wp.float32 is wp.float64 else "float32"
+"""Precision of this instance of the module, as in `kernels.forces.parametric`."""
+
+FAULTY = wp.constant(-1)
+"""Code of a world that ended because a body of it has a fault."""
+
+
+@dataclass(frozen=True)
+class EndLaw:
+    """What ends a world's task: a predicate with parameters.
+
+    Attributes:
+        function: `(now: WorldNow, *parameters) -> bool`, as written.
+        kinds: Types of its parameters: `float`, `int` or `wp.vec3`.
+    """
+
+    function: Callable[..., Any]
+    kinds: tuple[type, ...]
+
+    @property
+    def width(self) -> int:
+        """Numbers that its parameters are made of."""
+        return sum(3 if kind is wp.vec3 else 1 for kind in self.kinds)
+
+
+def parameters_from(law: EndLaw, first: int) -> str:
+    """The arguments after `now` of a call: what its row of numbers holds from column `first` on."""
+    text, column = "", first
+    for kind in law.kinds:
+        if kind is wp.vec3:
+            text += f", vec3(values[row, {column}], values[row, {column + 1}], values[row, {column + 2}])"
+            column += 3
+        else:
+            text += f", {'int(' if kind is int else '('}values[row, {column}])"
+            column += 1
+    return text
+
+
+def end_term(laws: tuple[EndLaw, ...]) -> wp.Function:
+    """`(now, values) -> code`: 1 + the place of the first law that says so in a world, 0 while none does.
+
+    `values` (1|W, P) are the parameters of all laws, one after the other.
+    """
+    lines, first = [], 0
+    for n, law in enumerate(laws):
+        call = f"end_{n}(now{parameters_from(law, first)})"
+        lines.insert(0, f"    if {call}:\n        code = {n + 1}\n")
+        first += law.width
+    text = (
+        "def end_of(now: WorldNow, values: Values) -> int:\n"
+        '    """Code of the first end that a world has come to."""\n'
+        f"    row = world_row(values.shape[0], now.world)\n    code = int(0)\n{''.join(lines)}    return code\n"
+    )
+    names: dict[str, Any] = {
+        "WorldNow": WorldNow,
+        "Values": wp.array2d(dtype=wp.float32),
+        "vec3": wp.vec3,
+        "world_row": world_row,
+    }
+    names |= {f"end_{n}": compiled(law.function, PRECISION) for n, law in enumerate(laws)}
+    return wp.func(function_from_text("end_of", text, names))
+
+
+@wp.kernel(enable_backward=False)
+def list_living(model: ModelData):
+    """Append each world in motion to the list, whose count must be 0; their order matters to no result."""
+    world = wp.tid()
+    if model.worlds[0].done[world] == 0:
+        place = wp.atomic_add(model.worlds[0].count, 0, 1)
+        model.worlds[0].living[place] = world
+
+
+@functools.lru_cache(maxsize=64)
+def settle_kernel(laws: tuple[EndLaw, ...]) -> wp.Kernel:
+    """Kernel over the places of the list: turn the clocks of the worlds in motion, and tell which have ended."""
+    end_of = end_term(laws)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def settle(
+        model: ModelData, state: StateData, readout: ReadoutData, values: wp.array2d(dtype=wp.float32), steps: int
+    ):
+        """Add `steps` to the clock of each world in motion, and write why it has ended, if it has."""
+        world = living_world(model, wp.tid())
+        if world < 0:
+            return
+        step = model.worlds[0].step[world] + wp.int64(steps)
+        model.worlds[0].step[world] = step
+        time = wp.float32(wp.float64(step) * model.time_step)
+        code = end_of(WorldNow(world, step, time, state, readout), values)
+        for b in range(model.bodies):
+            if readout.fault[world, b] != 0:
+                code = FAULTY
+        model.worlds[0].done[world] = code
+        if code == 0:
+            wp.atomic_add(model.worlds[0].count, 1, 1)
+
+    return settle
+
+
+@wp.kernel(enable_backward=False)
+def flag_worlds(chosen: wp.array(dtype=wp.bool), flags: wp.array(dtype=wp.int32)):
+    """1 for each chosen world, else 0."""
+    world = wp.tid()
+    flags[world] = wp.where(chosen[world], 1, 0)
+
+
+@wp.kernel(enable_backward=False)
+def restart(
+    model: ModelData, state: StateData, readout: ReadoutData, chosen: wp.array(dtype=wp.int32), start: StateData,
+    number: wp.array(dtype=wp.uint32), stride: wp.uint32,
+):  # fmt: skip
+    """Start each chosen world anew: pose from `start` (1|W), nothing measured, its clock at 0, its next trial.
+
+    The trial is `number` (W), or where that is empty, the last one + `stride`.
+    """
+    world = wp.tid()
+    if chosen[world] == 0:
+        return
+    worlds = model.worlds[0]
+    for b in range(state.position.shape[1]):
+        state.position[world, b] = start.position[world_row(start.position.shape[0], world), b]
+        readout.fault[world, b] = 0
+        readout.fault_step[world, b] = wp.int64(0)
+    for b in range(state.orientation.shape[1]):
+        state.orientation[world, b] = start.orientation[world_row(start.orientation.shape[0], world), b]
+    for t in range(state.trap_position.shape[1]):
+        state.trap_position[world, t] = start.trap_position[world_row(start.trap_position.shape[0], world), t]
+    for t in range(readout.escape_step.shape[1]):
+        readout.escape_step[world, t] = wp.int64(-1)
+    for b in range(readout.contact_force.shape[1]):
+        readout.contact_force[world, b] = wp.vec3(0.0)
+        readout.contact_load[world, b] = float(0.0)
+    if number.shape[0] > 0:
+        worlds.number[world] = number[world]
+    else:
+        worlds.number[world] = worlds.number[world] + stride
+    worlds.step[world] = wp.int64(0)
+    worlds.done[world] = 0

@@ -1,0 +1,110 @@
+"""Episodes: worlds that end, stand still at no cost, and start anew, each with a clock and a trial of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.kernels.core.precision import kernel_module
+from otwarp.simulation.ends import End
+from otwarp.simulation.model import Model
+from otwarp.simulation.packing.arrays import device_array
+from otwarp.simulation.starts import Starts
+from otwarp.simulation.state import Bound, Readout, State
+
+
+@dataclass(eq=False, kw_only=True)
+class Episodes(Bound):
+    """Which worlds are in motion, since when, and with which noise. Every world runs one trial after the other.
+
+    Trial n is a function of the seed, n and where it starts: the same in whatever world it runs, beside whatever else,
+    and the same as world n of a simulation without episodes. A world that has ended keeps its state and readout until
+    it is reset.
+
+    Attributes:
+        done: (W) int32, 0 in motion, else why it ended: n for the n-th of the `ends`, counted from 1, -1 for a fault
+            (see `Readout.fault`). Any other number may be written to end a world; `Simulation.reset` starts it again.
+        step: (W) int64 steps since the world was started or reset; `Readout.escape_step` and `fault_step` count so too.
+        number: (W) uint32 of the trial that each world runs.
+        living: (W) int32 worlds in motion as the last segment found them, in the first `count[0]` places.
+        count: (2) int32 how many these were, and how many of them it left in motion.
+        ends: What ends a world, and (1|W, P) its parameters.
+        at_most: Bound of the worlds in motion, known to the host.
+        origin: How a reset world starts where nothing else is said.
+    """
+
+    done: wp.array
+    step: wp.array
+    number: wp.array
+    living: wp.array
+    count: wp.array
+    values: wp.array
+    model: Model
+    ends: tuple[End, ...]
+    at_most: int
+    origin: Starts
+
+    @classmethod
+    def start(cls, model: Model, ends: tuple[End, ...]) -> Episodes:
+        """All worlds in motion, in their first trials."""
+        data = model.episode_data[0]
+        w = model.all_worlds
+        rows = [model.rows(end.rows(w)) for end in ends] or [np.zeros((1, 0))]
+        most = max(len(r) for r in rows)
+        values = np.hstack([np.broadcast_to(r, (most, r.shape[1])) for r in rows])
+        arrays = {name: getattr(data, name) for name in ("done", "step", "number", "living", "count")}
+        return cls(
+            **arrays,
+            values=device_array(values, wp.float32, model.place, ndim=2),
+            model=model,
+            ends=ends,
+            at_most=model.worlds,
+            origin=Starts.of_scene(model),
+        )
+
+    @property
+    def running(self) -> int:
+        """Worlds in motion: those that the last call of `step` left so; all of them after a reset."""
+        return self.at_most
+
+    @property
+    def time(self) -> np.ndarray:
+        """(W) seconds since each world was started or reset, on the host."""
+        return self.step.numpy() * self.model.time_step
+
+    def list(self) -> int:
+        """List the worlds in motion anew; no more than so many are.
+
+        A CPU knows how many there are. A GPU is not waited for, and threads beyond the list return at once.
+        """
+        device = self.model.device
+        self.count.zero_()
+        wp.launch(self._kernels.list_living, dim=self.model.worlds, inputs=[self.model.data], device=device)
+        if device.is_capturing:
+            return self.model.worlds
+        return int(self.count.numpy()[0]) if device.is_cpu else self.at_most
+
+    def settle(self, state: State, readout: Readout, steps: int, places: int) -> None:
+        """After `steps` steps: turn the clocks of the worlds in `places` of the list, and end what is over."""
+        inputs = [self.model.data, state.data(), readout.data(), self.values, steps]
+        kernel = self._kernels.settle_kernel(tuple(end.law for end in self.ends))
+        wp.launch(kernel, dim=places, inputs=inputs, device=self.model.device)
+
+    @property
+    def _kernels(self) -> Any:
+        return kernel_module("drivers.episodes", self.model.features.precision)
+
+    def look(self) -> None:
+        """Learn how many worlds are still in motion: the one number that a segment brings to the host."""
+        self.at_most = int(self.count.numpy()[1])
+
+    def restart(self, state: State, readout: Readout, start: Starts) -> None:
+        """Start chosen worlds anew; see `Simulation.reset`."""
+        model = self.model
+        inputs = [model.data, state.data(), readout.data(), start.chosen, start.state, start.number]
+        stride = wp.uint32(model.all_worlds)
+        wp.launch(self._kernels.restart, dim=model.worlds, inputs=[*inputs, stride], device=model.device)
+        self.at_most = model.worlds

@@ -1,0 +1,154 @@
+"""How worlds start anew: which of them, where, and with which trials, from what a user gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.device import empty
+from otwarp.errors import InputError
+from otwarp.kernels.core.precision import kernel_module
+from otwarp.kernels.core.types import StateData
+from otwarp.simulation.model import Model
+from otwarp.simulation.packing.arguments import numbers
+from otwarp.simulation.packing.arrays import device_array, device_view
+
+_VECTORS = {"position": wp.vec3, "orientation": wp.quat}
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """What `restart` reads.
+
+    Attributes:
+        chosen: (W) int32, not 0 for the worlds that start anew.
+        state: `StateData` with (1|W, …) rows.
+        number: (W) uint32 trials that they run; (0): the next of each.
+    """
+
+    chosen: wp.array
+    state: Annotated[Any, StateData]
+    number: wp.array
+
+    @classmethod
+    def of_scene(cls, model: Model) -> Starts:
+        """All worlds as the scene has them, in the next trial of each."""
+        place, f = model.place, model.features
+        state = place.typed(StateData)()
+        turns = model.start_orientation() if f.rigid else np.zeros((0, 4))
+        foci = model.values["trap_position"] if f.speed_limits else np.zeros((1, 0, 3))
+        state.position = device_array(model.start_position()[None], wp.vec3, place, ndim=2)
+        state.orientation = device_array(turns[None], wp.quat, place, ndim=2)
+        state.trap_position = device_array(foci, wp.vec3, place, ndim=2)
+        everyone = device_array(np.ones(model.worlds), wp.int32, model.device)
+        return cls(everyone, state, empty(0, wp.uint32, model.device))
+
+
+def starts_of(
+    model: Model,
+    origin: Starts,
+    worlds: Any,
+    poses: Mapping[str, Any],
+    number: Any,
+    checked: Callable[[str, np.ndarray, int], np.ndarray],
+) -> Starts:
+    """What a user gave to `Simulation.reset`, which says what is allowed, on the device.
+
+    Args:
+        origin: What counts where nothing is given.
+        poses: `position` and `orientation`, or None.
+        checked: `(name, values, width) -> (W, B, width)` of poses from the host.
+
+    Raises:
+        InputError: A wrong shape, type, device or value.
+    """
+    state = model.place.typed(StateData)()
+    state.trap_position = origin.state.trap_position
+    for name in _VECTORS:
+        given = poses[name]
+        rows = getattr(origin.state, name) if given is None else _pose(model, name, given, checked)
+        setattr(state, name, rows)
+    return Starts(
+        origin.chosen if worlds is None else _flags(model, worlds),
+        state,
+        origin.number if number is None else _numbers(model, number),
+    )
+
+
+def _pose(model: Model, name: str, values: Any, checked: Callable[[str, np.ndarray, int], np.ndarray]) -> wp.array:
+    """(1|W, B) places or orientations."""
+    dtype = model.place.typed(_VECTORS[name])
+    view = device_view(values, dtype)
+    if view is None:
+        rows = checked(name, numbers(f"state {name}", values), 3 if name == "position" else 4)
+        return device_array(rows, _VECTORS[name], model.place, ndim=2)
+    if name == "orientation" and not model.features.rigid:
+        raise InputError("state orientation cannot be set, no body rotates; allowed: position alone")
+    return _on_device(model, f"state {name}", view, dtype, [(n, len(model.scene.bodies)) for n in (1, model.worlds)])
+
+
+def _on_device(model: Model, name: str, view: wp.array, dtype: Any, shapes: list[tuple[int, ...]]) -> wp.array:
+    """An array that the device may read in place.
+
+    Raises:
+        InputError: It is another one's, of another type or of another shape.
+    """
+    if view.device != model.device:
+        raise InputError(f"{name} is on {view.device}; allowed: {model.device}, where the simulation is, or the host")
+    if view.dtype is not dtype:
+        raise InputError(f"{name} has elements of {view.dtype.__name__}; allowed: {dtype.__name__}")
+    if view.shape not in shapes:
+        raise InputError(f"{name} has shape {view.shape}; allowed: {' or '.join(map(str, dict.fromkeys(shapes)))}")
+    return view
+
+
+def _flags(model: Model, worlds: Any) -> wp.array:
+    """(W) int32 flags of the chosen worlds."""
+    view, w = device_view(worlds), model.worlds
+    if view is not None and view.dtype is wp.bool:
+        chosen = _on_device(model, "worlds", view, wp.bool, [(w,)])
+        flags = empty(w, wp.int32, model.device)
+        kernel = kernel_module("drivers.episodes", model.features.precision).flag_worlds
+        wp.launch(kernel, dim=w, inputs=[chosen, flags], device=model.device)
+        return flags
+    if view is not None:
+        return _on_device(model, "worlds", view, wp.int32, [(w,)])
+    return device_array(_host_flags(worlds, w), wp.int32, model.device)
+
+
+def _host_flags(worlds: Any, count: int) -> np.ndarray:
+    """(W) of flags or of indices.
+
+    Raises:
+        InputError: Flags of another length, or an index of no world.
+    """
+    given = np.atleast_1d(np.asarray(worlds))
+    if given.dtype == bool:
+        if given.shape != (count,):
+            raise InputError(f"worlds has shape {given.shape}; allowed: ({count},) flags, or indices")
+        return given
+    indices = numbers("worlds", given)
+    bad = (indices < 0) | (indices >= count) | (indices != np.floor(indices))
+    if given.ndim > 1 or np.any(bad):
+        raise InputError(f"worlds is {indices[bad].tolist() or given.shape}; allowed: indices from 0 to {count - 1}")
+    flags = np.zeros(count, dtype=bool)
+    flags[indices.astype(int)] = True
+    return flags
+
+
+def _numbers(model: Model, number: Any) -> wp.array:
+    """(W) trials."""
+    view = device_view(number)
+    if view is not None:
+        return _on_device(model, "number", view, wp.uint32, [(model.worlds,)])
+    rows = numbers("number", number)
+    bad = (rows < 0) | (rows >= 2**32) | (rows != np.floor(rows))
+    if rows.shape != (model.worlds,) or np.any(bad):
+        raise InputError(
+            f"number is {rows[bad][:1].tolist() or rows.shape}; allowed: ({model.worlds},) whole numbers, 0 to 2³² − 1"
+        )
+    return device_array(rows, wp.uint32, model.device)

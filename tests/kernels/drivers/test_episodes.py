@@ -1,0 +1,45 @@
+"""Between launches: the list of the worlds in motion, their clocks, and how they start anew."""
+
+import numpy as np
+import warp as wp
+
+import otwarp as ot
+from otwarp.kernels.drivers.episodes import EndLaw, list_living, parameters_from, settle_kernel
+from otwarp.simulation.simulation import Simulation
+from tests.simulation.setups import bead_scene
+
+DONE = [0, 3, 0, 0, -1, 0]
+
+
+def test_the_list_holds_the_worlds_in_motion(device):
+    sim = Simulation(bead_scene(), worlds=len(DONE), device=device, ends=())
+    sim.episodes.done.assign(DONE)
+    sim.episodes.count.zero_()
+    wp.launch(list_living, dim=len(DONE), inputs=[sim.model.data], device=device)
+    count, left = sim.episodes.count.numpy()
+    assert (count, left) == (4, 0)
+    assert sorted(sim.episodes.living.numpy()[:count]) == [0, 2, 3, 5]
+
+
+def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
+    sim = Simulation(bead_scene(), worlds=len(DONE), device=device, ends=())
+    sim.episodes.done.assign(DONE)
+    sim.episodes.list()
+    sim.episodes.settle(sim.state, sim.readout, 9, len(DONE))
+    assert sim.episodes.step.numpy().tolist() == [9, 0, 9, 9, 0, 9]
+    assert sim.episodes.done.numpy().tolist() == DONE
+    assert sim.episodes.count.numpy().tolist() == [4, 4]
+
+
+def test_parameters_are_read_from_the_columns_in_order():
+    law = EndLaw(abs, (float, wp.vec3, int))
+    assert law.width == 5
+    assert (
+        parameters_from(law, 2)
+        == ", (values[row, 2]), vec3(values[row, 3], values[row, 4], values[row, 5]), int(values[row, 6])"
+    )
+
+
+def test_equal_ends_share_a_kernel():
+    laws = (ot.escaped.law, ot.timed_out(after=1.0).law)
+    assert settle_kernel(laws) is settle_kernel((ot.escaped.law, ot.timed_out(after=np.ones(3)).law))
