@@ -28,6 +28,7 @@ class Section:
         machine: Where it was measured.
         tables: For people.
         data: The same and more, for programs.
+        asked: Options of the script other than the device, as typed.
     """
 
     name: str
@@ -35,11 +36,13 @@ class Section:
     machine: Machine
     tables: list[Table]
     data: dict[str, Any] = field(default_factory=dict)
+    asked: str = ""
 
     def markdown(self) -> str:
         """All tables under a line that says what was run and where."""
         device = "" if self.kind == "cpu" else " --device cuda:0"
-        head = f"`python -m benchmarks.{self.name}{device}` on {self.machine.text()}."
+        asked = f" {self.asked}" if self.asked else ""
+        head = f"`python -m benchmarks.{self.name}{asked}{device}` on {self.machine.text()}."
         return "\n".join([head, "", *(table.markdown() for table in self.tables)])
 
     def json(self) -> dict[str, Any]:

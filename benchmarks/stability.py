@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks import headlines
+from benchmarks.report import Section, command, options, save_json, write_pages
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.stability.measure import bench_stability
@@ -32,7 +33,8 @@ def measure(
         lines = [tuple(line.split(maxsplit=2)) for line in legend(found)]
         rows = [(letter, words, count) for letter, count, words in lines]
         tables.append(Table(title="Letters", head=("letter", "meaning", "cells"), rows=rows))
-    return Section(name="stability", kind=found.kind, machine=machine, tables=tables, data=found.json())
+    asked = "--long" if long else "" if quick else "--full"
+    return Section(name="stability", kind=found.kind, machine=machine, tables=tables, data=found.json(), asked=asked)
 
 
 def main() -> None:
@@ -41,6 +43,7 @@ def main() -> None:
     parser.add_argument("--grid", nargs="+", default=(), help="grids to run")
     parser.add_argument("--full", action="store_true", help="all worlds and scenes")
     parser.add_argument("--long", action="store_true", help="also runs of 10⁸ steps")
+    parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks")
     arguments = parser.parse_args()
     section = measure(
         arguments.device, grids=arguments.grid, quick=not (arguments.full or arguments.long), long=arguments.long
@@ -48,6 +51,9 @@ def main() -> None:
     print(section.markdown())
     if arguments.out:
         save_json(arguments.out, [section])
+    if arguments.write:
+        write_pages([section])
+        headlines.write()
 
 
 if __name__ == "__main__":
