@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from otwarp.kernels.core.types import ForceInput, WorldNow, Wrench
     from otwarp.scene import Scene
     from otwarp.simulation.ends import end, escaped, reached, strayed, timed_out
+    from otwarp.simulation.sharded import ShardedSimulation
     from otwarp.simulation.simulation import Simulation
     from otwarp.simulation.user_forces import force
 
@@ -30,6 +31,7 @@ __all__ = [
     "InputError",
     "PlausibilityWarning",
     "Scene",
+    "ShardedSimulation",
     "Simulation",
     "SimulationError",
     "WorldNow",
@@ -50,6 +52,7 @@ __getattr__, __dir__ = lazy_names(
         "kernels.core.types": ("ForceInput", "WorldNow", "Wrench"),
         "scene": ("Scene",),
         "simulation.ends": ("end", "escaped", "reached", "strayed", "timed_out"),
+        "simulation.sharded": ("ShardedSimulation",),
         "simulation.simulation": ("Simulation",),
         "simulation.user_forces": ("force",),
     },

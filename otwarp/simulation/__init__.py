@@ -6,7 +6,8 @@ arrays that change in place (`state`), frames (`frame`), checkpoints (`checkpoin
 `compilation` tells what is about to be compiled, `stepping` launches the fused drivers, `grid_stepper` the body driver
 on the memory of `grid_scratch`.
 
-`episodes` are worlds that end and start anew: `ends` says what ends them, `starts` how they are reset.
+`episodes` are worlds that end and start anew: `ends` says what ends them, `starts` how they are reset. `capture` makes
+a graph of a user's loop, `sharded` shares worlds out to several devices.
 
     packing    a scene's description as the arrays that kernels read
     time_step  what limits the time step, and the step that follows

@@ -14,6 +14,7 @@ from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.starts import Starts
 from otwarp.simulation.state import Bound, Readout, State
+from otwarp.simulation.stepping import load
 
 
 @dataclass(eq=False, kw_only=True)
@@ -67,13 +68,19 @@ class Episodes(Bound):
 
     @property
     def running(self) -> int:
-        """Worlds in motion: those that the last call of `step` left so; all of them after a reset."""
-        return self.at_most
+        """How many worlds are in motion."""
+        return int(np.count_nonzero(self.done.numpy() == 0))
 
     @property
     def time(self) -> np.ndarray:
         """(W) seconds since each world was started or reset, on the host."""
         return self.step.numpy() * self.model.time_step
+
+    def load(self) -> None:
+        """Compile and load the kernels, so that none is while a graph is captured."""
+        k = self._kernels
+        for kernel in (k.list_living, k.restart, k.flag_worlds, k.settle_kernel(tuple(e.law for e in self.ends))):
+            load(kernel, self.model.device)
 
     def list(self) -> int:
         """List the worlds in motion anew; no more than so many are.

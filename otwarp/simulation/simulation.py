@@ -14,6 +14,7 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
+from otwarp.simulation.capture import CapturedLoop
 from otwarp.simulation.compilation import tell_of_compilation
 from otwarp.simulation.ends import End, check_ends
 from otwarp.simulation.episodes import Episodes
@@ -159,11 +160,11 @@ class Simulation:
             self._stepper.advance(0, steps, places)
             episodes.settle(self.state, self._readout, steps, places)
 
-    def _count(self, steps: int) -> None:
-        """Turn the clock by which the host counts."""
+    def _count(self, steps: int, *, measured: bool = False) -> None:
+        """Turn the clock by which the host counts; `measured`: the readout is that of its new time."""
         self.state.step += steps
         self.state.time = self.state.step * self.time_step
-        self._measured_at = None
+        self._measured_at = (self.state.step, self.control.writes) if measured else None
 
     @property
     def episodes(self) -> Episodes:
@@ -177,6 +178,34 @@ class Simulation:
                 "this simulation has no episodes; allowed: Simulation(..., ends=[...]), or ends=() for none"
             )
         return self._episodes
+
+    def capture(
+        self,
+        steps: int,
+        *,
+        before: Callable[[], Any] | None = None,
+        after: Callable[[], Any] | None = None,
+        readout: bool = False,
+    ) -> CapturedLoop:
+        """Record `before`, `steps` steps, the readout if it is wanted, and `after` as one graph: nothing moves yet.
+
+        Args:
+            steps: Time steps of one turn, at least 1.
+            before: Launches what writes the commands, in place: `control.trap_position`, `control.trap_power`; arrays
+                that are to differ from world to world are `control.widen`ed first. Or tensors of torch, `wp.to_torch`
+                of these arrays, are written between the turns.
+            after: Launches what reads `state`, `readout` and `episodes`, or resets worlds by flags on the device.
+            readout: Whether trap forces and distances are measured before `after`.
+
+        Raises:
+            InputError: The simulation was made without `ends`, so that its clock is the host's.
+
+        Example:
+            >>> sim = ot.Simulation(scene, worlds=4096, ends=[ot.timed_out(after=0.5)])
+            >>> turn = sim.capture(20, after=lambda: sim.reset(sim.episodes.done))
+            >>> turn(1000)
+        """
+        return CapturedLoop(self, self.episodes, whole("steps", steps, 1), before, after, readout=readout)
 
     def reset(
         self,

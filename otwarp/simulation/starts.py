@@ -41,7 +41,11 @@ class Starts:
         state = place.typed(StateData)()
         turns = model.start_orientation() if f.rigid else np.zeros((0, 4))
         foci = model.values["trap_position"] if f.speed_limits else np.zeros((1, 0, 3))
-        state.position = device_array(model.start_position()[None], wp.vec3, place, ndim=2)
+        start, image = model.start_position(), np.zeros((0, 3), dtype=np.int32)
+        if f.periodic:
+            start, image = model.in_cell(start)
+        state.position = device_array(start[None], wp.vec3, place, ndim=2)
+        state.image = device_array(image[None], wp.vec3i, place, ndim=2)
         state.orientation = device_array(turns[None], wp.quat, place, ndim=2)
         state.trap_position = device_array(foci, wp.vec3, place, ndim=2)
         everyone = device_array(np.ones(model.worlds), wp.int32, model.device)
@@ -67,7 +71,9 @@ def starts_of(
         InputError: A wrong shape, type, device or value.
     """
     state = model.place.typed(StateData)()
-    state.trap_position = origin.state.trap_position
+    state.trap_position, state.image = origin.state.trap_position, origin.state.image
+    if poses["position"] is not None:
+        state.image = wp.zeros_like(state.image)
     for name in _VECTORS:
         given = poses[name]
         rows = getattr(origin.state, name) if given is None else _pose(model, name, given, checked)

@@ -8,6 +8,7 @@ from typing import Any
 import warp as wp
 
 from otwarp.kernels.core.functions import compiled, function_from_text
+from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData, WorldNow, world_row
 from otwarp.kernels.core.worlds import living_world
 
@@ -131,7 +132,11 @@ def restart(
         return
     worlds = model.worlds[0]
     for b in range(state.position.shape[1]):
-        state.position[world, b] = start.position[world_row(start.position.shape[0], world), b]
+        place = start.position[world_row(start.position.shape[0], world), b]
+        if state.image.shape[1] > 0:
+            state.image[world, b] = start.image[0, b]
+            place = kept_in_cell(model, state, world, b, place)
+        state.position[world, b] = place
         readout.fault[world, b] = 0
         readout.fault_step[world, b] = wp.int64(0)
     for b in range(state.orientation.shape[1]):

@@ -1,0 +1,77 @@
+"""A captured loop does what its steps do one by one, bit for bit, with a user's kernels before and after."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+
+import otwarp as ot
+from tests.simulation.test_episodes import WORLDS, lossy_scene
+
+
+@wp.kernel
+def aim(turn: wp.array(dtype=int), position: wp.array2d(dtype=wp.vec3)):
+    """A trap that goes on by 1 nm a turn, in each world by another step."""
+    world = wp.tid()
+    position[world, 0] = position[world, 0] + wp.vec3(0.001 + 1.0e-4 * float(world), 0.0, 0.0)
+    if world == 0:
+        turn[0] = turn[0] + 1
+
+
+@wp.kernel
+def add(force: wp.array2d(dtype=wp.vec3), total: wp.array(dtype=wp.vec3)):
+    world = wp.tid()
+    total[world] = total[world] + force[world, 0]
+
+
+class Loop:
+    """A simulation with what its user launches around the steps."""
+
+    def __init__(self, device):
+        self.sim = ot.Simulation(lossy_scene(), worlds=WORLDS, seed=31, device=device, ends=[ot.escaped])
+        self.sim.control.widen("trap_position")
+        self.turn = wp.zeros(1, dtype=int, device=device)
+        self.total = wp.zeros(WORLDS, dtype=wp.vec3, device=device)
+        self.device = device
+
+    def before(self):
+        wp.launch(aim, dim=WORLDS, inputs=[self.turn, self.sim.control.trap_position], device=self.device)
+
+    def after(self):
+        wp.launch(add, dim=WORLDS, inputs=[self.sim._readout.trap_force, self.total], device=self.device)
+        self.sim.reset(self.sim.episodes.done)
+
+
+def test_a_captured_loop_is_the_loop(device):
+    plain, loop = Loop(device), Loop(device)
+    turn = loop.sim.capture(20, before=loop.before, after=loop.after, readout=True)
+    assert loop.sim.state.step == 0 and loop.turn.numpy()[0] == 0, "nothing moves while it is recorded"
+    for _ in range(12):
+        plain.before()
+        plain.sim.step(20)
+        plain.sim.measure()
+        plain.after()
+    turn()
+    turn(11)
+    assert loop.turn.numpy()[0] == 12 and loop.sim.state.step == plain.sim.state.step == 240
+    assert np.array_equal(loop.sim.state.position.numpy(), plain.sim.state.position.numpy())
+    assert np.array_equal(loop.sim.episodes.number.numpy(), plain.sim.episodes.number.numpy())
+    assert np.array_equal(loop.sim.episodes.step.numpy(), plain.sim.episodes.step.numpy())
+    assert np.array_equal(loop.total.numpy(), plain.total.numpy())
+    assert np.any(loop.sim.episodes.number.numpy() >= WORLDS), "some world must have been reset, or the test is void"
+    for sim in (plain.sim, loop.sim):
+        sim.step(30)
+    assert np.array_equal(loop.sim.state.position.numpy(), plain.sim.state.position.numpy())
+
+
+def test_what_cannot_be_captured(device):
+    with pytest.raises(ot.InputError, match="has no episodes"):
+        ot.Simulation(lossy_scene(), device=device).capture(10)
+    sim = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, ends=())
+    with pytest.raises(ot.InputError, match="steps is 0; allowed: 1 or more"):
+        sim.capture(0)
+    turn = sim.capture(5)
+    sim.control.set(trap_position=np.zeros((WORLDS, 1, 3)))
+    with pytest.raises(ot.InputError, match="has grown since the capture"):
+        turn()

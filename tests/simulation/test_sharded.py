@@ -1,0 +1,101 @@
+"""Worlds on several devices are those of one device, bit for bit, in whatever way they are split."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import otwarp as ot
+from otwarp.simulation.frame import SHAPES, capture_frame
+from tests.simulation.test_episodes import lossy_scene
+
+WORLDS = 8
+POWER = np.linspace(15.0, 20.0, WORLDS)[:, None]
+FOCI = np.zeros((WORLDS, 1, 3)) + np.linspace(0.0, 0.01, WORLDS)[:, None, None]
+
+
+def options(device) -> dict:
+    return {"seed": 31, "parameters": {"trap_power": POWER}}
+
+
+@pytest.fixture(params=[1, 2, 3, 8])
+def pair(request, device):
+    """One device, and the same worlds in so many parts."""
+    named = {"worlds": WORLDS, "ends": [ot.escaped, ot.timed_out(after=np.linspace(0.5, 4.0, WORLDS))]}
+    whole = ot.Simulation(lossy_scene(), device=device, **named, **options(device))
+    parts = ot.ShardedSimulation(lossy_scene(), devices=[device] * request.param, **named, **options(device))
+    assert parts.time_step == whole.time_step
+    return whole, parts
+
+
+def check_equal(whole, parts) -> None:
+    for group in ("state", "readout", "episodes"):
+        for name in {"state": ["position"], "episodes": ["done", "step", "number"]}.get(
+            group, ["trap_position", "trap_force", "trap_distance", "escape_step", "fault"]
+        ):
+            expected = getattr(getattr(whole, group), name).numpy()
+            assert getattr(getattr(parts, group), name).tobytes() == expected.tobytes(), name
+
+
+def test_parts_are_the_whole(pair):
+    whole, parts = pair
+    for sim in pair:
+        sim.step(100)
+    check_equal(*pair)
+    whole.control.set(trap_position=FOCI, trap_power=19.0)
+    parts.command(trap_position=FOCI, trap_power=19.0)
+    for sim in pair:
+        sim.step(30)
+        sim.reset([1, 6], position=np.zeros((WORLDS, 1, 3)))
+        sim.step(70)
+    check_equal(*pair)
+    assert parts.running == whole.episodes.running
+    start = np.linspace(0.0, 0.01, 3 * WORLDS).reshape(WORLDS, 1, 3)
+    for sim in pair:
+        sim.reset(number=np.arange(50, 50 + WORLDS))
+        sim.set_state(position=start)
+        sim.run(50 * whole.time_step)
+    check_equal(*pair)
+    assert parts.time == whole.time
+    left, right = capture_frame(whole), parts.frame()
+    for name in SHAPES:
+        assert np.array_equal(getattr(left, name), getattr(right, name), equal_nan=True), name
+
+
+def test_a_part_alone_is_a_slice_of_the_whole_without_episodes(device):
+    whole = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, **options(device))
+    part = ot.Simulation(lossy_scene(), worlds=WORLDS, part=(5, 7), device=device, **options(device))
+    for sim in (whole, part):
+        sim.step(200)
+    assert part.state.position.shape == (2, 1)
+    assert np.array_equal(part.state.position.numpy(), whole.state.position.numpy()[5:7])
+    assert np.array_equal(part.readout.escape_step.numpy(), whole.readout.escape_step.numpy()[5:7])
+
+
+def test_a_fault_in_a_part_names_its_world(device):
+    parts = ot.ShardedSimulation(lossy_scene(), devices=[device, device], worlds=WORLDS, **options(device))
+    place = np.zeros((WORLDS, 1, 3))
+    place[6] = (9e8, 1.1e8, 0.0)
+    parts.set_state(position=place)
+    with pytest.raises(ot.SimulationError, match="world 6"):
+        parts.step(10)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"devices": "cpu"}, r"devices is 'cpu'; allowed: a list"),
+        ({"devices": []}, r"devices is \[\]; allowed: a list"),
+        ({"worlds": 1}, "worlds is 1; allowed: 2 or more"),
+    ],
+)
+def test_what_cannot_be_shared_out(change, says, device):
+    named = {"devices": [device, device], "worlds": WORLDS, **change}
+    with pytest.raises(ot.InputError, match=says):
+        ot.ShardedSimulation(lossy_scene(), **named)
+
+
+@pytest.mark.parametrize("part", [(3, 3), (-1, 2), (0, 9)])
+def test_a_part_is_within_the_whole(part, device):
+    with pytest.raises(ot.InputError, match="part is"):
+        ot.Simulation(lossy_scene(), worlds=WORLDS, part=part, device=device)
