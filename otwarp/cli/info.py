@@ -192,6 +192,14 @@ def _terms_table(about: dict[str, Any]) -> Table:
     return terms
 
 
+def _flow_line(flow: dict[str, Any]) -> str:
+    nodes = " × ".join(map(str, flow["nodes"]))
+    return (
+        f"Velocity field {flow['file']}: {nodes} nodes, up to {flow['fastest']:.4g} µm/s; root mean square of its"
+        f" divergence over that of its gradient {flow['divergence']:.2g}, at most {flow['largest_divergence']:.2g} 1/s"
+    )
+
+
 def _print(about: dict[str, Any]) -> None:
     console = tables_console(140)
     root = about["root"].rstrip("/") + "/"
@@ -203,6 +211,8 @@ def _print(about: dict[str, Any]) -> None:
         console.print(_optics_table(about["optics"], root))
     if about["forces"]:
         console.print(_forces_table(about["forces"], root))
+    if about["flow"] is not None and "nodes" in about["flow"]:
+        console.print(_flow_line(about["flow"]))
     console.print(_scales_table(about))
     console.print(_terms_table(about))
     console.print(f"Memory for {about['worlds']} world(s) on {about['device']}: {about['memory'] / 1024:,.1f} KiB")

@@ -15,6 +15,7 @@ import numpy as np
 
 from otwarp.laws import TrapLaw
 from otwarp.laws.table import Interpolation
+from otwarp.scene.flow_grid import FlowGrid
 from otwarp.scene.track import ByValue, Track
 
 Vec3 = tuple[float, float, float]
@@ -240,19 +241,23 @@ class Obstacle(ByValue):
 
 @dataclass(frozen=True, kw_only=True)
 class Flow:
-    """Background flow along the local +X of its prim, varying along the local +Z.
+    """Background flow along the local +X of its prim, varying along the local +Z (and +Y).
 
     kind `uniform`: u = speed; `shear`: u = shear_rate·z; `poiseuille`: u = speed·(1 − (z/half_height)²) between the
-    plates at z = ±half_height, 0 outside. Speed is in µm/s (at the centre line for `poiseuille`), rate in 1/s.
+    plates at z = ±half_height; `rectangular`: between these and the walls at y = ±half_width; `grid`: as `field` says,
+    which was read from `file`. 0 outside. Speed is in µm/s (at the centre line of a channel), rate in 1/s.
     """
 
     prim: str
-    kind: Literal["uniform", "shear", "poiseuille"]
+    kind: Literal["uniform", "shear", "poiseuille", "rectangular", "grid"]
     origin: Vec3 = (0.0, 0.0, 0.0)
     orientation: Quat = IDENTITY
     speed: float = 0.0
     shear_rate: float = 0.0
     half_height: float = 0.0
+    half_width: float = 0.0
+    file: str = ""
+    field: FlowGrid | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

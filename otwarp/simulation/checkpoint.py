@@ -18,7 +18,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
-from otwarp.scene import Body, Obstacle, Scene, Settings
+from otwarp.scene import Body, Flow, Obstacle, Scene, Settings
 from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ FORMAT = 1
 
 YOUNGER: dict[type, dict[str, Any]] = {
     Body: {"forces": {}},
+    Flow: {"half_width": 0.0, "file": "", "field": None},
     Obstacle: {"double_sided": False},
     Scene: {"remarks": (), "judged": False},
     Settings: {"period": (0.0, 0.0, 0.0), "period_center": (0.0, 0.0, 0.0)},

@@ -21,6 +21,7 @@ from otwarp.scene import Body, Scene
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.simulation.packing.coupling import takes_coupling
+from otwarp.simulation.packing.flow import flows
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.traps import trap_reach
 from otwarp.simulation.packing.walls import hydrodynamic_walls
@@ -160,8 +161,6 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
     obstacles = tuple(sorted({o.shape for o in scene.obstacles})) if colliding else ()
     pairs = colliding > 1
     limits = bool(models) and bool(np.any(np.isfinite(values["trap_speed_limit"])))
-    flow = scene.flow
-    moving = flow is not None and bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
     driver = "solo"
     coupling = takes_coupling(scene)
     if pairs or obstacles or limits or coupling:
@@ -184,7 +183,7 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
         rigid=any(is_rigid(b) for b in bodies),
         brownian=scene.settings.brownian and bool(np.any(values["medium_temperature"] > 0.0)),
         gravity=scene.settings.gravity,
-        flow=flow.kind if flow and moving else None,
+        flow=scene.flow.kind if scene.flow and flows(scene, values) else None,
         obstacles=obstacles,
         moving_obstacles=bool(obstacles)
         and any(o.position.animated or o.orientation.animated for o in scene.obstacles),

@@ -158,6 +158,26 @@ def _forces(model: Model) -> list[dict[str, Any]]:
     return rows
 
 
+def _flow(scene: Scene) -> dict[str, Any] | None:
+    """The flow, and of a velocity field its size and how much liquid appears or vanishes in it."""
+    flow = scene.flow
+    if flow is None:
+        return None
+    about: dict[str, Any] = {"name": flow.prim, "kind": flow.kind}
+    if flow.field is not None:
+        relative, largest = flow.field.divergence
+        about |= {
+            "file": flow.file,
+            "nodes": list(flow.field.nodes),
+            "low": list(flow.field.low),
+            "high": flow.field.high.tolist(),
+            "fastest": flow.field.fastest,
+            "divergence": relative,
+            "largest_divergence": largest,
+        }
+    return about
+
+
 def _loads(model: Model) -> dict[str, float]:
     """The most that forces other than traps do to any body: force [pN], torque [pN·µm], relaxation rate [1/s]."""
     viscosity = float(model.values["medium_viscosity"].min())
@@ -211,6 +231,7 @@ def describe(
         "traps": _traps(model),
         "optics": _optics(model),
         "forces": _forces(model),
+        "flow": _flow(scene),
         "obstacles": [
             {"name": o.prim, "shape": o.shape, "moves": o.position.animated or o.orientation.animated}
             for o in scene.obstacles

@@ -30,10 +30,11 @@ from otwarp.simulation.packing.arrays import Place
 from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.packing.commands import Samples, staged_commands
 from otwarp.simulation.packing.coupling import pack_coupling
+from otwarp.simulation.packing.flow import pack_flow
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.period import pack_period
-from otwarp.simulation.packing.traps import HeldSphere, pack_flow, pack_medium, pack_traps, rotate
+from otwarp.simulation.packing.traps import HeldSphere, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
 from otwarp.simulation.packing.worlds import pack_worlds
 from otwarp.simulation.resolved import ResolvedScene

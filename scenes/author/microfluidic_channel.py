@@ -1,5 +1,6 @@
 """A robot held by three traps while two hundred cells drift past it, and past pillars, in a Poiseuille flow.
 
+The channel is periodic: what leaves it on the right comes back on the left, so that it runs for as long as one likes.
 The background flow is that between two plates and does not turn aside for the pillars. In mid-channel its drag on the
 robot, 6πη·3.5 µm·SPEED, stays far below what the three traps can hold.
 """
@@ -21,6 +22,7 @@ ROBOT_AT = (20.0, 0.0)
 POWER = 5.0  # per trap [mW]
 GAP = 0.4
 WALL_THICKNESS = 4.0
+BEYOND = 16.0  # how far the walls go on, so that a body at the end of the period meets no end of a wall [µm]
 DURATION = 2.0
 
 
@@ -37,7 +39,8 @@ def cell_centres() -> np.ndarray:
 
 
 def build() -> SceneBuilder:
-    builder = SceneBuilder(settings=Settings(duration=DURATION, frames_per_second=60.0))
+    settings = Settings(duration=DURATION, frames_per_second=60.0, period=(2 * HALF_X, 0.0, 0.0))
+    builder = SceneBuilder(settings=settings)
     builder.add_view("/World/view", (0.0, -150.0, 125.0), (0.0, -10.0, 2.0), field_of_view=60.0)
     builder.add(
         Flow(prim="/World/flow", kind="poiseuille", origin=(0, 0, HALF_HEIGHT), speed=SPEED, half_height=HALF_HEIGHT)
@@ -53,7 +56,7 @@ def build() -> SceneBuilder:
     builder.add(lid, color=shapes.GLASS, opacity=0.05)
     for name, side in (("south", -1.0), ("north", 1.0)):
         middle = (0.0, side * (HALF_Y + WALL_THICKNESS / 2), HALF_HEIGHT)
-        wall = shapes.box(f"/World/Channel/wall_{name}", middle, (HALF_X, WALL_THICKNESS / 2, HALF_HEIGHT))
+        wall = shapes.box(f"/World/Channel/wall_{name}", middle, (HALF_X + BEYOND, WALL_THICKNESS / 2, HALF_HEIGHT))
         builder.add(wall, color=shapes.GLASS, opacity=0.2)
     for i, (x, y, radius) in enumerate(PILLARS, start=1):
         post = shapes.pillar(f"/World/Obstacles/pillar_{i}", x, y, radius=radius, height=2 * HALF_HEIGHT)

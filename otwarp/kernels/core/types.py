@@ -190,13 +190,21 @@ class ObstacleData:
 
 @wp.struct
 class FlowData:
-    """The background flow, along the x axis of its frame and varying along z."""
+    """The background flow, along the x axis of its frame and varying along z, and along y in a rectangular channel."""
 
     origin: wp.vec3
     rotation: wp.quat
     half_height: wp.float32
+    half_width: wp.float32  # of a rectangular channel, the longer side [µm]
+    drive: wp.float32  # of a rectangular channel, pressure gradient over viscosity and speed [1/µm²]
     speed: wp.array(dtype=wp.float32)  # (1|W) [µm/s]
     shear_rate: wp.array(dtype=wp.float32)  # (1|W) [1/s]
+    # of a velocity field: nodes of a grid, z fastest
+    low: wp.vec3  # first node [µm]
+    per_spacing: wp.vec3  # [1/µm]
+    last: wp.vec3  # indices of the last node
+    repeat: wp.vec3  # cells after which it repeats, 0 along an open axis
+    node: wp.array2d(dtype=wp.vec3)  # (nodes, 3) u [µm/s], ½∇×u [1/s], ⅙∇²u [1/(µm·s)]; (0, 3) without one
 
 
 @wp.struct

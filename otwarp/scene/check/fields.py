@@ -57,7 +57,7 @@ def has_type(row: Attribute, value: Any) -> bool:
         return row.none is not None or row.usd_type == "double[]"
     if row.usd_type == "bool":
         return isinstance(value, bool | np.bool_)
-    if row.usd_type == "token":
+    if row.usd_type in ("token", "asset"):
         return isinstance(value, str)
     if row.usd_type == "int":
         return isinstance(value, Integral) and not isinstance(value, bool)

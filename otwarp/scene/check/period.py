@@ -50,7 +50,7 @@ def check_period(
         for obstacle in obstacles if extents else ():
             _check_obstacle(where, obstacle, axis, length, extents[0])
         if flow is not None:
-            _check_flow(where, flow, axis)
+            _check_flow(where, flow, axis, length)
 
 
 def extent(body: Body) -> float:
@@ -117,12 +117,25 @@ def _straight(obstacle: Obstacle, row: np.ndarray) -> bool:
     return obstacle.shape == "mesh" or (obstacle.shape == "box" and np.abs(row).max() > 1.0 - ALONG)
 
 
-_ACROSS = {"uniform": (), "shear": (2,), "poiseuille": (2,)}
+_ACROSS = {"uniform": (), "shear": (2,), "poiseuille": (2,), "rectangular": (1, 2), "grid": ()}
 """Profile of a flow → axes of its frame along which it varies."""
 
 
-def _check_flow(where: str, flow: Flow, axis: int) -> None:
+REPEATS = 1e-3
+"""How far a velocity field may fail to repeat, relative to its extent and its largest velocity."""
+
+
+def _check_flow(where: str, flow: Flow, axis: int, period: float) -> None:
     turn = rotation_matrix(np.array(flow.orientation))
+    if flow.field is not None:
+        along = int(np.abs(turn[axis]).argmax())
+        length = flow.field.high[along] - flow.field.low[along]
+        ends = flow.field.velocity.take((0, -1), axis=along)
+        leap = np.abs(np.subtract(*np.moveaxis(ends, along, 0))).max()
+        even = abs(abs(turn[axis, along]) - 1.0) < ALONG and abs(length - period) < REPEATS * period
+        if not even or leap > REPEATS * flow.field.fastest:
+            allowed = f"one as long as the period of {period:g} µm along {_AXES[axis]}, which ends as it begins"
+            raise bad(where, flow.prim, "ot:flow:file", f"a field of {length:g} µm", allowed)
     for across in _ACROSS[flow.kind]:
         if abs(turn[axis, across]) > ALONG:
             allowed = f"one that does not vary along {_AXES[axis]}, which is periodic"

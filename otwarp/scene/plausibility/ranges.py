@@ -222,7 +222,7 @@ ROWS: tuple[Row, ...] = (
         low=1e-3,
         high=1e4,
         dimension="speed",
-        values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille"),
+        values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille", "rectangular"),
         parameters=("flow_speed",),
     ),
     Row(
@@ -232,7 +232,13 @@ ROWS: tuple[Row, ...] = (
         values=_flow("ot:flow:shearRate", "shear_rate", "shear"),
         parameters=("flow_shear_rate",),
     ),
-    Row(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfHeight", "half_height", "poiseuille")),
+    Row(
+        low=0.5,
+        high=1e5,
+        dimension="length",
+        values=_flow("ot:flow:halfHeight", "half_height", "poiseuille", "rectangular"),
+    ),
+    Row(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfWidth", "half_width", "rectangular")),
     Row(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
     Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
     Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:lostDistance", "goal", "lost_distance")),

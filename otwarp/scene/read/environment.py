@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from pxr import Usd, UsdGeom
 
+from otwarp.errors import InputError
 from otwarp.scene import vocabulary
 from otwarp.scene.description import Camera, Flow, Goal, Medium, Settings
 from otwarp.scene.read.attributes import part, read_values
+from otwarp.scene.read.flow_file import read_flow_grid
 from otwarp.scene.read.source import Source, quat, vec3
 
 
@@ -43,14 +46,21 @@ def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
     """The background flow, if any.
 
     Raises:
-        InputError: More than one.
+        InputError: More than one, or a velocity field that cannot be read.
     """
     prim = _at_most_one(source, prims, "OtFlowAPI")
     if prim is None:
         return None
     values = read_values(source.file, prim, vocabulary.FLOW)
     position, rotation, _ = source.pose(prim)
-    return Flow(prim=str(prim.GetPath()), origin=vec3(position), orientation=quat(rotation), **values)
+    field = None
+    if values["kind"] == "grid" and values["file"]:
+        asset = source.values.value(prim, "ot:flow:file", types=("asset",))
+        try:
+            field = read_flow_grid(Path(asset.resolvedPath or asset.path))
+        except InputError as error:
+            raise source.bad(prim, "ot:flow:file", asset.path, f"a velocity field; {error}") from None
+    return Flow(prim=str(prim.GetPath()), origin=vec3(position), orientation=quat(rotation), field=field, **values)
 
 
 def read_camera(source: Source, prims: Sequence[Usd.Prim]) -> Camera | None:

@@ -25,6 +25,8 @@ def _literal(attribute: Attribute) -> str:
     value = attribute.default
     if attribute.usd_type == "token":
         return f'"{value}"'
+    if attribute.usd_type == "asset":
+        return f"@{value}@"
     if attribute.usd_type == "bool":
         return "true" if value else "false"
     if attribute.usd_type == "double[]":

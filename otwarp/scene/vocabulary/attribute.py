@@ -15,7 +15,12 @@ INSTANCE = "__INSTANCE_NAME__"
 """What stands for the instance in the attribute names of a multiple-apply schema."""
 
 _TYPES = {bool: "bool", int: "int", float: "double", str: "token", type(None): "rel"}
-_OTHER_RANGES = {"bool": "true or false", "rel": "a prim path", "double[]": "36 finite numbers or none"}
+_OTHER_RANGES = {
+    "asset": "a file or none",
+    "bool": "true or false",
+    "rel": "a prim path",
+    "double[]": "36 finite numbers or none",
+}
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class Attribute:
         unit: Unit in USD, by default the SI unit of its dimension, "1" for a pure number, "" where none has a meaning.
         per_world: Names of the parameters of `Simulation` that give it a value per world.
         per_world_unit: Unit of those parameters, by default the internal unit of its dimension.
-        usd_type: USD value type name where the default does not say it (`float3`).
+        usd_type: USD value type name where the default does not say it (`float3`, `asset` of a text).
     """
 
     name: str

@@ -107,16 +107,18 @@ FLOW = Schema(
     name="OtFlowAPI",
     of="flow",
     applies_to="the default prim or an Xform",
-    doc="Background flow along the prim's +X, varying along its +Z.",
+    doc="Background flow along the prim's +X, varying along its +Z, or a velocity field in the prim's frame.",
     attributes=(
         Attribute(
             "ot:flow:kind",
             "uniform",
-            allowed=("uniform", "shear", "poiseuille"),
-            doc="Velocity profile; a sphere goes along with its mean over its surface.",
+            allowed=("uniform", "shear", "poiseuille", "rectangular", "grid"),
+            doc="Velocity profile; a sphere goes along with its mean over its surface. `poiseuille` flows between two"
+            " plates, `rectangular` in a channel with side walls, `grid` is a field from a file; outside of these the"
+            " liquid is at rest.",
         ),
         Attribute(
-            "ot:flow:speed", 0.0, "speed", per_world=("flow_speed",), doc="Speed; at the centre line for `poiseuille`."
+            "ot:flow:speed", 0.0, "speed", per_world=("flow_speed",), doc="Speed; at the centre line of a channel."
         ),
         Attribute(
             "ot:flow:shearRate", 0.0, "rate", per_world=("flow_shear_rate",), doc="Velocity gradient of `shear`."
@@ -126,7 +128,20 @@ FLOW = Schema(
             0.0,
             "length",
             "[0, inf)",
-            doc="Half distance of the plates of `poiseuille`; must be positive there.",
+            doc="Half distance of the plates of `poiseuille` and `rectangular`; must be positive there.",
+        ),
+        Attribute(
+            "ot:flow:halfWidth",
+            0.0,
+            "length",
+            "[0, inf)",
+            doc="Half distance, along the prim's Y, of the side walls of `rectangular`; must be positive there.",
+        ),
+        Attribute(
+            "ot:flow:file",
+            "",
+            usd_type="asset",
+            doc="Velocity field of `grid`: a NumPy `.npz`, netCDF `.nc` or VTK `.vti` file.",
         ),
     ),
 )

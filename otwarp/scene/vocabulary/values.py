@@ -50,6 +50,8 @@ def to_field(attribute: Attribute, value: Any) -> Any:
         return tuple(internal(component, attribute.dimension) for component in value)
     if attribute.usd_type == "double[]":
         return _mobility(value, -1) if len(value) else None
+    if attribute.usd_type == "asset":
+        return getattr(value, "path", value)
     return bool(value) if attribute.usd_type == "bool" else value
 
 

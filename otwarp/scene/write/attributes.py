@@ -13,6 +13,7 @@ from otwarp.scene.vocabulary.attribute import INSTANCE
 from otwarp.scene.vocabulary.values import bad, check, from_field
 
 _USD = {
+    "asset": Sdf.AssetPath,
     "double[]": Vt.DoubleArray,
     "double3": lambda value: Gf.Vec3d(*value),
     "float3": lambda value: Gf.Vec3f(*value),

@@ -1,4 +1,4 @@
-"""Traps, medium and flow of a scene as the arrays that kernels read."""
+"""Traps and medium of a scene as the arrays that kernels read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.exact_data import ExactData
-from otwarp.kernels.core.types import FlowData, MediumData, TrapData
+from otwarp.kernels.core.types import MediumData, TrapData
 from otwarp.kernels.optics.traps import trap_term
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene, Trap
@@ -174,17 +174,4 @@ def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -
     data = device.typed(MediumData)()
     data.thermal_energy = device_array(BOLTZMANN * temperature, wp.float32, device)
     data.viscosity = device_array(viscosity, wp.float32, device)
-    return data
-
-
-def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: Place) -> Annotated[Any, FlowData]:
-    """Flow constants; arrays of length 0 without a flow."""
-    data = device.typed(FlowData)()
-    empty = np.zeros(0)
-    data.speed = device_array(speed if scene.flow else empty, wp.float32, device)
-    data.shear_rate = device_array(shear_rate if scene.flow else empty, wp.float32, device)
-    if scene.flow:
-        data.origin = device.typed(wp.vec3)(*scene.flow.origin)
-        data.rotation = device.typed(wp.quat)(*scene.flow.orientation)
-        data.half_height = scene.flow.half_height
     return data

@@ -13,9 +13,12 @@ from otwarp.hydrodynamics.covering import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData, mat66
 from otwarp.kernels.forces.force import Load
-from otwarp.scene import Body, Obstacle, Scene
+from otwarp.scene import Body, Flow, Obstacle, Scene
+from otwarp.scene.flow_grid import FlowGrid
+from otwarp.scene.flow_profile import flow_velocity
 from otwarp.simulation.packing.arrays import Place, device_array
 from otwarp.simulation.packing.bodies import drag_spheres, is_rigid
+from otwarp.simulation.packing.flow import flows
 from otwarp.simulation.packing.traps import rotate
 from otwarp.units import BOLTZMANN
 
@@ -60,21 +63,48 @@ def check_flow(scene: Scene, values: Mapping[str, np.ndarray]) -> None:
         InputError: The message names the wall, and where the flow stands still.
     """
     flow = scene.flow
-    if flow is None or not np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]):
+    if flow is None or not flows(scene, values):
+        return
+    if flow.field is not None:
+        _check_field(scene, flow, flow.field)
         return
     up = rotate(np.array(flow.orientation), np.array([0.0, 0.0, 1.0]))
     for wall in hydrodynamic_walls(scene):
         normal, offset = plane_of(wall)
         height = offset * float(normal @ up) - float(up @ np.array(flow.origin))
         parallel = np.linalg.norm(np.cross(normal, up)) < STILL
-        size = flow.half_height if flow.kind == "poiseuille" else max(s.radius for b in scene.bodies for s in b.spheres)
-        still = {"poiseuille": (-flow.half_height, flow.half_height), "shear": (0.0,)}.get(flow.kind, ())
-        if not parallel or not any(abs(height - z) < STILL * size for z in still):
+        channel = flow.kind in ("poiseuille", "rectangular")
+        size = flow.half_height if channel else max(s.radius for b in scene.bodies for s in b.spheres)
+        still = (-flow.half_height, flow.half_height) if channel else (0.0,) if flow.kind == "shear" else ()
+        side = flow.kind == "rectangular" and _is_side(flow, normal, offset)
+        if not side and (not parallel or not any(abs(height - z) < STILL * size for z in still)):
             where = {
                 "poiseuille": f"at ±{flow.half_height:g} µm of the prim's own z",
+                "rectangular": f"at ±{flow.half_height:g} µm of the prim's own z and ±{flow.half_width:g} µm of its y",
                 "shear": "at 0 of the prim's own z",
             }.get(flow.kind, "nowhere")
             raise _bad(scene, wall, "true", f"false where {flow.prim} flows; its {flow.kind} flow stands still {where}")
+
+
+def _is_side(flow: Flow, normal: np.ndarray, offset: float) -> bool:
+    """Whether a plane is a side wall of a rectangular channel."""
+    across = rotate(np.array(flow.orientation), np.array([0.0, 1.0, 0.0]))
+    place = offset * float(normal @ across) - float(across @ np.array(flow.origin))
+    along = bool(np.linalg.norm(np.cross(normal, across)) < STILL)
+    return along and abs(abs(place) - flow.half_width) < STILL * flow.half_width
+
+
+def _check_field(scene: Scene, flow: Flow, field: FlowGrid) -> None:
+    """Refuse a velocity field that moves along a hydrodynamic wall, looked at below all nodes."""
+    axes = [low + h * np.arange(n) for low, h, n in zip(field.low, field.spacing, field.nodes, strict=True)]
+    local = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    nodes = rotate(np.array(flow.orientation), local) + np.array(flow.origin)
+    for wall in hydrodynamic_walls(scene):
+        normal, offset = plane_of(wall)
+        below = nodes - (nodes @ normal - offset)[:, None] * normal
+        speed = float(np.linalg.norm(flow_velocity(flow, below), axis=1).max())
+        if speed > STILL * field.fastest:
+            raise _bad(scene, wall, "true", f"false where {flow.prim} flows; its field has {speed:g} µm/s there")
 
 
 def walled_spheres(body: Body) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Obstacle, Scene, Sphere
+from otwarp.scene.flow_profile import drive, sides
 from otwarp.simulation.packing.bodies import is_rigid, obstacle_bound
 from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.time_step.relaxation import point_mobility
@@ -38,6 +39,8 @@ def flow_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
     """Fastest flow where bodies and traps are [µm/s]; a shear flow has no fastest place of its own."""
     if scene.flow is None:
         return 0.0
+    if scene.flow.field is not None:
+        return scene.flow.field.fastest
     if scene.flow.kind != "shear":
         return float(np.abs(values["flow_speed"]).max())
     inverse = np.array(scene.flow.orientation) * [-1.0, -1.0, -1.0, 1.0]
@@ -130,7 +133,8 @@ def turning_rate(
 ) -> float:
     """Fastest turning of a rigid body in the flow and under the torque of its weight and other forces [rad/s].
 
-    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel), and |T|·μ_r.
+    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel, at most Gh in a rectangular one, the
+    curl of a field), and |T|·μ_r.
     """
     rigid = [(t, m) for b, t, m in zip(scene.bodies, loads, moves, strict=True) if is_rigid(b)]
     if not rigid:
@@ -140,6 +144,10 @@ def turning_rate(
         gradient = float(np.abs(values["flow_shear_rate"]).max())
     elif flow is not None and flow.kind == "poiseuille":
         gradient = 2.0 * float(np.abs(values["flow_speed"]).max()) / flow.half_height
+    elif flow is not None and flow.kind == "rectangular":
+        gradient = float(np.abs(values["flow_speed"]).max()) * drive(flow) * sides(flow)[0]
+    elif flow is not None and flow.field is not None:
+        gradient = float(np.linalg.norm(flow.field.curl, axis=-1).max())
     for load, move in rigid:
         if load.torque:
             turn = float(np.linalg.eigvalsh(move.mobility[3:, 3:])[-1])

@@ -23,6 +23,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
+from otwarp.scene.flow_profile import flow_velocity
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
@@ -79,7 +80,7 @@ class Reach:
                 raise InputError(f"{name} = {value!r}: must be 0 or more and finite")
         place = np.array([b.position for b in scene.bodies], dtype=float).reshape(-1, 3)
         bound = np.array([body_bound(b) for b in scene.bodies])
-        drift = horizon * flow_velocity(scene, place)
+        drift = horizon * (np.zeros_like(place) if scene.flow is None else flow_velocity(scene.flow, place))
         roam = np.array(
             [_roam(scene, b, load.force, horizon) for b, load in zip(scene.bodies, resting_loads(scene), strict=True)]
         )
@@ -118,22 +119,6 @@ def _carried(body: Body) -> float:
         (float(np.linalg.norm(p - h)) + e.radius for h in held for e in (*body.spheres, *body.rods) for p in _ends(e)),
         default=0.0,
     )
-
-
-def flow_velocity(scene: Scene, place: np.ndarray) -> np.ndarray:
-    """(n, 3) velocity of the background flow [µm/s] at `place` (n, 3) [µm]; see `Flow`."""
-    flow = scene.flow
-    if flow is None:
-        return np.zeros_like(place)
-    turn = np.array(flow.orientation)
-    height = rotate(turn * [-1.0, -1.0, -1.0, 1.0], place - flow.origin)[:, 2]
-    if flow.kind == "uniform":
-        speed = np.full(len(place), flow.speed)
-    elif flow.kind == "shear":
-        speed = flow.shear_rate * height
-    else:
-        speed = flow.speed * np.maximum(0.0, 1.0 - (height / flow.half_height) ** 2)
-    return speed[:, None] * rotate(turn, np.array([1.0, 0.0, 0.0]))
 
 
 def _roam(scene: Scene, body: Body, load: float, horizon: float) -> float:
