@@ -230,6 +230,19 @@ def test_lights_of_the_stage():
     assert lights.ambient / lights.ambient[0] == pytest.approx([1.0, 0.5, 0.25])
 
 
+def test_an_exposure_that_no_number_holds():
+    """2¹⁰²⁴ overflows; found by the long fuzz."""
+    stage = stages.new_stage()
+    lamp = UsdLux.SphereLight.Define(stage, "/World/Lamp")
+    for stops, refused in ((100.0, False), (-1024.0, True), (1024.0, True)):
+        lamp.CreateExposureAttr(stops)
+        if not refused:
+            assert np.all(np.isfinite(read_drawables(stage).lights.irradiance))
+            continue
+        with pytest.raises(InputError, match=rf"/World/Lamp: inputs:exposure = {stops}: must be in \[-100, 100\]"):
+            read_drawables(stage)
+
+
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match=r"none\.usda: there is no such file"):
         read_drawables(tmp_path / "none.usda")

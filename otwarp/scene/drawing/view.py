@@ -16,6 +16,9 @@ _APERTURE_UNIT = 0.1
 AUTOMATIC_FIELD = np.radians(32.0)
 """Vertical field of view of the automatic camera."""
 
+STOPS = 100.0
+"""Largest exposure of a light: 2¹⁰⁰ is about the largest number that a stage may hold."""
+
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / max(float(np.linalg.norm(vector)), 1e-300)
@@ -104,12 +107,19 @@ def automatic_view(lower: np.ndarray, upper: np.ndarray, up: np.ndarray, aspect:
 
 
 def _irradiance(prim: Usd.Prim, distance: float, scale: float, values: Values) -> float:
-    """Relative irradiance that a light casts on the centre of the scene."""
+    """Relative irradiance that a light casts on the centre of the scene.
+
+    Raises:
+        InputError: An exposure of more than `STOPS`.
+    """
 
     def get(name: str, default: float) -> float:
         return values.number(prim, name, absent=default)
 
-    strength = get("inputs:intensity", 1.0) * 2.0 ** get("inputs:exposure", 0.0)
+    stops = get("inputs:exposure", 0.0)
+    if abs(stops) > STOPS:
+        raise values.bad(prim, "inputs:exposure", stops, f"in [-{STOPS:g}, {STOPS:g}]")
+    strength = get("inputs:intensity", 1.0) * 2.0**stops
     if prim.IsA(UsdLux.DistantLight):
         return strength
     if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):

@@ -7,8 +7,10 @@ asks an attribute for its value.
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import cache
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -110,7 +112,8 @@ class Values:
         """What an attribute holds at a time, None for nothing; of one of the types, and a token that is known."""
         prim, name, allowed = attribute.GetPrim(), attribute.GetName(), type_text(types, allowed)
         try:
-            found = attribute.Get(time)
+            with redirect_stderr(StringIO()):  # USD prints that Python has no such type, besides raising it
+                found = attribute.Get(time)
         except USD_ERRORS as error:
             raise self.bad(prim, name, f"({usd_reason(error)})", allowed) from None
         if found is not None and type(found) not in _python_types(types):

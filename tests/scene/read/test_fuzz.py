@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, Vt
 
@@ -147,6 +147,7 @@ def test_text_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str], 
 
 @fuzzed(6)
 @given(edits=EDITS)
+@example(edits=[(1418, 1)])  # transform ops of a type that Python does not have: USD printed so on stderr
 def test_crates_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]]) -> None:
     damaged(base, ".usdc", capfd, edits)
 
