@@ -32,7 +32,15 @@ KEPT = 0.9
 at all, nothing could win energy back."""
 
 MEMORY = 2.0
-"""Seconds for which a late cycle or a jerk is expected again; a late cycle up to twice that."""
+"""Seconds for which a late cycle or a jerk is expected again, a late cycle up to twice that; and for which a hand must
+rest until what it owes is forgiven."""
+
+REST = 5e-3
+"""Mean speed, by the length of its way, up to which a hand rests [m/s]: tremor of 0.1 mm at 10 Hz is 4 mm/s, and a
+device of 0.15 kg has 2 µJ then, a fiftieth of the reserve."""
+
+REFILL = 1e-5
+"""Power at which the reserve of a hand that rests fills up again [W]: 10 s for all of it."""
 
 LONGEST = 0.1
 """Longest hold that is foreseen [s]: by then the guardian of the servo has sent zero. What a longer one may have taken
@@ -69,13 +77,19 @@ class Passivity:
     - the hold is as long as the longest of the last `MEMORY` seconds, at least a period and `hold`;
     - the hand goes on at its velocity, changed by at most `acceleration`, and no faster than `speed`. Who was jerkier
       within `MEMORY` is expected to reach `speed` at once;
-    - positions are known to `noise` and `quantum`, and to `speed` times their age when the device is silent.
+    - positions are known to `noise` and `quantum`. Between two words of its device the hand goes straight, but for the
+      detour that its acceleration and speed allow in that time, as far as it was foreseen.
 
     As long as a hold exceeds none of these, energy never falls below −`reserve`, and no noise adds up: every change of
     the force is charged with the largest error of the position, since by summation by parts Σ F_k·(n_{k+1} − n_k) is
     −Σ n_k·(F_k − F_{k−1}) but for its ends. A hold that exceeds them, the first late one, costs what it costs. It is
     counted in full, and until it is paid back no force drives: what resists may risk a stake that halves with every
-    such hold, so that they never add up.
+    such hold, so that they do not add up.
+
+    A hand that rests pays nothing back, and need not: what it was given went into motion, and that is over. After a
+    block of `MEMORY` seconds of rest a debt from beyond the foreseen is forgiven, and of the reserve comes back what
+    `REFILL` gives in that time. So what was foreseen takes `reserve` + `REFILL`·(time at rest) at most, and what was
+    not is as bad again only after a rest.
 
     Args:
         config: Reserve, capacity and what is foreseen.
@@ -83,19 +97,21 @@ class Passivity:
         quantum: Resolution of the device's position [m].
 
     Attributes:
-        energy: Taken from the hand, net, less what noise may have hidden [J]; never above the capacity.
+        energy: Taken from the hand, net, less what noise and silences may have hidden [J]; never above the capacity.
     """
 
     __slots__ = (
-        "_age", "_anchor", "_clock", "_config", "_error", "_floor", "_force", "_hand", "_jerky", "_past", "_period",
-        "_quantum", "_recent", "_since", "_span", "_stake", "_velocity", "energy", "hold",
+        "_age", "_anchor", "_changed", "_clock", "_config", "_error", "_floor", "_force", "_hand", "_impulse", "_jerky",
+        "_most", "_past", "_period", "_quantum", "_recent", "_since", "_span", "_stake", "_stood", "_velocity", "_way",
+        "energy", "hold",
     )  # fmt: skip
 
     def __init__(self, config: PassivityConfig, period: float, quantum: float = 0.0) -> None:
         self._config, self._period = config, period
         self._quantum, self._error = quantum, quantum + 2.0 * config.noise
         self._hand: Vec3 | None = None
-        self._anchor = self._velocity = self._force = ZERO
+        self._anchor = self._velocity = self._force = self._impulse = self._stood = ZERO
+        self._changed = self._most = self._way = 0.0
         self._span, self._since, self._age = period, 0.0, 0.0
         self._jerky = self._clock = self._past = self._recent = 0.0
         self.energy, self._floor, self._stake = 0.0, -config.reserve, config.reserve
@@ -113,30 +129,61 @@ class Passivity:
         self._since += elapsed
         self._jerky -= elapsed
         self._clock += elapsed
+        if self._changed or not known:
+            (fx, fy, fz), (u, v, w) = self._force, self._impulse
+            self._impulse = (u + fx * elapsed, v + fy * elapsed, w + fz * elapsed)
         if not known:
             return self.energy
         self._age = 0.0
+        if self._hand is None:
+            self._hand = self._anchor = self._stood = (x, y, z)
+        else:
+            self._count(x, y, z, age)
         if self._clock >= MEMORY or age > self._recent:
             self._remember(age)
-        if self._hand is None:
-            self._hand = self._anchor = (x, y, z)
-            return self.energy
-        (u, v, w), (fx, fy, fz) = self._hand, self._force
+        return self.energy
+
+    def _count(self, x: float, y: float, z: float, age: float) -> None:
+        """Work, way and velocity from the last position to this one, which is `age` [s] later."""
+        (u, v, w), (fx, fy, fz), hidden = self._hand or ZERO, self._force, 0.0
+        if self._changed:  # meanwhile: its mean, and what a detour may have hidden
+            fx, fy, fz = (i / age for i in self._impulse)
+            hidden, self._changed = self._changed * self._detour(min(age, self.hold)), 0.0
+        self._impulse = ZERO
         work = fx * (x - u) + fy * (y - v) + fz * (z - w)
         if age > LONGEST and work < 0.0:
             work = 0.0
         self._hand = (x, y, z)
-        self._pay(work)
+        # together no more than there was room for
+        self._pay(max(work, min(work + hidden, self._most)))
+        way = math.dist(self._stood, self._hand)
+        if way > self._error:
+            self._stood, self._way = self._hand, self._way + way
         if self._since >= 0.5 * self._period:
             self._measure(x, y, z)
-        return self.energy
+
+    def _detour(self, time: float) -> float:
+        """Farthest that a hand strays from the straight line between two places that it is at this time apart [m]."""
+        config = self._config
+        way = 0.5 * config.speed * time
+        return way if self._jerky > 0.0 else min(way, 0.125 * config.acceleration * time * time)
 
     def _remember(self, silence: float) -> None:
-        """Longest time without a command or a position, in this block of `MEMORY` seconds and in the last."""
+        """Longest time without a command or a position, and whether the hand rested, in this block of `MEMORY` seconds
+        and in the last."""
         if self._clock >= MEMORY:
-            self._clock, self._past, self._recent = 0.0, self._recent, 0.0
+            if self._way <= REST * self._clock:
+                self._rest()
+            self._clock, self._past, self._recent, self._way = 0.0, self._recent, 0.0, 0.0
         self._recent = max(self._recent, min(silence, LONGEST))
         self.hold = max(self._period, self._config.hold, self._past, self._recent)
+
+    def _rest(self) -> None:
+        """The hand has rested for a block: a debt is forgiven, the reserve fills up; what is in store stays."""
+        reserve = self._config.reserve
+        back = REFILL * self._clock if self._floor >= -reserve else math.inf
+        self.energy = max(self.energy, min(0.0, self.energy + back))
+        self._floor, self._stake = -reserve, reserve
 
     def _pay(self, work: float) -> None:
         """Give `work` [J] away; the floor is what energy may not fall below next."""
@@ -147,7 +194,7 @@ class Passivity:
         stake = self._stake
         if energy < self._floor:
             self._stake = stake = 0.5 * stake
-            self._floor = energy - stake
+            self._floor, self._way = energy - stake, math.inf
         elif energy >= 0.0:
             self._stake = reserve = self._config.reserve
             self._floor = -reserve
@@ -196,27 +243,27 @@ class Passivity:
         """The force [N] made so small that no motion within reach can take more than there is.
 
         Between two positions of a device that is slower than the servo the force stays what it was: a change would be
-        charged with all that the hand may have moved meanwhile. One that must fall falls.
+        charged with the detour that the hand may have made. One that must fall falls, without a turn.
         """
-        if self._age > 0.0 and not falling:
-            return self._force
         fx, fy, fz = force
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
+        if self._age > 0.0:
+            (fx, fy, fz), held = self._force, math.dist(self._force, ZERO)
+            k = size / held if falling and size < held else 1.0
+            return k * fx, k * fy, k * fz
+        self._most = 0.0
         if size == 0.0:
             return force
         config, t = self._config, self.hold
-        if self._age > 0.0 and size <= math.dist(self._force, ZERO):
-            return force  # nobody knows where the hand is: how the force falls is for the watchdog to say
         room = NEARLY * (self.energy - self._floor - self._hidden(force))
         # the force's own end costs noise once more, and again when it is taken away
         ends = self._error + 2.0 * config.noise
         need = size * (t * config.speed + ends)
         if need > room:
             need = self._need(force, size, t, ends)
-        if need <= room:
-            return force
-        k = room / need if room > 0.0 else 0.0
-        return k * fx, k * fy, k * fz
+        k = 1.0 if need <= room else room / need if room > 0.0 else 0.0
+        self._most = k * need
+        return force if k == 1.0 else (k * fx, k * fy, k * fz)
 
     def _need(self, force: Vec3, size: float, t: float, ends: float) -> float:
         """Most work [J] that a hand can take from a force [N] of this size that is held for up to `t` [s]."""
@@ -230,15 +277,16 @@ class Passivity:
 
     def send(self, force: Vec3) -> None:
         """`force` [N] is held from now on."""
-        if force != self._force:
-            self._pay(self._hidden(force))
-            self._force = force
+        if force == self._force:
+            return
+        if self._age > 0.0:
+            self._changed += math.dist(force, self._force)
+        self._pay(self._hidden(force))
+        self._force = force
 
     def _hidden(self, force: Vec3) -> float:
         """Work [J] that an error of the position can hide when the force changes to this."""
-        (fx, fy, fz), (u, v, w), config = force, self._force, self._config
-        fx, fy, fz = fx - u, fy - v, fz - w
-        return (config.noise + config.speed * self._age) * math.sqrt(fx * fx + fy * fy + fz * fz)
+        return self._config.noise * math.dist(force, self._force)
 
     @property
     def account(self) -> Account:
@@ -254,12 +302,15 @@ class Passivity:
         """All that changes from step to step, for JSON."""
         held = [self._hand, self.energy, self._floor, self._stake, self._force, self._age]
         moves = [self._anchor, self._velocity, self._span, self._since]
-        return [*held, *moves, self._jerky, self._clock, self._past, self._recent, self.hold]
+        times = [self._jerky, self._clock, self._past, self._recent, self.hold]
+        return [*held, *moves, *times, self._impulse, self._changed, self._most, self._stood, self._way]
 
     def restore(self, state: Sequence[Any]) -> None:
-        """Go on from a `state`; earlier versions recorded the first two of it."""
+        """Go on from a `state`; earlier versions recorded the first two of it, and then all but the last five."""
         self._hand, self.energy, *rest = as_tuples(state)
         if rest:
             self._floor, self._stake, self._force, self._age, *rest = rest
             self._anchor, self._velocity, self._span, self._since, *rest = rest
-            self._jerky, self._clock, self._past, self._recent, self.hold = rest
+            self._jerky, self._clock, self._past, self._recent, self.hold, *rest = rest
+        if rest:
+            self._impulse, self._changed, self._most, self._stood, self._way = rest

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.chain.passivity import LONGEST, REST
 from otwarp.haptics.core.config import IDENTITY, ChainConfig, HandConfig, PassivityConfig, SafetyConfig
 from otwarp.haptics.core.types import ZERO, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.devices.virtual import advance
@@ -55,6 +56,9 @@ class Attack:
         noise: Of the device's position, uniform or at its worst [m].
         pose: Noise of the sphere's position [m of hand].
         drop: Probability that a state is lost.
+        silent: Probability that the device says nothing in a cycle.
+        longest: Longest silence of the device [s].
+        fall: Probability that the force begins to fall in a cycle, or may come back.
         seed: Of all that is random.
     """
 
@@ -65,6 +69,9 @@ class Attack:
     noise: float = 0.0
     pose: float = 0.0
     drop: float = 0.0
+    silent: float = 0.0
+    longest: float = LONGEST
+    fall: float = 0.0
     seed: int = 0
 
 
@@ -78,6 +85,7 @@ class Loss:
         counted: Most that the chain counted above the truth [J].
         largest: Largest force [N].
         hold: Most that a hand of 0.5 m/s can get from one hold, |F|·v·T [J].
+        slow: Time for which it was no faster than ten times `REST` [s]: nine tenths of every rest, or more.
     """
 
     least: float
@@ -85,6 +93,7 @@ class Loss:
     counted: float
     largest: float
     hold: float
+    slow: float
 
 
 def spring_chain(stiffness: float, passivity: PassivityConfig | None, ramp: float = 0.0, quantum: float = 0.0) -> Chain:
@@ -196,13 +205,15 @@ def lose(
     chain.arm()
     hand = hand or Hand(attack)
     force, place, time = ZERO, hand.move(ZERO, 0.0), 0.0
-    energy = least = counted = largest = hold = 0.0
-    trap, beat, sphere, error = TrapFrame(0, ZERO, 1.0), 1, ZERO, ZERO
+    energy = least = counted = largest = hold = slow = since = 0.0
+    trap, beat, sphere, error, known = TrapFrame(0, ZERO, 1.0), 1, ZERO, ZERO, place
     for n in range(cycles):
         if n:
             interval = attack.intervals[n % len(attack.intervals)]
             hold = max(hold, math.hypot(*force) * 0.5 * interval)
             before, place, time = place, hand.move(force, interval), time + interval
+            since += interval
+            slow += interval if math.dist(place, before) <= 10.0 * REST * interval else 0.0
             energy -= sum(f * (a - b) for f, a, b in zip(force, place, before, strict=True))
             least = min(least, energy)
         if rng.random() >= attack.drop:
@@ -213,10 +224,17 @@ def lose(
             # towards the sphere one time, away from it the next: the force swings with it
             worst = along(place, attack.noise if n % 2 else -attack.noise)
             error = worst if rng.random() < 0.5 else tuple(rng.uniform(-1, 1) * attack.noise / 2.0 for _ in range(3))
-        u, v, w = (a + b for a, b in zip(place, error, strict=True))
-        now = chain.step(DeviceSample(time, (u, v, w)), SceneFrame(beat, time, (SphereFrame(sphere, 0),), (trap,)))
+        coming = attack.intervals[(n + 1) % len(attack.intervals)]
+        fresh = since + coming > attack.longest or rng.random() >= attack.silent
+        if fresh:
+            u, v, w = (a + b for a, b in zip(place, error, strict=True))
+            known, since = (u, v, w), 0.0
+        if attack.fall and rng.random() < attack.fall:
+            chain.disarm() if chain.safety.wanted else chain.arm()
+        sample = DeviceSample(time, known, 0, fresh)
+        now = chain.step(sample, SceneFrame(beat, time, (SphereFrame(sphere, 0),), (trap,)))
         force = now.force
         counted, largest = max(counted, now.energy - energy), max(largest, math.hypot(*force))
         if now.state in ("disarmed", "fault"):
             chain.arm()
-    return Loss(least, energy, counted, largest, hold)
+    return Loss(least, energy, counted, largest, hold, slow)

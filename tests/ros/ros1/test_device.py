@@ -24,6 +24,8 @@ from .setups import LocalNode, wait_for
 
 NS = "/GeomagicLeft"
 PERIOD = 1e-3
+FELT = 1e-3
+"""N; passivity control leaves a hand at rest twice that if poses come 100 ms late, as they do on a busy machine."""
 
 
 def pose(x: float, y: float, z: float):
@@ -189,7 +191,7 @@ def test_a_servo_renders_to_a_ros_device_and_ends_with_zero_force(master, monkey
     """The servo's own process holds the device: the driver hears the force of a spring, then zero."""
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
     forces = []
-    hand = hand_config(motion_gain=100.0, force_gain=0.05, passivity=None)  # which a busy machine would bring in
+    hand = hand_config(motion_gain=100.0, force_gain=0.05)
     with Ros1Node("driver") as driver:
         out = driver.publisher(f"{NS}/pose", "geometry_msgs/PoseStamped", latch=True)
         driver.subscribe(f"{NS}/force_feedback", "geomagic_control/DeviceFeedback", forces.append)
@@ -205,7 +207,7 @@ def test_a_servo_renders_to_a_ros_device_and_ends_with_zero_force(master, monkey
                 now = servo.hand(0)
                 if now is not None and now.state == "disarmed":
                     servo.arm()
-                return bool(forces) and abs(forces[-1].force.x) > 0.05
+                return any(abs(message.force.x) > FELT for message in forces)  # it may have fallen again by now
 
             wait_for(pulls, "a force")
         wait_for(lambda: forces[-1].force.x == 0.0, "zero force at the end")
