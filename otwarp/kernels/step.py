@@ -25,7 +25,7 @@ class Step:
         features: What they were composed from.
         fused: The world drivers' single kernel, or None.
         grid: The body driver's kernels, or None.
-        readout: Trap readout kernels (per trap, per sphere, per hand), empty without traps.
+        readout: Trap readout kernels (per trap and body, per hand), empty without traps.
         forces: Readout of the forces with parameters, or None without such.
     """
 
@@ -39,8 +39,12 @@ class Step:
     def kernels(self) -> list[wp.Kernel]:
         """All kernels, in launch order."""
         fused = [self.fused] if self.fused is not None else []
-        forces = [self.forces] if self.forces is not None else []
-        return [*fused, *(self.grid.all if self.grid is not None else ()), *self.readout, *forces]
+        return [*fused, *(self.grid.all if self.grid is not None else ()), *self.measuring]
+
+    @property
+    def measuring(self) -> list[wp.Kernel]:
+        """Kernels that read out and do not step."""
+        return [*self.readout, *([self.forces] if self.forces is not None else [])]
 
 
 @functools.lru_cache(maxsize=64)

@@ -1,9 +1,11 @@
-"""Tells, before a simulation starts, that kernels are about to be compiled: the first run of a scene waits for it."""
+"""Compiles and loads the kernels of a simulation before its first step, and tells whoever has to wait for it."""
 
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +17,35 @@ LOG = logging.getLogger("otwarp")
 _BINARIES = {".o", ".ptx", ".cubin"}
 
 
-def tell_of_compilation(kernels: Iterable[Any], device: wp.Device) -> None:
-    """Log how many modules of these kernels are not in Warp's cache; nothing where all are, or nobody listens."""
-    if not LOG.isEnabledFor(logging.INFO):
-        return
+def usable_cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def load_kernels(kernels: Iterable[Any], device: wp.Device) -> None:
+    """Compile these kernels, as many modules at a time as there are cores, and load them.
+
+    Logs how many modules are not in Warp's cache, and each one that is there at last; nothing where all are. The
+    variant is the one that launches use: one thread per block on a CPU.
+    """
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
-    missing = [module for module in modules if not is_compiled(module, device)]
+    told = LOG.isEnabledFor(logging.INFO)
+    missing = {module for module in modules if told and not is_compiled(module, device)}
     if missing:
         LOG.info(
             "compiling %d of %d kernel modules for %s, some seconds each; the next run finds them in %s",
             *(len(missing), len(modules), device.alias, wp.config.kernel_cache_dir),
         )
+    block = 1 if device.is_cpu else None
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        loading = {pool.submit(module.load, device, block): module for module in modules}
+        compiled = 0
+        for done in as_completed(loading):
+            if done.result() is None:
+                raise RuntimeError(f"Warp could not compile {loading[done].name}")
+            if len(missing) > 1 and loading[done] in missing:
+                compiled += 1
+                LOG.info("compiled %d of %d", compiled, len(missing))
 
 
 def is_compiled(module: wp.Module, device: wp.Device) -> bool:

@@ -11,6 +11,7 @@ from otwarp.kernels.drivers.grid_contacts import next_sweeps, resume_sweeps
 from otwarp.kernels.drivers.neighbours import bound_cells, clear_cells, permute_slots, turn_slots
 from otwarp.kernels.drivers.soft import fill_slots, load_slots, store_slots
 from otwarp.kernels.step import Step
+from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
@@ -40,8 +41,7 @@ class GridStepper:
         self.elements = model.worlds * self.scratch.near.elements
         # the conditional parts of a graph need CUDA 12.4; without them they are taken in every step
         self.branches = model.device.is_cpu or wp.is_conditional_graph_supported()
-        for kernel in (*step.kernels, *SHARED):
-            kernel.module.load(model.device, 1 if model.device.is_cpu else None)
+        load_kernels((*step.grid.all, *SHARED), model.device)
         if self.features.soft_contacts or self.features.lanes:
             self._share(fill_slots, self.features.bodies, model.data, self.scratch)
         self.place()

@@ -15,10 +15,10 @@ from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.capture import CapturedLoop
-from otwarp.simulation.compilation import tell_of_compilation
+from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.ends import End, check_ends
 from otwarp.simulation.episodes import Episodes
-from otwarp.simulation.grid_stepper import SHARED, GridStepper
+from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
@@ -112,10 +112,10 @@ class Simulation:
         self._ends = options.ends
         self._episodes = Episodes.start(self.model, options.ends or ()) if self.model.features.episodes else None
         self._measured_at: tuple[int, int] | None = None
+        self._measures = False  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
         grid = self.model.features.driver == "grid"
-        tell_of_compilation([*self._step.kernels, *(SHARED if grid else ())], self.model.device)
         self._stepper = GridStepper(*parts) if grid else FusedStepper(*parts, threads)
 
     @property
@@ -300,14 +300,16 @@ class Simulation:
 
     def measure(self) -> Readout:
         """Evaluate trap forces and distances anew, for instance after assigning to an array of `state` or `control`."""
+        if not self._measures:
+            load_kernels(self._step.measuring, self.model.device)
+            self._measures = True
         if self._step.readout:
             model = self.model
-            per_trap, per_sphere, per_hand = self._step.readout
+            per_trap_and_body, per_hand = self._step.readout
             out, time = self._readout.trap_data(), wp.float64(self.time)
             views = [model.data, self.control.data(), self.state.data(), out, time]
             worlds, f = model.worlds, model.features
-            wp.launch(per_trap, dim=(worlds, f.traps), inputs=views, device=model.device)
-            wp.launch(per_sphere, dim=(worlds, f.bodies), inputs=views, device=model.device)
+            wp.launch(per_trap_and_body, dim=(worlds, f.traps + f.bodies), inputs=views, device=model.device)
             wp.launch(per_hand, dim=(worlds, 2), inputs=[model.data, out], device=model.device)
         if self._step.forces is not None:
             out = [self._readout.body_force, self._readout.body_torque]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -11,24 +10,12 @@ import warp as wp
 
 from otwarp.kernels.drivers.lane_groups import threads_for
 from otwarp.kernels.step import Step
+from otwarp.simulation.compilation import load_kernels, usable_cores
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
 
 STEPS_PER_LAUNCH = 20_000
 """Longest fused launch, so that an interrupt from the keyboard is answered in reasonable time."""
-
-
-def usable_cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def load(kernel: wp.Kernel, device: wp.Device) -> None:
-    """Compile and load the variant of a kernel that launches will use: one thread per block on the CPU.
-
-    Warp keeps one binary per block size, and the one it makes by default serves CUDA alone.
-    """
-    kernel.module.load(device, 1 if device.is_cpu else None)
 
 
 class FusedStepper:
@@ -43,9 +30,8 @@ class FusedStepper:
         self.layout = -1
         self.views: tuple = ()
         self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
-        # compile and load once, before threads may race for it
-        assert step.fused is not None
-        load(step.fused, model.device)
+        # once, before threads may race for it
+        load_kernels([step.fused], model.device)
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
 
     def _launch(self, span: tuple[int, int], first_step: int, steps: int) -> None:

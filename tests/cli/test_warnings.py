@@ -81,11 +81,13 @@ def test_a_task_that_is_lost_is_told_without_compiling(tmp_path: Path, device: s
         assert not list((tmp_path / "kernels").rglob("*.o"))
 
 
-def test_a_piped_run_says_once_that_it_compiles(tmp_path: Path, device: str) -> None:
+def test_a_piped_run_says_what_it_compiles_and_only_then(tmp_path: Path, device: str) -> None:
     path = SCENES / "single_bead.usda"
     run = ("run", path, "--out", tmp_path / "out", "--duration", "0.02", "--fps", "100", "--device", device)
     first, second = (otwarp(*run, WARP_CACHE_PATH=str(tmp_path / "kernels")) for _ in range(2))
-    (line,) = first.stderr.splitlines()
-    where = "cpu" if device == "cpu" else device
-    assert line.startswith("otwarp: compiling ") and f"kernel modules for {where}, some seconds each" in line
+    stepping, measuring, *each = first.stderr.splitlines()
+    for line, modules in ((stepping, 1), (measuring, 2)):
+        told = f"compiling {modules} of {modules} kernel modules for {device}, some seconds each"
+        assert line.startswith(f"otwarp: {told}")
+    assert each == ["otwarp: compiled 1 of 2", "otwarp: compiled 2 of 2"]
     assert (second.returncode, second.stderr) == (0, "")

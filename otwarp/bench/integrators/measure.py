@@ -38,10 +38,10 @@ from otwarp.bench.typed import check_least
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle
+from otwarp.simulation.compilation import usable_cores
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.stepping import usable_cores
 
 WORLDS = {"cpu": 4096, "cuda": 1 << 20}
 """Beads of a timed call."""

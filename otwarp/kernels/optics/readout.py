@@ -39,8 +39,19 @@ def sphere_position_term(f: Features) -> wp.Function:
     return sphere_position
 
 
-def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
-    """Kernels over (world, trap), (world, sphere) and (world, hand), to be launched in this order."""
+@wp.kernel(enable_backward=False)
+def per_hand(model: ModelData, out: TrapReadoutData):
+    """Write the sum of forces [pN] over the traps of one hand, left or right."""
+    world, hand = wp.tid()
+    total = wp.vec3(0.0)
+    for trap in range(model.traps.axis.shape[0]):
+        if model.traps.hand[trap] == hand + 1:
+            total += out.force[world, trap]
+    out.hand_force[world, hand] = total
+
+
+def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernels over (world, trap or body, the traps first) and over (world, hand), to be launched in this order."""
     trap_command = trap_command_term(f)
     prepare, trap_force = trap_force_term(f.trap_models)[1:3]
     sphere_position = sphere_position_term(f)
@@ -58,46 +69,46 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
         return c[3] * trap_force(model.traps, law, away)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def per_trap(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
-        """Write focus [µm], power [mW], total force [pN] and distance to the held sphere [µm] of one trap."""
-        world, trap = wp.tid()
-        c = trap_command(model, control, state, world, trap, time_of(model, world, time))
-        out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
-        out.power[world, trap] = c[3]
-        total = wp.vec3(0.0)
-        for b in range(model.bodies):
-            for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
-                total += force_on(model, state, world, b, i, trap, c)
-        out.force[world, trap] = total
-        distance = wp.float32(wp.nan)
-        held = model.traps.held_body[trap]
-        if held >= 0:
-            place = sphere_position(model, state, world, held, model.traps.held_offset[trap])
-            away = place - anchor_of(model, trap, c)
-            if wp.static(f.periodic):
-                away = nearest(model.period, away)
-            distance = wp.length(away)
-        out.distance[world, trap] = distance
+    def per_trap_and_body(
+        model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64
+    ):
+        """Sum the forces of one trap on all bodies, or of all traps on the spheres of one body.
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def per_sphere(model: ModelData, control: ControlData, state: StateData, out: TrapReadoutData, time: wp.float64):
-        """Write the optical force [pN] in world axes on each trapped sphere of one body."""
-        world, b = wp.tid()
-        for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
+        A trap's thread writes its focus [µm], power [mW], total force [pN] and distance to the held sphere [µm], a
+        body's the optical force [pN] in world axes on each of its trapped spheres.
+        """
+        world, item = wp.tid()
+        traps = model.traps.axis.shape[0]
+        of_trap = item < traps
+        first_trap = wp.where(of_trap, item, 0)
+        last_trap = wp.where(of_trap, item + 1, traps)
+        first_body = wp.where(of_trap, 0, item - traps)
+        last_body = wp.where(of_trap, model.bodies, item - traps + 1)
+        if not of_trap:
+            for i in range(model.body.trapped_start[first_body], model.body.trapped_start[last_body]):
+                out.sphere_force[world, i] = wp.vec3(0.0)
+        # one sum for both, so that the law of force is compiled once
+        for trap in range(first_trap, last_trap):
+            c = trap_command(model, control, state, world, trap, time_of(model, world, time))
             total = wp.vec3(0.0)
-            for trap in range(model.traps.axis.shape[0]):
-                c = trap_command(model, control, state, world, trap, time_of(model, world, time))
-                total += force_on(model, state, world, b, i, trap, c)
-            out.sphere_force[world, i] = total
+            for b in range(first_body, last_body):
+                for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
+                    force = force_on(model, state, world, b, i, trap, c)
+                    total += force
+                    if not of_trap:
+                        out.sphere_force[world, i] += force
+            if of_trap:
+                out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
+                out.power[world, trap] = c[3]
+                out.force[world, trap] = total
+                distance = wp.float32(wp.nan)
+                held = model.traps.held_body[trap]
+                if held >= 0:
+                    place = sphere_position(model, state, world, held, model.traps.held_offset[trap])
+                    away = place - anchor_of(model, trap, c)
+                    if wp.static(f.periodic):
+                        away = nearest(model.period, away)
+                    distance = wp.length(away)
+                out.distance[world, trap] = distance
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def per_hand(model: ModelData, out: TrapReadoutData):
-        """Write the sum of forces [pN] over the traps of one hand, left or right."""
-        world, hand = wp.tid()
-        total = wp.vec3(0.0)
-        for trap in range(model.traps.axis.shape[0]):
-            if model.traps.hand[trap] == hand + 1:
-                total += out.force[world, trap]
-        out.hand_force[world, hand] = total
-
-    return per_trap, per_sphere, per_hand
+    return per_trap_and_body, per_hand
