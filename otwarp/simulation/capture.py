@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.simulation.stepping import load
+from otwarp.simulation.compilation import load_kernels
 
 if TYPE_CHECKING:
     from otwarp.simulation.episodes import Episodes
@@ -36,8 +36,7 @@ class CapturedLoop:
         self.sim, self.episodes, self.steps, self._layout = sim, episodes, steps, sim.control.layout
         self._readout = readout
         episodes.load()
-        for kernel in sim._step.kernels:
-            load(kernel, sim.model.device)
+        load_kernels(sim._step.kernels, sim.model.device)
         with wp.ScopedCapture(device=sim.model.device) as capture:
             if before is not None:
                 before()

@@ -9,12 +9,12 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.core.precision import kernel_module
+from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.ends import End
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.starts import Starts
 from otwarp.simulation.state import Bound, Readout, State
-from otwarp.simulation.stepping import load
 
 
 @dataclass(eq=False, kw_only=True)
@@ -79,8 +79,8 @@ class Episodes(Bound):
     def load(self) -> None:
         """Compile and load the kernels, so that none is while a graph is captured."""
         k = self._kernels
-        for kernel in (k.list_living, k.restart, k.flag_worlds, k.settle_kernel(tuple(e.law for e in self.ends))):
-            load(kernel, self.model.device)
+        settle = k.settle_kernel(tuple(end.law for end in self.ends))
+        load_kernels((k.list_living, k.restart, k.flag_worlds, settle), self.model.device)
 
     def list(self) -> int:
         """List the worlds in motion anew; no more than so many are.
