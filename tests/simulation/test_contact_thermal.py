@@ -139,7 +139,8 @@ def test_two_hard_beads_keep_their_distance(count, worlds, coupling, stiffness, 
 @pytest.mark.parametrize("stiffness", [0.4, 20.0])
 def test_small_gaps_of_pairs(integrator, precision, stiffness, device):
     """By all integrators but `exponential`, which errs by 0.1 at contacts; the standard error of the share is 0.02."""
-    how = {"integrator": integrator, "precision": precision, "worlds": 30_000}
+    # one-stage schemes make variances in the trap 11 % wrong at this step, and gaps are judged all the same
+    how = {"integrator": integrator, "precision": precision, "worlds": 30_000, "allow_large_step": True}
     check_pairs(pairs(1, stiffness), stiffness, 0.02, device, **how)
 
 
