@@ -152,8 +152,8 @@ class Control(Bound):
                 largest stable one.
 
         Warns:
-            UserWarning: A power for which the predicted error of stationary variances exceeds `COARSE`, or with which
-                coupled bodies would be unstable where they meet.
+            UserWarning: A power with which stationary variances miss the wanted accuracy by prediction, or coupled
+                bodies would be unstable where they meet.
 
         Example:
             >>> import otwarp as ot

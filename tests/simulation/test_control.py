@@ -88,6 +88,8 @@ def test_powers_beyond_the_time_step(device):
     np.testing.assert_array_equal(sim.control.trap_power.numpy(), 0.0)
     with pytest.warns(UserWarning, match="stationary variances of body /World/Bead 89 % too small"):
         sim.control.set(trap_power=0.9 * largest)
+    with pytest.warns(UserWarning, match=r"misses the wanted accuracy of 1 %: .* body /World/Bead 3.8 % too small"):
+        sim.control.set(trap_power=0.18 * largest)
     sim.step(200)
     sim.control.set(trap_power=0.05 * largest)  # no warning: the tests turn warnings into errors
 

@@ -59,9 +59,6 @@ TURN = 0.1
 MARGIN = 0.5
 """Chosen step over the largest stable one, with coupled bodies as near to each other as they can come."""
 
-COARSE = 0.1
-"""Predicted relative error of stationary variances above which a commanded power draws a warning."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScales:
@@ -301,7 +298,7 @@ def _step_limits(
 
 
 def check_powers(model: Model, powers: np.ndarray) -> None:
-    """Refuse powers (T,) [mW] that the time step of a model cannot carry; warn where variances would be `COARSE`.
+    """Refuse powers (T,) [mW] that the time step of a model cannot carry; warn where variances miss the accuracy.
 
     Raises:
         InputError: Unstable; the message names the largest stable power, with all powers scaled alike.
@@ -331,10 +328,11 @@ def check_powers(model: Model, powers: np.ndarray) -> None:
         )
     rate, body = model.relaxation.fastest(powers)
     error = scheme.variance_error(rate * dt) if rate > 0.0 else 0.0
-    if abs(error) > COARSE:
+    if abs(error) > model.scales.accuracy:
         warnings.warn(
-            f"trap {trap}: at power {powers[worst]:g} mW the time step {dt:.4g} s makes stationary variances of body "
-            f"{body} {100.0 * abs(error):.3g} % too {'large' if error > 0.0 else 'small'}",
+            f"trap {trap}: at power {powers[worst]:g} mW the time step {dt:.4g} s misses the wanted accuracy of "
+            f"{100.0 * model.scales.accuracy:g} %: it makes stationary variances of body {body} "
+            f"{100.0 * abs(error):.3g} % too {'large' if error > 0.0 else 'small'}",
             stacklevel=3,
         )
 
