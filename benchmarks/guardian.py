@@ -1,0 +1,86 @@
+"""How soon the driver of a device has zero force after the servo was killed (SIGKILL) or stopped (SIGSTOP).
+
+Whole sessions (parent, servo, guardian) run at the drivers of the tests: a ROS 1 node by a double of its master and by
+Debian's, a Haply service, a pseudo-terminal for a controller. The driver notes what it is told; the clock starts at the
+signal. Linux, with the extras of the devices; what cannot be run is left out, and said.
+"""
+
+from __future__ import annotations
+
+import signal
+import statistics
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from benchmarks.report import Section, command, options, save_json
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.device import pick_device
+from tests.haptics.drivers import DRIVERS, Session
+
+SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
+
+
+def zero_after(driver: str, what: signal.Signals) -> float:
+    """Seconds from a signal to the servo of a session to the zero force that stays, as the driver heard it.
+
+    A busy machine may have let the watchdog take the force away just then: such a session does not count.
+    """
+    while True:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            pytest.MonkeyPatch.context() as environment,
+            DRIVERS[driver](Path(folder), environment) as heard,
+        ):
+            run = Session(heard)
+            try:
+                since = run.signal("servo", what)
+                after = heard.falls(since)
+            finally:
+                run.close()
+        if heard.at(since) > 0.0:
+            return after
+
+
+def measure(device: str = "cpu", *, rounds: int = 10, drivers: Sequence[str] = tuple(DRIVERS)) -> Section:
+    """Each driver and each signal, `rounds` times. No GPU takes part."""
+    machine, rows, data, missing = Machine.look(pick_device(device)), [], {}, []
+    for driver in drivers:
+        try:
+            found = {what.name: [zero_after(driver, what) for _ in range(rounds)] for what in SIGNALS}
+        except pytest.skip.Exception as why:
+            missing.append(f"{driver}: {why}")
+            continue
+        data[driver] = found
+        for name, times in found.items():
+            rows.append((driver, name, *(f"{1e3 * one(times):.0f}" for one in (min, statistics.median, max))))
+    return Section(
+        name="guardian",
+        kind="cpu",
+        machine=machine,
+        tables=[
+            Table(
+                title=f"From the signal to zero force at the driver [ms], {rounds} sessions each",
+                head=("driver", "servo gets", "least", "median", "most"),
+                rows=rows,
+                note="\n".join(missing),
+            )
+        ],
+        data=data,
+    )
+
+
+def main() -> None:
+    """Command line."""
+    arguments = options(__doc__ or "", rounds=10).parse_args()
+    section = measure(arguments.device, rounds=arguments.rounds)
+    print(section.markdown())
+    if arguments.out:
+        save_json(arguments.out, [section])
+
+
+if __name__ == "__main__":
+    command(main)
