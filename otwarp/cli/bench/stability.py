@@ -15,7 +15,7 @@ EXIT_WRONG = 1
 
 @click.command()
 @click.option("--grid", "grids", multiple=True, metavar="NAME", help="Run this grid; may be repeated. Default: all.")
-@click.option("--quick", is_flag=True, help="Fewer worlds and scenes: two minutes on two cores.")
+@click.option("--quick", is_flag=True, help="Fewer worlds and scenes: three minutes on two cores.")
 @click.option("--long", is_flag=True, help="Also runs of 10⁸ steps.")
 @device_option
 @with_options(*OUTPUT[:2])
