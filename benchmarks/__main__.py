@@ -17,6 +17,7 @@ from benchmarks import (
     teleop,
     terms,
     time_step,
+    worlds,
 )
 from benchmarks.report import command, options, save_json, write_pages
 
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "precision": precision.measure,
     "speed": speed.measure,
     "crowd": crowd.measure,
+    "worlds": worlds.measure,
     "stability": stability.measure,
     "budget": budget.measure,
     "haptics": haptics.measure,

@@ -45,6 +45,14 @@ def test_first_run():
     assert found == pytest.approx(theory, rel=SIGMAS / math.sqrt(2 * 400))
 
 
+def test_escape_times(tmp_path: Path):
+    trials = 400
+    found, theory = import_module("examples.escape_times").main(worlds=64, trials=trials, barrier=1.5, out=tmp_path)
+    # escape times are spread no wider than an exponential's; a scene's accuracy is 1 %
+    assert found == pytest.approx(theory, rel=SIGMAS / math.sqrt(trials) + 0.01)
+    assert (tmp_path / "escape_times.png").is_file()
+
+
 def test_sweep_power(tmp_path: Path):
     worlds, samples = 64, 20
     ratio = import_module("examples.sweep_power").main(worlds, samples, tmp_path)

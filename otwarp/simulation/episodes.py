@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
+from otwarp.kernels.drivers import predicates
 from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.ends import End
 from otwarp.simulation.model import Model
@@ -35,6 +37,7 @@ class Episodes(Bound):
         ends: What ends a world, and (1|W, P) its parameters.
         at_most: Bound of the worlds in motion, known to the host.
         origin: How a reset world starts where nothing else is said.
+        views: What the kernels see: model, state and readout.
     """
 
     done: wp.array
@@ -47,10 +50,18 @@ class Episodes(Bound):
     ends: tuple[End, ...]
     at_most: int
     origin: Starts
+    views: tuple[Any, ...]
 
     @classmethod
-    def start(cls, model: Model, ends: tuple[End, ...]) -> Episodes:
-        """All worlds in motion, in their first trials."""
+    def start(cls, model: Model, ends: tuple[End, ...], state: State, readout: Readout) -> Episodes:
+        """All worlds in motion, in their first trials.
+
+        Raises:
+            InputError: A parameter of an end is wrong, or nothing can escape.
+        """
+        if not model.features.escapes and any(end.law.function is predicates.escaped for end in ends):
+            where = model.scene.file or model.scene.root
+            raise InputError(f"{where}: end escaped: no trap with a finite reach holds a sphere; allowed: other ends")
         data = model.episode_data[0]
         w = model.all_worlds
         rows = [model.rows(end.rows(w)) for end in ends] or [np.zeros((1, 0))]
@@ -64,6 +75,7 @@ class Episodes(Bound):
             ends=ends,
             at_most=model.worlds,
             origin=Starts.of_scene(model),
+            views=(model.data, state.data(), readout.data()),
         )
 
     @property
@@ -94,9 +106,9 @@ class Episodes(Bound):
             return self.model.worlds
         return int(self.count.numpy()[0]) if device.is_cpu else self.at_most
 
-    def settle(self, state: State, readout: Readout, steps: int, places: int) -> None:
+    def settle(self, steps: int, places: int) -> None:
         """After `steps` steps: turn the clocks of the worlds in `places` of the list, and end what is over."""
-        inputs = [self.model.data, state.data(), readout.data(), self.values, steps]
+        inputs = [*self.views, self.values, steps]
         kernel = self._kernels.settle_kernel(tuple(end.law for end in self.ends))
         wp.launch(kernel, dim=places, inputs=inputs, device=self.model.device)
 
@@ -108,10 +120,10 @@ class Episodes(Bound):
         """Learn how many worlds are still in motion: the one number that a segment brings to the host."""
         self.at_most = int(self.count.numpy()[1])
 
-    def restart(self, state: State, readout: Readout, start: Starts) -> None:
+    def restart(self, start: Starts) -> None:
         """Start chosen worlds anew; see `Simulation.reset`."""
         model = self.model
-        inputs = [model.data, state.data(), readout.data(), start.chosen, start.state, start.number]
+        inputs = [*self.views, start.chosen, start.state, start.number]
         stride = wp.uint32(model.all_worlds)
         wp.launch(self._kernels.restart, dim=model.worlds, inputs=[*inputs, stride], device=model.device)
         self.at_most = model.worlds

@@ -143,8 +143,8 @@ class GridStepper:
         assert capture.graph is not None
         return capture.graph
 
-    def advance(self, first_step: int, steps: int, worlds: int) -> None:
-        """Take `steps` steps from `first_step`."""
+    def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
+        """Take `steps` steps from `first_step`, in all worlds."""
         if self.layout != self.control.layout:
             # an array of the control grew and is another one now; the graph holds the old address
             self.graph, self.layout = self._capture(), self.control.layout

@@ -109,8 +109,10 @@ class Simulation:
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
         self._readout = Readout.empty(self.model)
+        self._episodes: Episodes | None = None
+        if self.model.features.episodes:
+            self._episodes = Episodes.start(self.model, options.ends or (), self.state, self._readout)
         self._ends = options.ends
-        self._episodes = Episodes.start(self.model, options.ends or ()) if self.model.features.episodes else None
         self._measured_at: tuple[int, int] | None = None
         self._measures = False  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
@@ -158,7 +160,7 @@ class Simulation:
         places = episodes.list()
         if places:
             self._stepper.advance(0, steps, places)
-            episodes.settle(self.state, self._readout, steps, places)
+            episodes.settle(steps, places)
 
     def _count(self, steps: int, *, measured: bool = False) -> None:
         """Turn the clock by which the host counts; `measured`: the readout is that of its new time."""
@@ -232,7 +234,7 @@ class Simulation:
         episodes = self.episodes
         poses = {"position": position, "orientation": orientation}
         start = starts_of(self.model, episodes.origin, worlds, poses, number, self._state_rows)
-        episodes.restart(self.state, self._readout, start)
+        episodes.restart(start)
         if isinstance(self._stepper, GridStepper):
             self._stepper.place()
         self._measured_at = None

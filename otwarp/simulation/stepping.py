@@ -51,9 +51,10 @@ class FusedStepper:
             self.views = (self.model.data, control.data(), state.data(), readout.data())
             self.layout = control.layout
 
-    def advance(self, first_step: int, steps: int, worlds: int) -> None:
+    def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in the first `worlds` worlds, or of the list of those in motion."""
         self._look()
+        worlds = self.model.worlds if worlds is None else worlds
         # threads record nothing into the graph that another one captures
         pool = None if self.model.device.is_capturing else self.pool
         for start in range(first_step, first_step + steps, STEPS_PER_LAUNCH):

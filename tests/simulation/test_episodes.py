@@ -252,6 +252,7 @@ def test_what_is_no_end(device):
     for wrong, says in (
         (lambda: simulate(bead_scene(), device, ends=[abs]), "ends has <built-in function abs>; allowed: functions"),
         (lambda: simulate(bead_scene(), device, ends=[above]), "end above: parameter height has no value; allowed"),
+        (lambda: simulate(bead_scene(), device, ends=[ot.escaped]), "no trap with a finite reach holds a sphere"),
         (lambda: above(depth=1.0), "end above: parameter 'depth' is unknown; allowed: height, axis"),
         (lambda: ot.end(lambda x: True), "first argument must be annotated as otwarp.WorldNow"),
         (lambda: simulate(bead_scene(), device, ends=None).episodes, "has no episodes; allowed: Simulation"),

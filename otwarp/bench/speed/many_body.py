@@ -135,6 +135,7 @@ class ManySpheres:
             position=wp.array(start_places(count)[None], dtype=wp.vec3, device=device),
             orientation=wp.zeros((1, 0), dtype=wp.quat, device=device),
             trap_position=wp.zeros((1, 0), dtype=wp.vec3, device=device),
+            image=wp.zeros((1, 0), dtype=wp.vec3i, device=device),
         )
         empty = vars(Readout.empty(self.model))
         per_body = {"contact_force", "contact_load", "fault", "fault_step"}

@@ -25,7 +25,7 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
     sim = Simulation(bead_scene(), worlds=len(DONE), device=device, ends=())
     sim.episodes.done.assign(DONE)
     sim.episodes.list()
-    sim.episodes.settle(sim.state, sim.readout, 9, len(DONE))
+    sim.episodes.settle(9, len(DONE))
     assert sim.episodes.step.numpy().tolist() == [9, 0, 9, 9, 0, 9]
     assert sim.episodes.done.numpy().tolist() == DONE
     assert sim.episodes.count.numpy().tolist() == [4, 4]
