@@ -135,6 +135,7 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.ahead = empty((w * touching, MAX_BODY_CONTACTS), wp.float32, device)
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
+    data.stir = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.int32, device=device)
     data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
     slots = w * b if f.soft_contacts else 0
     data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)

@@ -19,6 +19,9 @@ from otwarp.simulation.state import Control, Readout, State
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch on the CPU, so that an interrupt from the keyboard is answered in reasonable time."""
 
+TURNS = 128
+"""Most rounds over the contacts of a world on a CPU."""
+
 SHARED = (start_clock, tick, next_sweeps, resume_sweeps, clear_cells, bound_cells, permute_slots, turn_slots,
           fill_slots, load_slots,
           store_slots)  # fmt: skip
@@ -90,12 +93,22 @@ class GridStepper:
 
     def _settle(self) -> None:
         grid = self.scratch
+        if self.features.in_turn:
+            self._take_turns(again=0)
+            return
         self._launch(self.kernels.weigh, grid.share.shape, self.model.data, grid, self.push[0])
         self._sweep()
 
     def _settle_again(self) -> None:
+        if self.features.in_turn:
+            self._take_turns(again=1)
+            return
         self._launch(resume_sweeps, self.model.worlds, self.scratch)
         self._sweep()
+
+    def _take_turns(self, *, again: int) -> None:
+        data, readout, grid = self.model.data, self.readout.data(), self.scratch
+        self._launch(self.kernels.settle, self.model.worlds, data, readout, grid, self.push[0], again, TURNS)
 
     def _sweep(self) -> None:
         grid = self.scratch

@@ -40,7 +40,7 @@ from otwarp.simulation.packing.worlds import pack_worlds
 from otwarp.simulation.resolved import ResolvedScene
 from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
-from otwarp.simulation.time_step.softness import soft_contacts
+from otwarp.simulation.time_step.softness import soft_contacts, takes_turns
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
 
 
@@ -145,7 +145,7 @@ class Model:
         own = options.time_step is None and scene.file is not None
         scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
-        features = dataclasses.replace(_stepped_features(known, scales.time_step), leaps=staged is not None)
+        features = dataclasses.replace(_stepped_features(known, scales.time_step, place), leaps=staged is not None)
         packed = Place(place, options.precision)
         known = known.part(rows)
         data, meshes, force_data = _pack(known, features, scales.time_step, seed, staged, packed)
@@ -254,13 +254,14 @@ def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -
     )
 
 
-def _stepped_features(known: ResolvedScene, time_step: float) -> Features:
+def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device) -> Features:
     """Terms of a step of that length [s]; warns of motion that it would lose."""
     scene, moves, values, features = known.scene, known.moves, known.values, known.features
     soft = soft_contacts(scene, moves, values, features, time_step)
+    in_turn = device.is_cpu and not soft and takes_turns(scene, moves, values, features, time_step)
     how = {"brownian": features.brownian, "precision": features.precision}
     warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
-    return dataclasses.replace(features, soft_contacts=soft)
+    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn)
 
 
 def _pack(

@@ -58,6 +58,7 @@ class Features:
         integrator: Key of `INTEGRATORS`.
         noise: Distribution of the thermal noise, one of `NOISES`.
         episodes: Worlds end and start anew, each with a clock of its own; see `kernels.core.worlds`.
+        in_turn: CPU form of the contacts of the `grid` driver: solved one after the other, not all at once in sweeps.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
     """
@@ -91,6 +92,7 @@ class Features:
     integrator: str = "heun"
     noise: str = "gaussian"
     episodes: bool = False
+    in_turn: bool = False
     lanes: bool = False
 
     @property

@@ -50,6 +50,7 @@ SHARED = {
     "drivers.grid_lists",
     "drivers.grid_move",
     "drivers.grid_store",
+    "drivers.grid_turns",
     "drivers.lane_groups",
     "drivers.lanes",
     "drivers.lanes_rigid",

@@ -5,7 +5,7 @@ solo: bodies that cannot touch, one thread per (world, body), many steps per lau
 world: up to 24 bodies that touch, one thread per world (world_room: the memory of a thread; coupled_world: with
     hydrodynamic coupling).
 grid: many bodies, one thread per body and step; grid_data and grid_store hold its arrays, neighbours and grid_lists
-    find who is near, grid_contacts and soft push, grid_move moves.
+    find who is near, grid_contacts, on CPUs grid_turns, and soft push, grid_move moves.
 
 episodes: which worlds are in motion, which have ended, which start anew; predicates: what commonly ends them.
 

@@ -25,6 +25,7 @@ from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
 from otwarp.kernels.drivers.grid_lists import make_find
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
+from otwarp.kernels.drivers.grid_turns import make_settle
 from otwarp.kernels.drivers.neighbours import check_moved, make_bin, make_check, make_list
 from otwarp.kernels.drivers.soft import make_soft_step
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
@@ -40,7 +41,8 @@ class GridKernels:
         move_traps: Foci within their speed limits.
         bin, list, check: Neighbour lists: cells, lists, and whether a state set from outside asks for new ones.
         soft: The whole step of lone spheres with soft contacts; then the following are None.
-        advance, find, weigh, relax, correct, commit: The step of all others.
+        advance, find, correct, commit: The step of all others, and their contact forces by sweeps, `weigh` and `relax`,
+            or on a CPU in turn, `settle`.
     """
 
     move_traps: wp.Kernel | None
@@ -52,6 +54,7 @@ class GridKernels:
     find: wp.Kernel | None
     weigh: wp.Kernel | None
     relax: wp.Kernel | None
+    settle: wp.Kernel | None
     correct: wp.Kernel | None
     commit: wp.Kernel | None
 
@@ -72,8 +75,9 @@ def make_grid_step(f: Features) -> GridKernels:
         soft=make_soft_step(f) if f.soft_contacts else None,
         advance=None if f.soft_contacts else make_advance(f),
         find=make_find(f) if swept else None,
-        weigh=make_weigh(f) if swept else None,
-        relax=make_relax(f) if swept else None,
+        weigh=make_weigh(f) if swept and not f.in_turn else None,
+        relax=make_relax(f) if swept and not f.in_turn else None,
+        settle=make_settle(f) if swept and f.in_turn else None,
         correct=make_correct(f) if two_stages(f) else None,
         commit=None if f.soft_contacts else make_commit(f),
     )
@@ -138,7 +142,7 @@ def make_commit(f: Features) -> wp.Kernel:
         if wp.static(f.rigid):
             angular = grid.angular[world, b]
         if wp.static(f.contacts):
-            if grid.count[world, b] > 0:
+            if wp.static(f.in_turn) or grid.count[world, b] > 0:
                 linear += push.linear[world, b]
                 if wp.static(f.rigid):
                     angular += push.angular[world, b]

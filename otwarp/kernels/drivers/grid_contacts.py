@@ -38,7 +38,7 @@ def push_term(f: Features) -> wp.Function:
         """Move [µm, rad] of body b by its contact forces; 0 without contacts."""
         move = Move(wp.vec3(0.0), wp.vec3(0.0))
         # where rounding let only one partner of a gap list it, the other has no push of this step
-        if grid.count[world, b] > 0:
+        if wp.static(f.in_turn) or grid.count[world, b] > 0:
             move.linear = push.linear[world, b]
             if wp.static(f.rigid):
                 move.angular = push.angular[world, b]

@@ -89,6 +89,7 @@ class GridData:
     again: wp.array(dtype=wp.int32)  # (1) 1: the sweeps of this step are those after its first solution
     active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
     moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
+    stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: the last round in which each body was moved
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
     place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
     order: wp.array2d(dtype=wp.int32)  # (2, W·B) body of each slot, now and while being sorted

@@ -178,6 +178,14 @@ def sphere_contacts_term(f: Features) -> wp.Function:
     next_in_cells = next_in_cells_term(f)
 
     @wp.func
+    def lists(model: ModelData, a: int, j: int) -> bool:
+        """Whether body a lists its contact with sphere j: every body does, or where they take turns the first."""
+        its = bool(True)
+        if wp.static(f.in_turn):
+            its = a < model.contact.body[j]
+        return its
+
+    @wp.func
     def sphere_contacts(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int,
         pose: Pose, count: int, step: wp.int64,
@@ -192,12 +200,13 @@ def sphere_contacts_term(f: Features) -> wp.Function:
             for k in range(listed):
                 j = n.neighbour[i * n.stride + k * n.pitch] - first
                 # the distance first: a contact is a large thing to make
-                if near_enough(model, state, grid, world, a, e, j, centre):
+                if lists(model, a, j) and near_enough(model, state, grid, world, a, e, j, centre):
                     count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
             if listed == FULL:
                 j = next_in_cells(model, state, grid, world, i, -1)
                 while j >= 0:
-                    count = with_sphere(model, state, readout, grid, world, a, e, j - first, pose, count, step)
+                    if lists(model, a, j - first):
+                        count = with_sphere(model, state, readout, grid, world, a, e, j - first, pose, count, step)
                     j = next_in_cells(model, state, grid, world, i, j)
         return count
 
@@ -315,7 +324,11 @@ def make_find(f: Features) -> wp.Kernel:
                 if grid.near.walled[world * grid.near.elements + e] != 0:
                     count = walls(model, readout, grid, world, a, e, pose, count, step)
         grid.count[world, a] = count
-        if count > 0:
+        if wp.static(f.in_turn):
+            push.linear[world, a] = wp.vec3(0.0)
+            if wp.static(f.rigid):
+                push.angular[world, a] = wp.vec3(0.0)
+        elif count > 0:
             grid.row_sum[world, a] = row_sum_of(grid, row, count, a)
             move = first_push(grid, row, count, a)
             push.linear[world, a] = move.linear

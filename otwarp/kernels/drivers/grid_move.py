@@ -144,7 +144,7 @@ def make_correct(f: Features) -> wp.Kernel:
             drift = twist(grid.drift[world, b], grid.turning[world, b])
         moved = twist(linear, angular)
         if wp.static(f.contacts):
-            if grid.count[world, b] > 0:
+            if wp.static(f.in_turn) or grid.count[world, b] > 0:
                 moved += twist(push.linear[world, b], wp.vec3(0.0))
                 if wp.static(f.rigid):
                     moved += twist(wp.vec3(0.0), push.angular[world, b])

@@ -61,6 +61,8 @@ def read_link(grid: GridData, row: int, k: int, a: int) -> Contact:
     c.ridge = link.ridge
     c.lift = link.lift
     c.response_a = Move(link.own * link.normal, wp.vec3(0.0))
+    if link.b >= 0:
+        c.response_b = Move((link.own - link.give) * link.normal, wp.vec3(0.0))
     c.give = link.give
     c.wander = link.wander
     c.layer = link.layer
@@ -78,6 +80,34 @@ def write_link_load(grid: GridData, row: int, k: int, load: float):
 def write_link_lift(grid: GridData, row: int, k: int, lift: float):
     """Store the lift [µm] of link k."""
     grid.link[row, k].lift = lift
+
+
+def peek_terms(f: Features) -> tuple[wp.Function, wp.Function]:
+    """`(grid, row, k)` → the other body of entry k, -1 for an obstacle, and → its load [pN]: one number of many."""
+
+    @wp.func
+    def partner_of_contact(grid: GridData, row: int, k: int) -> int:
+        """Body b of a contact."""
+        return grid.contact[row, k].b
+
+    @wp.func
+    def load_of_contact(grid: GridData, row: int, k: int) -> float:
+        """Load λ [pN] of a contact."""
+        return grid.contact[row, k].load
+
+    @wp.func
+    def partner_of_link(grid: GridData, row: int, k: int) -> int:
+        """Body b of a link."""
+        return grid.link[row, k].b
+
+    @wp.func
+    def load_of_link(grid: GridData, row: int, k: int) -> float:
+        """Load λ [pN] of a link."""
+        return grid.link[row, k].load
+
+    if whole_contacts(f):
+        return partner_of_contact, load_of_contact
+    return partner_of_link, load_of_link
 
 
 def contact_store_terms(f: Features) -> tuple[wp.Function, wp.Function, wp.Function, wp.Function]:

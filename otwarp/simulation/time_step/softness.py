@@ -19,6 +19,9 @@ EXPLICIT_PRODUCT = 1.8
 It is that of the densest packing at the deepest overlap that does not stop a run, so what really happens is far inside.
 """
 
+TURNS_PRODUCT = 100.0
+"""Largest k·give of contacts between bodies, at the deepest overlap, that are solved one after the other."""
+
 WALLS = 2.0
 """Obstacles that resist one motion of a sphere at once: the two sides of a slit."""
 
@@ -67,6 +70,35 @@ def contact_product(
         k = stiffest([(radius, radius, soft, slope) for radius, _, soft, slope in kinds])
         product += WALLS * k * max(mobility for _, mobility, *_ in kinds) * scale
     return product
+
+
+def takes_turns(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], features: Features, time_step: float
+) -> bool:
+    """Whether the contacts of the body driver may be solved one after the other, as a CPU does fastest.
+
+    Rounds of turns grow with k·give where bodies lean on bodies in a row, give their mobilities × time step; it is
+    taken at the overlap that stops a run. Harder scenes are left to sweeps, whose number does not.
+    """
+    if features.driver != "grid" or not features.contacts:
+        return False
+    shapes = {id(move): move for move in moves}
+    easiest = {key: float(np.linalg.eigvalsh(move.mobility[:3, :3])[-1]) for key, move in shapes.items()}
+    kinds: dict[tuple[float, ...], int] = {}
+    for body, move in zip(scene.bodies, moves, strict=True):
+        if body.colliding:
+            largest = max(element.radius for element in body.colliding)
+            kind = (largest, easiest[id(move)], _compliance(body), _slope(body))
+            kinds[kind] = kinds.get(kind, 0) + 1
+    scale = time_step / float(values["medium_viscosity"].min())
+    for a in kinds:
+        for b in kinds:
+            if a == b and kinds[a] < 2:
+                continue
+            radii = (a[0] * b[0] / (a[0] + b[0]), min(a[0], b[0]))
+            if stiffest([(*radii, a[2] + b[2], max(a[3], b[3]))]) * (a[1] + b[1]) * scale > TURNS_PRODUCT:
+                return False
+    return True
 
 
 def soft_contacts(

@@ -13,6 +13,7 @@ from tests.simulation.test_contact_chains import still
 def test_unfinished_sweeps_stop_the_run(monkeypatch, device):
     """With two sweeps in place of 32 a row that a trap drives at 200 µm/s would be squeezed flat."""
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
+    monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     monkeypatch.setattr("otwarp.simulation.grid_scratch.RELAXATIONS", 2)
     beads = tuple(neutral(f"B{i}", (-2.0 * i, 0, 50)) for i in range(8))
     trap = harmonic("T", line((0.0, (-14.0, 0, 50)), (10.0, (1986.0, 0, 50))), cutoff=1.0)
