@@ -112,7 +112,7 @@ def _peak(law: TrapLaw, model: str, end: float) -> float:
     threshold = math.inf if model == "harmonic" else law.threshold
     peaks = [law.stiffness * min(threshold, end)]
     if threshold < end:
-        peaks += [law.inverse_square / d**2 + law.offset for d in (threshold, end)]
+        peaks += [law.inverse_square / d / d + law.offset for d in (threshold, end)]  # d² may be 0
     return max(map(abs, peaks))
 
 

@@ -96,6 +96,6 @@ def _law(source: Source, prim: Usd.Prim, instance: str, model: str) -> TrapLaw:
     return TrapLaw(
         **common,
         threshold=raw["threshold"] * length,
-        inverse_square=raw["inverse_square"] * force * length**2,
+        inverse_square=raw["inverse_square"] * force * length * length,  # a power would overflow with an exception
         offset=raw["offset"] * force,
     )

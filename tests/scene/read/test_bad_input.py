@@ -78,6 +78,13 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
         [("stiffness = 2", "stiffness = inf")],
         r"/World/Trap: ot:trapLaw:isotropic:stiffness = inf: must be in \[0, inf\) forceUnit/lengthUnit",
     ),
+    "unit of a law that no number holds": (
+        [
+            ("isotropic:lengthUnit = 1e-6", "isotropic:lengthUnit = 1e300"),
+            ("isotropic:forceUnit = 1e-12", "isotropic:forceUnit = 1\n double ot:trapLaw:isotropic:inverseSquare = 1"),
+        ],
+        r"/World/Trap: ot:trapLaw:isotropic:inverseSquare = inf: must be in \(-inf, inf\) forceUnit·lengthUnit²",
+    ),
     "sampled constant": (
         [("wavelength = 1.064e-6", "wavelength.timeSamples = { 0: 1e-6, 60: 1.1e-6 }")],
         r"/World/Trap: ot:trap:wavelength = \(time samples\): must be constant in time",
