@@ -16,7 +16,7 @@ from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.passivity import stiffest
-from otwarp.haptics.check.check import BUSY, CHECKED, STEPS, chain_costs, law_costs, mailbox_costs, time_calls
+from otwarp.haptics.check import BUSY, CHECKED, STEPS, chain_costs, law_costs, mailbox_costs, time_calls
 from otwarp.haptics.check.timing import (
     STATE_RATE,
     Jitter,
@@ -27,13 +27,13 @@ from otwarp.haptics.check.timing import (
     measure_latency,
 )
 from otwarp.haptics.check.zwidth import DEVICE, HIGH, PASSIVE, RATE, BareDevice, chain_width, widths
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, HandConfig, PassivityConfig
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import Law, SplitLaw, local_model
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import Law, SplitLaw, TableLaw
 from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, Particle, build_table
-from otwarp.teleop.operators.felt import compile_laws
+from otwarp.teleop.operators.servo import compile_laws
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
 AXIAL = TrapLaw(stiffness=0.2, threshold=0.9, inverse_square=0.20, offset=-0.0669, cutoff=1.6, power=1.0)

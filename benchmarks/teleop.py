@@ -21,12 +21,12 @@ from benchmarks.report import Section, command, options, save_json
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core import Vec3
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
-from otwarp.teleop.core import HANDS, Command, LiveFrame
-from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, traps_of
-from otwarp.teleop.operators.virtual_servo import LinkedClock, VirtualServo
+from otwarp.teleop import HANDS, Command, LiveFrame
+from otwarp.teleop.operators import HandPlan, LocalScene, plan_hands, traps_of
+from otwarp.teleop.operators.servo import LinkedClock, VirtualServo
 from otwarp.teleop.session import Session, SessionOptions, live
 from otwarp.teleop.session.live import LiveLoop
 

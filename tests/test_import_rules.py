@@ -79,12 +79,12 @@ INNER: dict[str, set[str]] = {
     "haptics.devices": {"haptics.core", "haptics.recording"},
     "haptics.servo": {"haptics.core", "haptics.chain", "haptics.devices"},
     "haptics.check": {f"haptics.{room}" for room in ("core", "force", "chain", "devices", "servo")},
-    "teleop.core": set(),
-    "teleop.operators": {"teleop.core"},
-    "teleop.recording": {"teleop.core"},
+    "teleop": set(),
+    "teleop.operators": {"teleop"},
+    "teleop.recording": {"teleop"},
     "teleop.budget": set(),
-    "teleop.page": {"teleop.core"},
-    "teleop.session": {f"teleop.{room}" for room in ("core", "operators", "recording", "budget", "page")},
+    "teleop.page": {"teleop"},
+    "teleop.session": {"teleop", *(f"teleop.{room}" for room in ("operators", "recording", "budget", "page"))},
 }
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 

@@ -94,9 +94,7 @@ NODES = {
         "live loop",
         "in pace with the clock,\n120 ticks a second",
     ),
-    "page": Node(
-        "otwarp.teleop.page.process:PageProcess", (2.35, 2.39), (1.75, LOW), "amber", "page", "in the browser"
-    ),
+    "page": Node("otwarp.teleop.page:PageProcess", (2.35, 2.39), (1.75, LOW), "amber", "page", "in the browser"),
     "servo": Node("otwarp.haptics.servo:", (2.35, 1.69), (1.75, LOW), "green", "servo", "1 kHz, signal chain"),
     "device": Node("otwarp.haptics.devices:", (0.25, 1.69), (1.5, LOW), "green", "device", "moved and felt"),
     "ros": Node("otwarp.ros:", (2.35, 0.99), (1.75, LOW), "amber", "ROS 1, ROS 2", "topics, no installation"),

@@ -18,7 +18,7 @@ from otwarp.errors import InputError
 if TYPE_CHECKING:
     from otwarp.ros.roles import Roles
     from otwarp.scene import Scene
-    from otwarp.teleop.core import Sink
+    from otwarp.teleop import Sink
     from otwarp.teleop.session import Session, SessionOptions
 
 Node = TypeVar("Node")
@@ -104,7 +104,7 @@ def live_options(page: bool, browser: bool) -> Callable[[Callable[..., Any]], Ca
 def read_session(scene: Path, options: dict[str, Any]) -> tuple[Scene, SessionOptions]:
     """A scene and how it is run, from the values of `live_options`; refuses what can be refused without starting."""
     from otwarp.scene import Scene
-    from otwarp.teleop.operators.hands import load_config
+    from otwarp.teleop.operators import load_config
     from otwarp.teleop.session import PageOptions, SessionOptions
 
     if options["left"] is None and options["right"] is None:

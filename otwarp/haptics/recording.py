@@ -21,11 +21,14 @@ from typing import NamedTuple
 from zlib import crc32
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core import CYCLE, SceneFrame, SphereFrame, TrapFrame
 
 MAGIC = b"\x89MCAP0\r\n"
 CONFIG = "/otwarp/config"
 """Topic that every recording of otwarp begins with."""
+SCENE, COMMANDS, PACE, SCHEMAS, END = (f"/otwarp/{name}" for name in ("scene", "commands", "pace", "schemas", "end"))
+CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
+"""Followed by the name of the hand."""
 SUFFIX, PART = ".mcap", ".mcap.part"
 """Of a recording, and of the folder in which it is written."""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
@@ -73,7 +76,7 @@ float64[] sphere_position  # x, y, z of each [um]
 }
 """Type → text of its definition."""
 
-_HEAD = b"\x00\x01\x00\x00"
+HEAD = b"\x00\x01\x00\x00"
 """CDR, little-endian; what follows is aligned from its own beginning."""
 _ENTRY = struct.Struct("<Q2d")
 
@@ -232,7 +235,7 @@ def pack_cycles(hand: str, lost: int, records: bytes) -> bytes:
     body += bytes(-len(body) % 8) + struct.pack("<QI", lost, len(records) // CYCLE.size)
     if records:
         body += bytes(-len(body) % 8)
-    return _HEAD + body + records
+    return HEAD + body + records
 
 
 def unpack_cycles(data: bytes | memoryview) -> tuple[str, int, bytes]:
@@ -266,7 +269,7 @@ def pack_scene(scene: SceneFrame) -> bytes:
     _put(body, "d", [trap.power for trap in traps])
     _put(body, "q", [sphere.body for sphere in spheres])
     _put(body, "d", [x for sphere in spheres for x in sphere.position])
-    return _HEAD + bytes(body)
+    return HEAD + bytes(body)
 
 
 def unpack_scene(data: bytes | memoryview) -> SceneFrame:
@@ -307,7 +310,7 @@ def beat_of(data: bytes | memoryview) -> int:
 def pack_text(text: str) -> bytes:
     """`std_msgs/msg/String`."""
     data = text.encode() + b"\0"
-    return _HEAD + struct.pack("<I", len(data)) + data
+    return HEAD + struct.pack("<I", len(data)) + data
 
 
 def unpack_text(data: bytes | memoryview) -> str:
@@ -328,9 +331,9 @@ def unpack_text(data: bytes | memoryview) -> str:
 
 def _body(data: bytes | memoryview) -> memoryview:
     view = memoryview(data)
-    if bytes(view[:2]) != _HEAD[:2]:
+    if bytes(view[:2]) != HEAD[:2]:
         raise ValueError("not little-endian CDR")
-    return view[len(_HEAD) :]
+    return view[len(HEAD) :]
 
 
 def _aligned(at: int) -> int:

@@ -7,7 +7,7 @@ side. It holds 1, 2 or 3 layers of (F_ρ, F_φ, F_z), which the azimuth combines
 fifth, from `BLEND`·end on, it passes into the next one, or the last into zero, by x²(3 − 2x) in the squared distance.
 
 These functions are those of `otwarp.optics.ForceTable` (NumPy, the reference). `otwarp.kernels.optics.force_table`
-(Warp), `otwarp.haptics.force.table` (plain floats, Warp's bits) and `otwarp.kernels.cpu.table_block` (a CPU's vectors)
+(Warp), `otwarp.haptics.force.law` (plain floats, Warp's bits) and `otwarp.kernels.cpu.table_block` (a CPU's vectors)
 say the same in their languages; `tests/laws/test_table.py` compares all four.
 """
 

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.config import FACING_USER, PAIRINGS, Hand, check_orthogonal
 from otwarp.haptics.core.fields import Matrix, check_fields, number
-from otwarp.haptics.core.types import Vec3
 from otwarp.ros.motion import Group, centroid
 
 Quat = tuple[float, float, float, float]

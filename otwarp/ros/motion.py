@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 
-from otwarp.haptics.core.types import ZERO, Vec3
+from otwarp.haptics.core import ZERO, Vec3
 
 Group = Sequence[Vec3]
 """Foci of the traps of one group [µm]."""

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.config import PAIRINGS
-from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import OBSTACLE_TOPICS, Pose, Quat, TopicState
 from otwarp.ros.motion import centroid
 from otwarp.scene import Obstacle, Scene, Trap
 from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import conjugate, rotate
-from otwarp.teleop.core import HANDS, LiveFrame
+from otwarp.teleop import HANDS, LiveFrame
 
 
 @dataclass(frozen=True, eq=False)

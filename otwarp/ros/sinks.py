@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from otwarp.errors import InputError
 from otwarp.ros.motion import Group, move_pair
 from otwarp.ros.roles import Roles
-from otwarp.teleop.core import Command, LiveFrame, MoveTraps, Reset, ShiftTraps, Stop
+from otwarp.teleop import Command, LiveFrame, MoveTraps, Reset, ShiftTraps, Stop
 
 if TYPE_CHECKING:
     from otwarp.ros.ros1.bridge import Ros1Bridge

@@ -6,10 +6,11 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.core import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.devices import create_device, parse_devices, probe_devices
-from otwarp.haptics.force.law import IsotropicLaw, local_model
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import IsotropicLaw
 from otwarp.laws import TrapLaw
 
 

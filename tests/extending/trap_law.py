@@ -6,7 +6,7 @@ import pytest
 import otwarp as ot
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
-from otwarp.teleop.operators.hands import authored_law
+from otwarp.teleop.operators import authored_law
 
 STIFFNESS, WIDTH, POWER, START = 2.0, 0.5, 3.0, 0.8
 """pN/µm at 1 mW, µm, mW, µm."""

@@ -127,7 +127,7 @@ def haply(tmp_path, monkeypatch):
 
 @contextmanager
 def dualsense(tmp_path, monkeypatch):
-    from otwarp.haptics.devices.dualsense_report import OFF, encode_usb
+    from otwarp.haptics.devices.dualsense import OFF, encode_usb
 
     master, off = plug_dualsense(tmp_path), encode_usb(OFF)
     monkeypatch.setenv(HID_ROOT, str(tmp_path))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core import Vec3
 
 SOURCE = Path(__file__).with_name("libhd_double.c")
 

@@ -13,7 +13,7 @@ import select
 import sys
 import time
 
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.servo.link import HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from tests.haptics.hid_machine import MachineChain

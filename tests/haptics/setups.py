@@ -8,9 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.core import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.core.config import ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame, Vec3
-from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.laws import TrapLaw
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)

@@ -6,7 +6,7 @@ import math
 import sys
 from pathlib import Path
 
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceSample, SceneFrame, ServoFrame
 
 STIFFNESS = 100.0
 """N/m; 1 µm of scene is 1 mm of hand."""

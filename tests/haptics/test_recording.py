@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import CYCLE, SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core import CYCLE, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.recording import (
     CYCLES_TYPE,
     DEFINITIONS,

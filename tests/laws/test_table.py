@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.force.law import TableLaw
 from otwarp.kernels.core.precision import kernel_module, typed
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 from otwarp.kernels.core.types import Aim, vec6

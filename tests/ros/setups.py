@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.ros.roles import Roles
-from otwarp.teleop.core import LiveFrame
+from otwarp.teleop import LiveFrame
 from otwarp.teleop.session.live import LiveLoop
 
 RATE = 60.0

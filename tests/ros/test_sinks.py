@@ -12,7 +12,7 @@ from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.ros.contract import ContractConfig, TopicState
 from otwarp.ros.ros2.bridge import Ros2Commands
 from otwarp.ros.sinks import LINES, Ros1Sink, Ros2Sink
-from otwarp.teleop.core import Pause, Stop
+from otwarp.teleop import Pause, Stop
 from otwarp.teleop.session.live import LiveLoop
 from tests.ros.ros1.setups import LocalNode
 from tests.ros.setups import RATE, roles_of, run

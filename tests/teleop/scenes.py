@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core import Vec3
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Medium, Scene, Settings, Sphere, Track, Trap
 

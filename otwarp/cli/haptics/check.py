@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import json_option
+from otwarp.cli.options import json_option, rate_option
 from otwarp.cli.output import json_text, tables_console
-from otwarp.cli.types import FILE, SECONDS, Number
+from otwarp.cli.types import FILE, SECONDS
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from otwarp.haptics.check.check import Check
+    from otwarp.haptics.check import Check
     from otwarp.scene import Scene
 
 
@@ -32,13 +32,7 @@ if TYPE_CHECKING:
     metavar="DEVICE",
     help="Device for the latency, as after --left; default: a virtual one. A real one is not armed and feels nothing.",
 )
-@click.option(
-    "--rate",
-    type=Number(1.0, 20_000.0, unit="Hz"),
-    default=1000.0,
-    show_default=True,
-    help="Cycles of the servo per second.",
-)
+@rate_option("--rate", 1.0, 20_000.0, 1000.0, "Cycles of the servo per second.")
 @click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
 @click.option("--page/--no-page", default=True, show_default=True, help="Measure the latency from state to page.")
 @click.option("--browser", metavar="FILE", help="Browser to measure it with; default: a Chromium, if there is one.")
@@ -60,9 +54,9 @@ def check(
 
     Nothing that can push is armed.
     """
-    from otwarp.haptics.check.check import run_check
+    from otwarp.haptics.check import run_check
     from otwarp.haptics.check.timing import VIRTUAL
-    from otwarp.teleop.operators.felt import compile_laws
+    from otwarp.teleop.operators.servo import compile_laws
 
     # what is bad is reported before anything is measured
     measured = None if scene is None else _load(scene)

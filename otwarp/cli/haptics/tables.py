@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from otwarp.haptics.check.check import Advised, CallCost, Check, FoundDevices
+from otwarp.haptics.check import Advised, CallCost, Check, FoundDevices
 from otwarp.haptics.check.timing import STATE_RATE, Jitter, Percentiles, ServoLatency
 from otwarp.haptics.check.zwidth import DEVICE, FeltLimit, Width
 

@@ -19,8 +19,7 @@ from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, 
 from otwarp.haptics.chain.paper_mode import PaperRenderer
 from otwarp.haptics.chain.passivity import Account, Passivity
 from otwarp.haptics.chain.safety import Safety
-from otwarp.haptics.core.config import HandConfig, PassivityConfig, SafetyConfig, checked_gains
-from otwarp.haptics.core.types import (
+from otwarp.haptics.core import (
     ZERO,
     DeviceInfo,
     DeviceSample,
@@ -31,7 +30,9 @@ from otwarp.haptics.core.types import (
     scene_from_list,
     scene_to_list,
 )
-from otwarp.haptics.force.law import Code, ForceModel, Law, local_model
+from otwarp.haptics.core.config import HandConfig, PassivityConfig, SafetyConfig, checked_gains
+from otwarp.haptics.force import Code, ForceModel, local_model
+from otwarp.haptics.force.law import Law
 
 DEAD_MAN, CLUTCH = 1, 2
 """Bits of `DeviceSample.buttons`."""

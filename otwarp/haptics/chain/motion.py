@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from otwarp.haptics.core import Vec3, as_tuples
 from otwarp.haptics.core.config import CouplingConfig, HandConfig
-from otwarp.haptics.core.types import Vec3, as_tuples
 
 AT_ONCE = 1e-3
 """Part of a period below which two samples are at one time, and tell no velocity."""

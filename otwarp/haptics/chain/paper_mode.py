@@ -17,9 +17,10 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.motion import VectorFilter
+from otwarp.haptics.core import ZERO, SceneFrame, Vec3, as_tuples
 from otwarp.haptics.core.config import RELEASE_ALPHA, RELEASE_GAIN, RELEASE_RATE, ChainConfig, HandConfig, LowPass
-from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3, as_tuples
-from otwarp.haptics.force.law import ForceModel, IsotropicLaw, Law, LocalModel, SplitLaw
+from otwarp.haptics.force import ForceModel, LocalModel
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
 from otwarp.laws import TrapLaw
 
 RELEASE_LAW = TrapLaw(stiffness=12000.0, threshold=0.08, inverse_square=16.18, offset=-1568.0, cutoff=0.10, power=1.0)

@@ -17,8 +17,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from otwarp.haptics.core import ZERO, Vec3, as_tuples
 from otwarp.haptics.core.config import PassivityConfig
-from otwarp.haptics.core.types import ZERO, Vec3, as_tuples
 
 STILL = 1e-12
 """Step of a hand that stands [m]: 1 pm is far below any encoder, and its direction is rounding."""

@@ -13,8 +13,7 @@ from typing import Any, Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.passivity import Account
-from otwarp.haptics.core.config import Gains, checked_gains
-from otwarp.haptics.core.types import (
+from otwarp.haptics.core import (
     ACTION_BITS,
     ARMED,
     DISARMED,
@@ -27,6 +26,7 @@ from otwarp.haptics.core.types import (
     ServoFrame,
     Vec3,
 )
+from otwarp.haptics.core.config import Gains, checked_gains
 
 ROUNDING = 1.0 + 1e-9
 """A force scaled to the limit of its device may exceed it by rounding."""

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from otwarp.haptics.core import ZERO, Vec3, as_tuples
 from otwarp.haptics.core.config import SafetyConfig
-from otwarp.haptics.core.types import ZERO, Vec3, as_tuples
 
 BELOW = 1.0 - 1e-15
 """Shortens a vector that was scaled to a limit, so that rounding leaves it within."""

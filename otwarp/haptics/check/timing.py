@@ -26,10 +26,11 @@ from pathlib import Path
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain, within
+from otwarp.haptics.core import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_SAFETY, HandConfig
 from otwarp.haptics.core.realtime import Clock, Grant, RealClock, next_deadline, request_realtime
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, ServoFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import Code, IsotropicLaw, local_model
+from otwarp.haptics.force import Code, local_model
+from otwarp.haptics.force.law import IsotropicLaw
 from otwarp.haptics.servo.link import HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from otwarp.laws import TrapLaw

@@ -21,6 +21,7 @@ from typing import Any
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.paper_mode import RELEASE_ALPHA, RELEASE_RATE, PaperForce
 from otwarp.haptics.chain.passivity import LONGEST, stiffest
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.core.config import (
     IDENTITY,
     TOUCH_DAMPING,
@@ -32,7 +33,6 @@ from otwarp.haptics.core.config import (
     PassivityConfig,
     SafetyConfig,
 )
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.servo.guard import SHARE, kinds_that_keep
 
 REST = 1.0

@@ -133,7 +133,7 @@ class ChainConfig:
         force_filter: Of the force; it delays, so that b/τ bounds the stiffness that passivity control need not touch.
         pose_filter: Of the sphere positions, which arrive at the simulation's rate, not the servo's.
         pose_prediction: Whether spheres follow the hand between two published states as they did before, see
-            `law.LocalModel`;
+            `force.LocalModel`;
             stable mode only, for the release does not.
         damping: Virtual damping of the hand [N·s/m]; in paper mode that of the release's device node.
         distance_damping: The release's D [raw force·s/µm], paper mode only; it ships 0.

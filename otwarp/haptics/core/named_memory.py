@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import weakref
 from contextlib import suppress
 from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
+from typing import Self
 
 from otwarp.errors import InputError
 
@@ -57,29 +59,36 @@ def _no_room(what: str, size: int, error: OSError) -> InputError:
     )
 
 
-def attach_memory(name: str) -> SharedMemory:
+def attach_memory(what: str, name: str) -> SharedMemory:
     """Shared memory of another process, unknown to this process's resource tracker.
 
     Python 3.11 registers what it attaches; the tracker of an unrelated process would then remove the name when that
     process ends, under the feet of the owner (python/cpython#82300; `track=False` exists from 3.13).
 
+    Args:
+        what: It is, for messages.
+        name: Of it.
+
     Raises:
-        OSError, ValueError: There is none of that name.
+        InputError: There is none of that name.
     """
-    if sys.version_info >= (3, 13):
-        return SharedMemory(name, track=False)
     register = resource_tracker.register
 
     def skip(tracked: str, rtype: str) -> None:
         if tracked.lstrip("/") != name:
             register(tracked, rtype)  # another thread creates one meanwhile
 
-    with _attach_lock:
-        resource_tracker.register = skip
-        try:
-            return SharedMemory(name)
-        finally:
-            resource_tracker.register = register
+    try:
+        if sys.version_info >= (3, 13):
+            return SharedMemory(name, track=False)
+        with _attach_lock:
+            resource_tracker.register = skip
+            try:
+                return SharedMemory(name)
+            finally:
+                resource_tracker.register = register
+    except (OSError, ValueError) as error:
+        raise InputError(f"{what} {name!r}: cannot be attached ({error}); is its creator running?") from None
 
 
 def bytes_of(memory: SharedMemory) -> memoryview:
@@ -94,7 +103,7 @@ def bytes_of(memory: SharedMemory) -> memoryview:
     return shared
 
 
-def let_go(memory: SharedMemory, views: tuple[memoryview, ...], owner: int) -> None:
+def _let_go(memory: SharedMemory, views: tuple[memoryview, ...], owner: int) -> None:
     """Unmap; remove the name if this process (not a fork of it) is the owner."""
     for view in views:
         view.release()
@@ -102,3 +111,22 @@ def let_go(memory: SharedMemory, views: tuple[memoryview, ...], owner: int) -> N
     if owner == os.getpid():
         with suppress(FileNotFoundError):
             memory.unlink()
+
+
+class NamedMemory:
+    """Shared memory and views of it, which are let go of once: by `close`, after a `with`, or at exit."""
+
+    def __init__(self, memory: SharedMemory, views: tuple[memoryview, ...], owner: bool):
+        self.name = memory.name
+        # before Python takes its modules apart
+        self._let_go = weakref.finalize(self, _let_go, memory, views, os.getpid() * owner)
+
+    def close(self) -> None:
+        """Let go of the memory, and remove its name if this side created it; may be called more than once."""
+        self._let_go()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

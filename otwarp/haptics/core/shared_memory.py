@@ -14,17 +14,15 @@ that it decodes: a mixture of two payloads passes with probability 2⁻³² per 
 
 from __future__ import annotations
 
-import os
 import struct
-import weakref
 from collections.abc import Iterable
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, Generic, Protocol, TypeVar
 from zlib import crc32
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.named_memory import attach_memory, bytes_of, create_memory, let_go
-from otwarp.haptics.core.types import CYCLE
+from otwarp.haptics.core import CYCLE
+from otwarp.haptics.core.named_memory import NamedMemory, attach_memory, bytes_of, create_memory
 
 T = TypeVar("T")
 
@@ -69,7 +67,7 @@ class Layout(Protocol[T]):
         ...
 
 
-class Mailbox(Generic[T]):
+class Mailbox(NamedMemory, Generic[T]):
     """One value in shared memory: `write` on one side, `read` on the others.
 
     The creator owns the memory: its `close` removes the name. If it is killed, Python's resource tracker of the creator
@@ -78,12 +76,10 @@ class Mailbox(Generic[T]):
 
     def __init__(self, layout: Layout[T], memory: SharedMemory, owner: bool):
         self.layout = layout
-        self.name = memory.name
         size, shared = layout.size, bytes_of(memory)
         self._sequence = shared[SEQUENCE_AT : SEQUENCE_AT + 8].cast("Q")
         self._payload = shared[PAYLOAD_AT : PAYLOAD_AT + size + _CRC.size]
-        # also at exit, before Python takes its modules apart
-        self._let_go = weakref.finalize(self, let_go, memory, (self._sequence, self._payload), os.getpid() * owner)
+        super().__init__(memory, (self._sequence, self._payload), owner)
         self._staged = bytearray(size + _CRC.size)
         self._staged_body = memoryview(self._staged)[:size]
         self._copy = bytearray(size + _CRC.size)
@@ -111,10 +107,7 @@ class Mailbox(Generic[T]):
         Raises:
             InputError: There is none of that name, or it has another version, kind or capacity.
         """
-        try:
-            memory = attach_memory(name)
-        except (OSError, ValueError) as error:
-            raise InputError(f"mailbox {name!r}: cannot be attached ({error}); is its creator running?") from None
+        memory = attach_memory("mailbox", name)
         need = PAYLOAD_AT + layout.size + _CRC.size
         wanted = (MAGIC, VERSION, layout.size, *layout.capacities, layout.kind.ljust(8, b"\0"))
         found = HEADER.unpack_from(bytes_of(memory), 0) if memory.size >= HEADER.size else None
@@ -164,16 +157,6 @@ class Mailbox(Generic[T]):
         self.torn += 1
         return None
 
-    def close(self) -> None:
-        """Let go of the memory, and remove its name if this side created it; may be called more than once."""
-        self._let_go()
-
-    def __enter__(self) -> Mailbox[T]:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 class RecordLayout:
     """A tuple of numbers or bytes by a `struct` format of 8-byte fields and `s` fields.
@@ -200,7 +183,7 @@ class RecordLayout:
         return self._struct.unpack_from(buffer, 0)
 
 
-class Ring:
+class Ring(NamedMemory):
     """What a servo did in every cycle, on its way from the servo (`push`), which never waits, to its parent (`drain`).
 
     A record has 8-byte little-endian fields (`CYCLE`), so that a batch of them is at once the body of a ROS 2 message
@@ -216,12 +199,12 @@ class Ring:
     """
 
     def __init__(self, memory: SharedMemory, slots: int, owner: bool):
-        self.name, self.slots = memory.name, slots
+        self.slots = slots
         shared = bytes_of(memory)
         counters = [shared[at : at + 8].cast("Q") for at in (WRITTEN_AT, TAKEN_AT, LOST_AT)]
         self._written, self._taken, self._lost = counters
         self._memory = shared[SLOTS_AT : SLOTS_AT + slots * _SLOT]
-        self._let_go = weakref.finalize(self, let_go, memory, (*counters, self._memory), os.getpid() * owner)
+        super().__init__(memory, (*counters, self._memory), owner)
         self._staged = bytearray(_SLOT)
         self._body = memoryview(self._staged)[: CYCLE.size]
         self._next, self._read, self._doubted = self._written[0], self._taken[0], -1
@@ -248,10 +231,7 @@ class Ring:
         Raises:
             InputError: There is none of that name, or it is none of this version.
         """
-        try:
-            memory = attach_memory(name)
-        except (OSError, ValueError) as error:
-            raise InputError(f"ring {name!r}: cannot be attached ({error}); is its creator running?") from None
+        memory = attach_memory("ring", name)
         found = RING_HEADER.unpack_from(bytes_of(memory), 0) if memory.size >= RING_HEADER.size else (b"", 0, 0, 0)
         slots = found[3]
         if found[:3] != (RING_MAGIC, RING_VERSION, CYCLE.size) or memory.size < SLOTS_AT + slots * _SLOT or not slots:
@@ -313,13 +293,3 @@ class Ring:
     def lost(self) -> int:
         """Records that found the ring full or did not fit, plus those that never became whole."""
         return self._lost[0] + self.spoiled
-
-    def close(self) -> None:
-        """Let go of the memory, and remove its name if this side created it; may be called more than once."""
-        self._let_go()
-
-    def __enter__(self) -> Ring:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

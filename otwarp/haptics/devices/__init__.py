@@ -1,6 +1,6 @@
 """Devices by name: `mouse`, `virtual:<script>`, `replay:<file>`, … as typed after `--left` and `--right`.
 
-A device fulfils `core.types.Device`: metres, buttons as bits and newtons in its own frame. It is one file with
+A device fulfils `core.Device`: metres, buttons as bits and newtons in its own frame. It is one file with
 `create(spec)` and, for hardware, `find_devices()`, and one row of `KINDS`; `mouse` is the shortest to read.
 
     mouse, virtual, replay             software: the page's pointer, a script, a recording
@@ -21,7 +21,7 @@ from importlib import import_module
 from typing import Literal
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import Device
+from otwarp.haptics.core import Device
 
 MOST_HANDS = 2
 
@@ -38,7 +38,7 @@ class Kind:
         probe: Whether it may be opened and closed to see whether it is there, without moving or calibrating anything.
         keeps: What keeps the last force if the servo is killed: `nothing` (software, or no motors); a `driver` outside
             of the servo's process, to which the guardian sends zero force (its module has `zero_force`, see
-            `core.types.ZeroForce`); or a `library` in it, which ends with it, and the device's own timeout acts.
+            `core.ZeroForce`); or a `library` in it, which ends with it, and the device's own timeout acts.
     """
 
     home: str

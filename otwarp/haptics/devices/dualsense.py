@@ -4,6 +4,11 @@ It cannot push. The size of the force, as a part of `force`, shakes both motors 
 triggers; its direction is lost. `DeviceInfo.force` is therefore no force of the device but the one that is rendered as
 the strongest effect.
 
+Reports are laid out as in the Linux driver (drivers/hid/hid-playstation.c: `dualsense_input_report`,
+`dualsense_output_report_*`) and, for what that leaves reserved, in dualsensectl and the trigger effects documented by
+J. Klein (Nielk1); see docs/haptics_devices_hid.md. By Bluetooth a report ends in the CRC-32 of a seed byte and all
+before it.
+
 The binding never met a DualSense. Its decoder and checksums are tested on bytes that others recorded by Bluetooth, and
 on bytes made to the documented layout; what it sends was never felt.
 """
@@ -11,22 +16,14 @@ on bytes made to the documented layout; what it sends was never felt.
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
+from dataclasses import dataclass
 
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
-from otwarp.haptics.devices.dualsense_report import (
-    CALIBRATION,
-    CALIBRATION_SIZE,
-    OFF,
-    STRONGEST,
-    Feel,
-    decode,
-    encode_bluetooth,
-    encode_usb,
-)
 from otwarp.haptics.devices.exchange import LatestSender
 from otwarp.haptics.devices.hid import (
     HidFound,
@@ -67,17 +64,139 @@ effect [N] (that of a Touch), and how much of their range motors and triggers us
 3 % of the middle."""
 WORDS = {"stick": ("left", "right")}
 
+USB_INPUT, USB_INPUT_SIZE = 0x01, 64
+BLUETOOTH_INPUT, BLUETOOTH_INPUT_SIZE = 0x31, 78
+SIMPLE_INPUT, SIMPLE_INPUT_SIZE = 0x01, 10
+"""By Bluetooth until the host has asked for the calibration: without motion sensors, and without a checksum."""
+CALIBRATION, CALIBRATION_SIZE = 0x05, 41
+USB_OUTPUT = 0x02
+BLUETOOTH_OUTPUT, BLUETOOTH_OUTPUT_SIZE = 0x31, 78
+OUTPUT_TAG = 0x10
+INPUT_SEED, OUTPUT_SEED = b"\xa1", b"\xa2"
+"""Of the checksum: the transaction header of HID by Bluetooth, which is sent before the report."""
 
-class Sends(Protocol):
-    """What carries effects to the controller, see `LatestSender`."""
+CENTRE = 127.5
+"""A stick goes from 0 to 255."""
+HAT = (0b0001, 0b0011, 0b0010, 0b0110, 0b0100, 0b1100, 0b1000, 0b1001)
+"""Directions of the pad as bits up, right, down, left; 8 and above is none."""
 
-    def put(self, latest: Feel) -> None:
-        """Hand over the newest; never waits."""
-        ...
+RUMBLE = 0x01 | 0x02
+"""Of the first byte of flags: rumble as of old, instead of sound through the actuators."""
+TRIGGERS = 0x04 | 0x08
+EFFECT_OFF, EFFECT_FEEDBACK = 0x05, 0x21
+ALL_ZONES = 0x3FF
+"""Ten parts of a trigger's way, a bit each."""
+EVERY_ZONE = 0o1111111111
+"""One in each of ten fields of three bits."""
+STRONGEST = 8
+"""Strength of a trigger's resistance; 0 is none."""
 
-    def close(self, last: Feel, wait: bool = True) -> None:
-        """Send the last, and close the port; without `wait` behind the caller's back."""
-        ...
+_COMMON = struct.Struct("<BBBB6x11s11s15x")
+"""47 bytes: two of flags, right and left motor, sound, right and left trigger, lights."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """What a report says.
+
+    Attributes:
+        left, right: Stick: right and towards the user, ±1.
+        pull: Left and right trigger, 0 to 1.
+        buttons: Bits: L1, R1, cross, circle, square, triangle, pad up, right, down, left, create, options, L3, R3, PS,
+            touch pad, mute.
+    """
+
+    left: tuple[float, float]
+    right: tuple[float, float]
+    pull: tuple[float, float]
+    buttons: int
+
+
+@dataclass(frozen=True, slots=True)
+class Feel:
+    """What it is to do.
+
+    Attributes:
+        rumble: Of both motors, 0 to 255.
+        resistance: Of both triggers, 0 to 8.
+    """
+
+    rumble: int = 0
+    resistance: int = 0
+
+
+OFF = Feel()
+
+
+def decode(report: bytes, bluetooth: bool) -> Pad | None:
+    """What an input report says; None for one of another number or size, or with a wrong checksum."""
+    number, size = (report[0], len(report)) if report else (0, 0)
+    if not bluetooth:
+        return _full(report, 1) if number == USB_INPUT and size == USB_INPUT_SIZE else None
+    if number == BLUETOOTH_INPUT and size == BLUETOOTH_INPUT_SIZE:
+        return _full(report, 2) if checksum(INPUT_SEED, report[:-4]) == report[-4:] else None
+    # Windows fills it up to the size of the longest
+    if number == SIMPLE_INPUT and size in (SIMPLE_INPUT_SIZE, BLUETOOTH_INPUT_SIZE):
+        x, y, u, v, first, second, third, pull, push = report[1:10]
+        return _pad((x, y, u, v), (pull, push), (first, second, third & 0x03))
+    return None
+
+
+def checksum(seed: bytes, report: bytes) -> bytes:
+    """CRC-32 (IEEE 802.3) of the seed and the report, as its last four bytes."""
+    return zlib.crc32(report, zlib.crc32(seed)).to_bytes(4, "little")
+
+
+def _full(report: bytes, at: int) -> Pad:
+    x, y, u, v, pull, push, _, first, second, third = report[at : at + 10]
+    return _pad((x, y, u, v), (pull, push), (first, second, third))
+
+
+def _pad(sticks: tuple[int, int, int, int], pull: tuple[int, int], bits: tuple[int, int, int]) -> Pad:
+    """From bytes as they come: sticks right and down, hat and face buttons, shoulders, the rest."""
+    x, y, u, v = ((b - CENTRE) / CENTRE for b in sticks)
+    face, shoulder, rest = bits
+    hat = face & 0x0F
+    buttons = shoulder & 0x03
+    buttons |= (face & 0x20) >> 3 | (face & 0x40) >> 3 | (face & 0x10) | (face & 0x80) >> 2
+    buttons |= (HAT[hat] if hat < len(HAT) else 0) << 6
+    buttons |= (shoulder & 0xF0) << 6
+    buttons |= (rest & 0x07) << 14
+    return Pad((x, y), (u, v), (pull[0] / 255.0, pull[1] / 255.0), buttons)
+
+
+def encode_usb(feel: Feel) -> bytes:
+    """The output report by USB."""
+    return bytes((USB_OUTPUT,)) + _common(feel)
+
+
+def encode_bluetooth(feel: Feel, sequence: int) -> bytes:
+    """The output report by Bluetooth.
+
+    Args:
+        feel: What to do.
+        sequence: Counts reports; its lowest four bits are sent.
+    """
+    head = bytes((BLUETOOTH_OUTPUT, (sequence & 0x0F) << 4, OUTPUT_TAG))
+    report = (head + _common(feel)).ljust(BLUETOOTH_OUTPUT_SIZE - 4, b"\0")
+    return report + checksum(OUTPUT_SEED, report)
+
+
+def _common(feel: Feel) -> bytes:
+    """The 47 bytes that both links carry."""
+    effect = trigger_effect(feel.resistance)
+    return _COMMON.pack(RUMBLE | TRIGGERS, 0, feel.rumble, feel.rumble, effect, effect)
+
+
+def trigger_effect(resistance: int) -> bytes:
+    """A resistance of a strength from 0 to 8 along all of a trigger's way; 11 bytes.
+
+    Mode, a bit per zone (16 bits), three bits of strength − 1 per zone (32 bits).
+    """
+    if resistance <= 0:
+        return bytes((EFFECT_OFF,)).ljust(11, b"\0")
+    strength = min(resistance, STRONGEST) - 1
+    return struct.pack("<BHI4x", EFFECT_FEEDBACK, ALL_ZONES, strength * EVERY_ZONE)
 
 
 class DualSense:
@@ -99,14 +218,14 @@ class DualSense:
         numbers: dict[str, float] | None = None,
         stick: str = "left",
         system: HidSystem | None = None,
-        sender: Callable[[Callable[[Feel], None], Callable[[], None]], Sends] = LatestSender,
+        sender: Callable[[Callable[[Feel], None], Callable[[], None]], LatestSender[Feel]] = LatestSender,
     ):
         given = {key: default for key, (default, _, _) in RANGES.items()} | (numbers or {})
         self._wanted, self._system, self._make_sender = wanted, system, sender
         self._stick_is_left = stick == "left"
         self._full = given["force"]
         self._motors, self._triggers = 255.0 * given["rumble"], STRONGEST * given["triggers"]
-        self._info = DeviceInfo(
+        self.info = DeviceInfo(
             name=wanted.text,
             kind="dualsense",
             force=self._full,
@@ -116,7 +235,7 @@ class DualSense:
         )
         self._hand = RateHand(given["speed"], given["dead_zone"])
         self._port: HidPort | None = None
-        self._sender: Sends | None = None
+        self._sender: LatestSender[Feel] | None = None
         self._before: HidFound | None = None
         self.address = ""
         self._rest()
@@ -129,11 +248,6 @@ class DualSense:
         self._time = 0.0
         self._sent: Feel | None = None
         self._period = 1.0 / USB_RATE
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`; `force` is what is rendered as the strongest effect."""
-        return self._info
 
     def open(self) -> None:
         """Find it, take it, and by Bluetooth ask it for its full reports.
@@ -156,11 +270,15 @@ class DualSense:
         """See `Device`."""
         port = self._port
         if port is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         fresh = False
         try:
             for report in waiting_reports(port, MOST_REPORTS):
-                fresh |= self._take(report, port.found.bluetooth)
+                pad = decode(report, port.found.bluetooth)
+                if pad is not None:
+                    x, z = pad.left if self._stick_is_left else pad.right
+                    down, up = pad.pull
+                    self._deflection, self._buttons, fresh = (x, up - down, z), pad.buttons, True
         except OSError as error:
             raise self._lost(error) from None
         self._time = time
@@ -170,16 +288,6 @@ class DualSense:
             self._deflection, self._buttons = ZERO, 0
         return DeviceSample(time, self._hand.move(time, self._deflection), self._buttons, fresh)
 
-    def _take(self, report: bytes, bluetooth: bool) -> bool:
-        """Take in a report, if it is a sound one."""
-        pad = decode(report, bluetooth)
-        if pad is None:
-            return False
-        x, z = pad.left if self._stick_is_left else pad.right
-        down, up = pad.pull
-        self._deflection, self._buttons = (x, up - down, z), pad.buttons
-        return True
-
     def write(self, force: Vec3) -> None:
         """Render the size of a force [N]; handed to the sender at most at the link's rate, and never waits.
 
@@ -188,7 +296,7 @@ class DualSense:
         """
         sender = self._sender
         if sender is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         since = self._time - self._sent_at
         if since < self._period:
             return
@@ -210,15 +318,11 @@ class DualSense:
         return Feel(round(self._motors * level), round(self._triggers * level))
 
     def _lost(self, error: OSError) -> DeviceLost:
-        self._let_go(wait=False)  # the loop of the other device must not wait for one that hangs
+        self.close(wait=False)  # the loop of the other device must not wait for one that hangs
         return DeviceLost(error.strerror or str(error))
 
-    def close(self) -> None:
-        """See `Device`; motors off, triggers loose."""
-        self._let_go(wait=True)
-
-    def _let_go(self, wait: bool) -> None:
-        """Leave the port to the sender, which closes it after the last report."""
+    def close(self, wait: bool = True) -> None:
+        """See `Device`; motors off, triggers loose. The sender closes the port after the last report."""
         sender, self._sender, self._port = self._sender, None, None
         if sender is not None:
             sender.close(OFF, wait)
@@ -250,7 +354,7 @@ def create(spec: DeviceSpec, system: HidSystem | None = None) -> DualSense:
 
 
 class ZeroEffect:
-    """Motors off and triggers loose, beside the servo that holds the device; see `core.types.ZeroForce`.
+    """Motors off and triggers loose, beside the servo that holds the device; see `core.ZeroForce`.
 
     Args:
         found: The device.

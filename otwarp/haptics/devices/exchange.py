@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from otwarp.haptics.core.types import ZERO, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceLost, DeviceSample, Vec3
 
 HOLD, GONE = 0.02, 0.1
 """Seconds after its writing at which a force starts to fall, and at which it is zero: those of the chain's watchdog."""

@@ -21,7 +21,7 @@ from importlib import import_module
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices.exchange import Exchange
 

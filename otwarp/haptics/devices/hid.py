@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Vec3
+from otwarp.haptics.core import ZERO, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 
 RULES = "/etc/udev/rules.d/70-otwarp-hid.rules"

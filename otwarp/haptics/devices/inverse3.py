@@ -18,7 +18,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 from otwarp.haptics.devices.exchange import Exchange
 from otwarp.haptics.devices.inverse3_messages import (
@@ -72,16 +72,11 @@ class Inverse3Device:
         clock: Callable[[], float] = time.perf_counter,
     ):
         self._service, self._device, self._grip, self._name, self._clock = service, device, grip, name, clock
-        self._info = DeviceInfo(
+        self.info = DeviceInfo(
             name=name, kind="inverse3", force=FORCE, continuous_force=CONTINUOUS_FORCE, met_hardware=False
         )
         self._link: ServiceLink | None = None
         self.address = ""
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     @property
     def ignored(self) -> int:
@@ -277,7 +272,7 @@ def connect(service: str, what: str) -> tuple[Any, Inventory]:
 class ZeroCursorForce:
     """Zero force by a connection of its own, made when it is needed: the service adds up what its clients command.
 
-    What a service does with the last force of a client that has gone is not documented; see `core.types.ZeroForce`.
+    What a service does with the last force of a client that has gone is not documented; see `core.ZeroForce`.
 
     Args:
         service: Address.

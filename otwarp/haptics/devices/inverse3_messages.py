@@ -15,7 +15,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from otwarp.haptics.core.types import Vec3
+from otwarp.haptics.core import Vec3
 
 FARTHEST = 10.0
 """Metres; no hand is farther from its device."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 
 POINTER = RecordLayout(b"pointer", "3dQ")
@@ -36,17 +36,12 @@ class MouseDevice:
         if not 0.0 < speed <= 100.0:
             raise InputError(f"speed = {speed!r} m/s: must be above 0 and at most 100")
         self._pointer, self._speed = pointer, speed
-        self._info = DeviceInfo(name=name, kind="mouse")
+        self.info = DeviceInfo(name=name, kind="mouse")
         self._box: Mailbox[tuple[float, ...]] | None = None
         self._position: Vec3 = ZERO
         self._target: Vec3 = ZERO
         self._buttons = 0
         self._heard = self._time = -math.inf
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     def open(self) -> None:
         """Find the page's mailbox.
@@ -61,7 +56,7 @@ class MouseDevice:
     def read(self, time: float) -> DeviceSample:
         """See `Device`; a target that is not finite is ignored."""
         if self._box is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         word = self._box.read()
         if word is not None:
             x, y, z, buttons = word

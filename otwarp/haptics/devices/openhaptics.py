@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices import libhd as hdapi
 from otwarp.haptics.devices.exchange import Exchange

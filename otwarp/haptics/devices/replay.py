@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 from otwarp.haptics.recording import CONFIG, PART, SUFFIX, McapFile, is_recording
 
@@ -61,16 +61,11 @@ class ReplayDevice:
     ):
         self._file, self._loop, self._hand = file, loop, hand
         self._topic, self._unit = topic, unit
-        self._info = DeviceInfo(name=name, kind="replay")
+        self.info = DeviceInfo(name=name, kind="replay")
         self._times, self._positions, self._buttons = array("d"), array("d"), array("Q")
         self._start: float | None = None
         self._at = 0
         self._opened = False
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     def open(self) -> None:
         """Read the recording.
@@ -101,7 +96,7 @@ class ReplayDevice:
     def read(self, time: float) -> DeviceSample:
         """See `Device`."""
         if not self._opened:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         times = self._times
         if self._start is None:
             self._start = time
@@ -142,7 +137,7 @@ def _samples(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequenc
 
 def _recorded(file: Path, hand: str | None) -> Iterator[tuple[int, float, Sequence[float], int]]:
     """One side of a recording; of samples that only repeat the last one, or are no numbers, it has none."""
-    from otwarp.haptics.core.types import FRESH, SAMPLED, cycles_of
+    from otwarp.haptics.core import FRESH, SAMPLED, cycles_of
     from otwarp.haptics.recording import CYCLES_TYPE, unpack_cycles
 
     batches: dict[str, list[bytes]] = {}

@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 
 HOME = "otwarp.ros.ros1"
@@ -69,7 +69,7 @@ class Ros1Device:
     ) -> None:
         self._namespace = "/" + namespace.strip("/")
         self._connect, self._wait = connect, wait
-        self._info = DeviceInfo(
+        self.info = DeviceInfo(
             name=name or f"ros1:{self._namespace}",
             kind="ros1",
             force=TOUCH_FORCE,
@@ -85,11 +85,6 @@ class Ros1Device:
         self._position: Vec3 = ZERO
         self._buttons = 0
         self._heard: float | None = None
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     def open(self) -> None:
         """Connect, and wait for the first pose.
@@ -111,7 +106,7 @@ class Ros1Device:
             while self._pose.latest() is None:
                 if time.monotonic() > deadline:
                     raise InputError(
-                        f"device {self._info.name!r}: no {POSE} on {self._namespace}/pose within {self._wait:g} s"
+                        f"device {self.info.name!r}: no {POSE} on {self._namespace}/pose within {self._wait:g} s"
                     )
                 time.sleep(0.01)
         except BaseException:
@@ -129,7 +124,7 @@ class Ros1Device:
         others = [name for name in node.other_publishers(topic) if not name.startswith(guardians)]
         if others:
             raise InputError(
-                f"device {self._info.name!r}: {', '.join(others)} publishes {topic} already; a device has one owner: "
+                f"device {self.info.name!r}: {', '.join(others)} publishes {topic} already; a device has one owner: "
                 "end that node first"
             )
 
@@ -145,9 +140,9 @@ class Ros1Device:
         """See `Device`; a pose that is not finite, or farther than `FARTHEST`, is no word of the device."""
         node = self._node
         if node is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         if not node.alive:
-            raise DeviceLost(f"{self._info.name}: its ROS node was shut down")
+            raise DeviceLost(f"{self.info.name}: its ROS node was shut down")
         message = self._pose.take()
         fresh = False
         if message is not None:
@@ -166,7 +161,7 @@ class Ros1Device:
     def write(self, force: Vec3) -> None:
         """See `Device`."""
         if self._node is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         t = self._types
         self._feedback.publish(t.DeviceFeedback(t.Vector3(*force), t.Vector3(*ZERO), self._locks))
 
@@ -181,7 +176,7 @@ class Ros1Device:
 
 
 class ZeroFeedback:
-    """Zero force on `force_feedback` from a node of its own, connected before it is needed; see `core.types.ZeroForce`.
+    """Zero force on `force_feedback` from a node of its own, connected before it is needed; see `core.ZeroForce`.
 
     Args:
         namespace: Of the topics.

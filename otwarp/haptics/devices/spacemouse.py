@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import struct
 
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec
 from otwarp.haptics.devices.hid import (
     HidFound,
@@ -124,17 +124,12 @@ class SpaceMouse:
         system: HidSystem | None = None,
     ):
         self._wanted, self._system = wanted, system
-        self._info = DeviceInfo(name=wanted.text, kind="spacemouse", absolute=False, met_hardware=False)
+        self.info = DeviceInfo(name=wanted.text, kind="spacemouse", absolute=False, met_hardware=False)
         self._hand = RateHand(speed, dead_zone)
         self._state = SpaceMouseState()
         self._heard = -math.inf
         self._port: HidPort | None = None
         self._before: HidFound | None = None
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     def open(self) -> None:
         """Find it and take it. It rests, with no button held, until it says otherwise.
@@ -152,7 +147,7 @@ class SpaceMouse:
         """See `Device`. A cap at rest is silent, so every reading of one that is there counts as fresh."""
         port, state = self._port, self._state
         if port is None:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         try:
             for report in waiting_reports(port, MOST_REPORTS):
                 if state.take(report):

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
 from otwarp.haptics.devices import DeviceSpec, parse_parameters
 
 Path3 = Callable[[float], Vec3]
@@ -109,18 +109,13 @@ class VirtualDevice:
 
     def __init__(self, path: Path3, model: HandModel | None = None, info: DeviceInfo | None = None, buttons: int = 1):
         self._path, self._model, self._buttons = path, model or HandModel(), buttons
-        self._info = info or DeviceInfo(name="virtual", kind="virtual", force=3.3, continuous_force=0.88)
+        self.info = info or DeviceInfo(name="virtual", kind="virtual", force=3.3, continuous_force=0.88)
         self._start: float | None = None
         self._time = 0.0
         self._position: Vec3 = ZERO
         self._velocity: Vec3 = ZERO
         self._opened = False
         self.force: Vec3 = ZERO
-
-    @property
-    def info(self) -> DeviceInfo:
-        """See `Device`."""
-        return self._info
 
     def open(self) -> None:
         """Put the hand at the start of its path; the script's time starts with the first `read`."""
@@ -130,7 +125,7 @@ class VirtualDevice:
     def read(self, time: float) -> DeviceSample:
         """See `Device`."""
         if not self._opened:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         if self._start is None:
             self._start = self._time = time
             self._position = self._path(0.0)
@@ -159,7 +154,7 @@ class VirtualDevice:
     def write(self, force: Vec3) -> None:
         """See `Device`; held until the next."""
         if not self._opened:
-            raise DeviceLost(f"{self._info.name} is not open")
+            raise DeviceLost(f"{self.info.name} is not open")
         self.force = force
 
     def close(self) -> None:

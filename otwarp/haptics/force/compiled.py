@@ -4,12 +4,20 @@ Warp's compiler, which comes with Warp and needs none on the machine, makes the 
 (`otwarp.kernels.optics.local_force`) where Warp runs. The servo loads it by Warp's loader alone: 10 ms and 70 MB, where
 `import warp` takes 0.3 s, a thread more, and 530 MB that a real-time process locks in memory. Either way a call gives
 the same bits as the `LocalModel` in plain Python, which is its reference, and is used where there is no such code.
+
+Before a hand is given to code, it is `tried` in a process of its own, against the law in Python. A loader that has
+changed, memory that may not be executed, code for another processor: what would end the servo ends the trial, and the
+servo then runs the Python law. So does one bit of difference.
 """
 
 from __future__ import annotations
 
 import functools
+import os
+import pickle
+import random
 import struct
+import subprocess
 import sys
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,15 +25,20 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import SceneFrame, Vec3
-from otwarp.haptics.force.law import IsotropicLaw, Law, LocalModel, SplitLaw
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.core import SceneFrame, SphereFrame, TrapFrame, Vec3
+from otwarp.haptics.force import LocalModel
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw, TableLaw
 from otwarp.laws.local_rows import HAND, LAW, PULL, SPHERE
 
 LAYERS = {1: "", 2: "_polarized", 3: "_vortex"}
 _LEVEL = struct.Struct("=2i3d")
 _RUNTIME = 32
 """Functions that Warp's loader asks for before it loads anything: five in 1.19, and here is room for more."""
+
+WITHIN = 60.0
+"""Seconds that a trial may take; a cold disk and a busy machine take some of the second that it needs."""
+STATES, PLACES = 20, 5
+"""States that are told to both models, and places of the hand in each."""
 
 Call = Callable[[int, int], None]
 """Code of a kernel, called with the addresses of its launch bounds and of its arguments."""
@@ -291,3 +304,57 @@ def _add_table(packed: _Laws, law: TableLaw) -> None:
         packed.level.frombytes(_LEVEL.pack(first, level.columns, grid.end, level.per_spacing, level.middle))
         packed.node.extend(level.node)
     packed.start.append(len(packed.level) // _LEVEL.size)
+
+
+def tried(code: CompiledLaw, laws: Mapping[int, Sequence[Law]]) -> str:
+    """Why the code must not be used for these laws, or ""."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-c", "from otwarp.haptics.force.compiled import try_code; try_code()"]
+    order = pickle.dumps((code, dict(laws)))
+    try:
+        done = subprocess.run(command, input=order, capture_output=True, env=environment, timeout=WITHIN, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"its trial failed ({error})"
+    said = done.stdout.decode(errors="replace").strip()
+    return said if done.returncode == 0 else said or f"its trial ended with {done.returncode}"
+
+
+def try_code() -> None:
+    """What the process of a trial does: an order from stdin, a line about what is wrong to stdout."""
+    code, laws = pickle.loads(sys.stdin.buffer.read())
+    try:
+        print(difference(code, laws))
+    except InputError as error:
+        print(error)
+
+
+def difference(code: CompiledLaw, laws: Mapping[int, Sequence[Law]], seed: int = 0) -> str:
+    """How the compiled model differs from the Python one on random states and places, or ""."""
+    rng, kinds = random.Random(seed), tuple(range(len(next(iter(laws.values()))))) * 3
+    for prediction, smoothing in ((False, 1.0), (True, 0.3)):
+        how = {"prediction": prediction, "smoothing": smoothing}
+        plain, compiled = LocalModel(laws, kinds, **how), CompiledModel(laws, kinds, code=code, **how)
+        for beat in range(STATES):
+            scene = _random_scene(rng, beat, len(kinds), laws)
+            hold = {trap: _random_vector(rng, 0.1) for trap in laws}
+            for model in (plain, compiled):
+                model.refresh(scene, hold)
+            for _ in range(PLACES):
+                carried = _random_vector(rng, 0.5)
+                one, other = plain.force(*carried), compiled.force(*carried)
+                if one != other:
+                    return f"it gives {other} pN where Python gives {one}"
+            if plain.state() != compiled.state():
+                return "it moves spheres otherwise than Python"
+    return ""
+
+
+def _random_scene(rng: random.Random, beat: int, spheres: int, laws: Mapping[int, Sequence[Law]]) -> SceneFrame:
+    """Traps near the origin and spheres about them, some on it and some far."""
+    places = [_random_vector(rng, rng.choice((0.0, 0.3, 1.0, 3.0))) for _ in range(spheres)]
+    traps = tuple(TrapFrame(trap, _random_vector(rng, 0.3), rng.uniform(1.0, 50.0)) for trap in laws)
+    return SceneFrame(beat, 0.008 * beat, tuple(SphereFrame(place, n) for n, place in enumerate(places)), traps)
+
+
+def _random_vector(rng: random.Random, size: float) -> Vec3:
+    return rng.gauss(0.0, size), rng.gauss(0.0, size), rng.gauss(0.0, size)

@@ -1,31 +1,28 @@
-"""The local model: the optical force on the spheres near a hand, at the place where its traps are now (eq. 1–2).
+"""Force laws of traps in plain floats: eq. 1 in one or two curves, and tables.
 
 Every law sums over spheres at once, so that a servo period makes one call per trap. Forces are per mW [pN], for a
-displacement from the focus to the sphere's centre [µm]; the sum over traps, spheres and powers is the `LocalModel`'s.
-They are the terms of `otwarp.kernels.optics.trap_laws` and `otwarp.kernels.optics.force_table` in plain floats, with
-the same operations in the same order: the kernels in float64, compiled (`force.compiled`), have the same bits.
+displacement from the focus to the sphere's centre [µm]. They are the terms of `otwarp.kernels.optics.trap_laws` and
+`otwarp.kernels.optics.force_table` with the same operations in the same order: the kernels in float64, compiled
+(`force.compiled`), have the same bits. A table's nested (ρ, z) grids are laid out as in `otwarp.laws.table`; its nodes
+lie in `array`s of float32, one after another, layer by layer, component by component.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import ZERO, SceneFrame, Vec3, as_tuples
+from otwarp.haptics.core import ZERO, Vec3
+from otwarp.laws.table import BLEND, layer_factors
 from otwarp.laws.trap_law import PER_POWER, TrapLaw
 
 UPWARD: Vec3 = (0.0, 0.0, 1.0)
 """Direction in which beams travel unless a scene turns them."""
-
-MEMORY = 15 / 16
-"""Of a model that predicts, from one state to the next: at 120 states/s it forgets within 0.13 s.
-
-Thermal motion of 20 nm then spoils the share by 3 % at 5 µm/s; a hand that runs into a wall feels at most k·v·T too
-little until it is forgotten."""
 
 
 class Law(Protocol):
@@ -145,256 +142,228 @@ class SplitLaw:
         return fx, fy, fz
 
 
-class ForceModel(Protocol):
-    """What a chain renders: a force on the hand's traps as a function of how far the hand has carried them."""
+@dataclass(frozen=True)
+class ForceGrid:
+    """One level of a table.
 
-    def refresh(self, scene: SceneFrame, traps: Mapping[int, Vec3]) -> bool:
-        """Take in a newly published state; `traps` are the places of the hand's traps before it carried them [µm].
-
-        Returns whether all numbers are finite; if not, the model stays as it was.
-        """
-        ...
-
-    def force(self, x: float, y: float, z: float) -> Vec3:
-        """Σ F on the spheres [pN] with the hand's traps carried by x, y, z [µm]."""
-        ...
-
-    def state(self) -> dict[str, Any]:
-        """What changes from step to step and no `refresh` brings back, for JSON, by its names in recordings."""
-        ...
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state`, after a `refresh` with the scene of that moment."""
-        ...
-
-
-class LocalModel:
-    """Eq. 2: the force of a hand's traps on all spheres, ΣF = Σ_traps Σ_spheres P·F(sphere − focus).
-
-    Spheres of one optical kind share a law; a robot of equal spheres has one kind. A place in `SceneFrame.spheres` that
-    goes to another body has that body's sphere at once: it did not move there.
-
-    Args:
-        laws: For each trap of the scene that a hand moves, its law for each kind.
-        kinds: Kind of each sphere, in the order of `SceneFrame.spheres`; empty for kind 0 throughout.
-        smoothing: α per servo period with which sphere positions follow what is published, 1 for at once.
-        prediction: Whether spheres are taken to have followed the hand since a state was computed: by the share of the
-            traps' way that each went lately, of the way from where the state has the traps to where they are. A sphere
-            that follows its trap then does not seem to lag by what the trap moved since: at 120 states/s, 10 pN/µm and
-            5 µm/s that is 0.2 pN on average, where the drag on a bead of 1 µm is 0.08 pN. How old a state is does not
-            matter, for its traps say where the hand was. A hand at rest feels no prediction, so neither a kick nor
-            thermal motion is carried on, and a sphere that is held back stays where it was seen. A state in which
-            simulated time has not gone on, as in slow motion, teaches it nothing.
-
-    Raises:
-        InputError: A trap without a law, a kind that it has none for, smoothing out of range.
+    Attributes:
+        spacing: Of its nodes along ρ and z [µm].
+        radius: Half its height [µm].
+        end: Distance from the focus up to which it serves [µm].
+        columns: Nodes along ρ.
+        node: float32, 3·layers numbers per node, rows along z.
     """
 
-    def __init__(
-        self,
-        laws: Mapping[int, Sequence[Law]],
-        kinds: Sequence[int] = (),
-        *,
-        smoothing: float = 1.0,
-        prediction: bool = False,
-    ) -> None:
-        for trap, choices in laws.items():
-            if not choices:
-                raise InputError(f"trap {trap} has no force law; allowed: one for each kind of sphere")
-            if kinds and not 0 <= min(kinds) <= max(kinds) < len(choices):
-                raise InputError(f"sphere kinds are {min(kinds)} to {max(kinds)}; allowed: 0 to {len(choices) - 1}")
-        if not 0.0 < smoothing <= 1.0:
-            raise InputError(f"pose smoothing is {smoothing!r}; allowed: above 0 to 1")
-        self.laws = {trap: tuple(choices) for trap, choices in laws.items()}
-        self.smoothing = smoothing
-        self._kinds = tuple(kinds)
-        self._traps: list[tuple[float, float, float, float, Law, int]] = []
-        self._spheres: list[list[Vec3]] = []
-        self._targets: list[list[Vec3]] = []
-        self._bodies: Sequence[Sequence[int]] = ()
-        self._time = -math.inf
-        self.prediction = prediction
-        self._shares: list[list[float]] = []
-        self._went: list[list[float]] = []
-        self._way = 0.0
-        self._focus: Vec3 | None = None
-        self._carried = ZERO
+    spacing: float
+    radius: float
+    end: float
+    columns: int
+    node: array[float]
 
-    @property
-    def kinds(self) -> tuple[int, ...]:
-        """Kind of each sphere; empty for kind 0 throughout."""
-        return self._kinds
 
-    def refresh(self, scene: SceneFrame, traps: Mapping[int, Vec3]) -> bool:
-        """See `ForceModel.refresh`.
+class Level(NamedTuple):
+    """A grid as interpolation reads it, in the numbers of `otwarp.kernels.core.table_data.GridLevel`.
 
-        Raises:
-            InputError: A trap that has no law, or spheres that have no kind.
+    Attributes:
+        node: Forces per mW [pN], 3·layers numbers per node.
+        columns: Nodes along ρ.
+        end2: Squared distance up to which it serves [µm²].
+        per_spacing: 1/spacing [1/µm].
+        middle: Cells below the focus.
+    """
+
+    node: array[float]
+    columns: int
+    end2: float
+    per_spacing: float
+    middle: float
+
+
+@dataclass(frozen=True)
+class TableLaw:
+    """Force of a beam on spheres from its table.
+
+    Attributes:
+        grids: Levels from the finest outward.
+        layers: 1 for circular polarization, 2 for another, 3 with a vortex.
+        cubic: Whether nodes are coefficients of cubic B-splines, else values for bilinear interpolation.
+        scale: Force per mW of Q = 1, n/c [pN].
+        side: Direction of the major axis of the polarization, across the beam; unit vector.
+        axis: Of the beam; unit vector.
+
+    Raises:
+        InputError: An axis that is none, or not across the other.
+    """
+
+    grids: tuple[ForceGrid, ...]
+    layers: int
+    cubic: bool
+    scale: float
+    side: Vec3 = (1.0, 0.0, 0.0)
+    axis: Vec3 = UPWARD
+
+    def __post_init__(self) -> None:
+        check_axis(self.axis)
+        check_axis(self.side)
+        if abs(sum(a * b for a, b in zip(self.axis, self.side, strict=True))) > 1e-5:
+            raise InputError(f"polarization axis is {self.side!r}; allowed: one across the beam, {self.axis!r}")
+
+    @classmethod
+    def of(cls, table: Any, *, side: Vec3 | None = None, axis: Vec3 = UPWARD, turn: float = 0.0) -> TableLaw:
+        """From an `otwarp.optics.ForceTable`, which this room may not import.
+
+        Args:
+            table: Has `levels`, `layers`, `interpolation` and `beam`.
+            side: Direction of the polarization's major axis; None for `turn` from +X, for a beam along +Z.
+            axis: Direction of the beam.
+            turn: `otwarp.optics.table.major_axis` of the beam [rad].
         """
-        if self._kinds and len(self._kinds) != len(scene.spheres):
-            raise InputError(f"the scene has {len(scene.spheres)} spheres; allowed: {len(self._kinds)}, one per kind")
-        groups = 1 + max(self._kinds, default=0)
-        targets: list[list[Vec3]] = [[] for _ in range(groups)]
-        bodies: list[list[int]] = [[] for _ in range(groups)]
-        total = 0.0
-        for n, sphere in enumerate(scene.spheres):
-            x, y, z = sphere.position
-            total += x + y + z
-            kind = self._kinds[n] if self._kinds else 0
-            targets[kind].append(sphere.position)
-            bodies[kind].append(sphere.body)
-        rows = []
-        focus: Vec3 | None = None
-        carried = ZERO
-        for trap in scene.traps:
-            if trap.index not in traps:
-                continue
-            if trap.index not in self.laws:
-                raise InputError(f"trap {trap.index} has no force law; allowed: {sorted(self.laws)}")
-            x, y, z = traps[trap.index]
-            total += x + y + z + trap.power
-            if focus is None:  # a hand carries all its traps alike
-                focus = u, v, w = trap.position
-                carried = (u - x, v - y, w - z)
-                total += u + v + w
-            choices = self.laws[trap.index]
-            rows += [(x, y, z, trap.power, choices[kind], kind) for kind in range(groups)]
-        if not math.isfinite(total):
-            return False
-        self._traps = rows
-        same = [len(group) for group in targets] == [len(group) for group in self._spheres]
-        if same and bodies != [list(group) for group in self._bodies]:
-            self._exchange(targets, bodies)
-        stood = same and scene.time == self._time and targets == self._targets
-        if self.prediction:
-            if not stood:
-                self._learn(targets, focus, same)
-            self._carried = carried
-        if self.smoothing == 1.0 or not same:
-            self._spheres = targets
-        self._targets, self._bodies, self._time = targets, bodies, scene.time
-        return True
+        grids = tuple(
+            ForceGrid(
+                float(level.spacing),
+                float(level.radius),
+                float(level.end),
+                int(level.node.shape[1]),
+                array("f", level.node.tobytes()),
+            )
+            for level in table.levels
+        )
+        scale = float(table.beam.force_scale / table.beam.power)
+        if side is None:
+            side = (math.cos(turn), math.sin(turn), 0.0)
+        return cls(grids, int(table.layers), table.interpolation == "bicubic", scale, side, axis)
 
-    def state(self) -> dict[str, Any]:
-        """See `ForceModel.state`."""
-        model = [self._shares, self._went, self._way, self._focus, self._carried, self._bodies, self._time]
-        spheres = None if self._spheres is self._targets else self._spheres  # None: where they were published
-        return {"model": model, "targets": self._targets, "spheres": spheres}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """See `ForceModel.restore`."""
-        shares, went, self._way, focus, carried, bodies, self._time = state["model"]
-        self._shares, self._went = as_tuples(shares), as_tuples(went)
-        self._focus, self._carried, self._bodies = as_tuples(focus), as_tuples(carried), as_tuples(bodies)
-        spheres = state["spheres"]
-        self._targets = [[as_tuples(vector) for vector in group] for group in state["targets"]]
-        self._spheres = self._targets if spheres is None else [[as_tuples(v) for v in group] for group in spheres]
-
-    def _exchange(self, targets: list[list[Vec3]], bodies: list[list[int]]) -> None:
-        """Where a place goes to another body, its past is where that body is now, and nothing is known of its way."""
-        standing = self._spheres is self._targets
-
-        def _of(past: list[list[Vec3]]) -> list[list[Vec3]]:
-            return [
-                [new if a != b else old for old, new, a, b in zip(*rows, strict=True)]
-                for rows in zip(past, targets, self._bodies, bodies, strict=True)
-            ]
-
-        self._targets, spheres = _of(self._targets), self._spheres
-        self._spheres = self._targets if standing else _of(spheres)
-        if self._went:  # only of a model that predicts
-            self._went = [
-                [sum_ if a == b else 0.0 for sum_, a, b in zip(*rows, strict=True)]
-                for rows in zip(self._went, self._bodies, bodies, strict=True)
-            ]
-
-    def _learn(self, targets: list[list[Vec3]], focus: Vec3 | None, same: bool) -> None:
-        """How much of its trap's way each sphere went lately: Σ(way of sphere · way of trap)/Σ(way of trap)².
-
-        Both are sums over the states since the model was made, each state's part weighing `MEMORY` of the one after it.
-        Thermal motion is in the ends of a way alone, so that it counts little once the trap has gone far.
-        """
-        before = self._focus
-        self._focus = focus
-        if not same or before is None or focus is None:
-            self._shares, self._went, self._way = [], [[0.0] * len(group) for group in targets], 0.0
-            return
-        a, b, c = focus[0] - before[0], focus[1] - before[1], focus[2] - before[2]
-        self._way = MEMORY * self._way + a * a + b * b + c * c
-        self._went = [
-            [
-                MEMORY * sum_ + a * (u - x) + b * (v - y) + c * (w - z)
-                for sum_, (x, y, z), (u, v, w) in zip(sums, then, now, strict=True)
-            ]
-            for sums, then, now in zip(self._went, self._targets, targets, strict=True)
-        ]
-        way = self._way
-        self._shares = [[min(max(s / way, 0.0), 1.0) for s in sums] for sums in self._went] if way > 0.0 else []
-
-    def force(self, x: float, y: float, z: float) -> Vec3:
-        """See `ForceModel.force`."""
-        if self._spheres is not self._targets:
-            self._approach()
+    def pull(self, x: float, y: float, z: float, spheres: Sequence[Vec3]) -> Vec3:
+        """See `Law.pull`."""
+        ax, ay, az = self.axis
+        sx, sy, sz = self.side
+        ux, uy, uz = ay * sz - az * sy, az * sx - ax * sz, ax * sy - ay * sx
+        reach = self.reach2
         fx = fy = fz = 0.0
-        spheres = self._ahead(x, y, z) if self.prediction else self._spheres
-        for u, v, w, power, law, kind in self._traps:
-            gx, gy, gz = law.pull(u + x, v + y, w + z, spheres[kind])
-            fx += power * gx
-            fy += power * gy
-            fz += power * gz
+        for u, v, w in spheres:
+            u, v, w = u - x, v - y, w - z
+            if u * u + v * v + w * w >= reach:
+                continue
+            fs, fu, fa = self.beam_force(sx * u + sy * v + sz * w, ux * u + uy * v + uz * w, ax * u + ay * v + az * w)
+            fx += fs * sx + fu * ux + fa * ax
+            fy += fs * sy + fu * uy + fa * ay
+            fz += fs * sz + fu * uz + fa * az
         return fx, fy, fz
 
-    def _ahead(self, x: float, y: float, z: float) -> list[list[Vec3]]:
-        """The spheres where they have come to by now, with the hand's traps carried by x, y, z [µm]."""
-        if not self._shares:
-            return self._spheres
-        a, b, c = self._carried
-        a, b, c = x - a, y - b, z - c
-        return [
-            [(u + s * a, v + s * b, w + s * c) for (u, v, w), s in zip(group, shares, strict=True)]
-            for group, shares in zip(self._spheres, self._shares, strict=True)
-        ]
+    def __hash__(self) -> int:
+        # of what is short; `==` compares the nodes as well
+        return hash((self.layers, self.cubic, self.scale, self.side, self.axis))
 
-    def _approach(self) -> None:
-        """Move the spheres one servo period on towards where they were last published."""
-        a = self.smoothing
-        self._spheres = [
-            [
-                (x + a * (u - x), y + a * (v - y), z + a * (w - z))
-                for (x, y, z), (u, v, w) in zip(now, then, strict=True)
-            ]
-            for now, then in zip(self._spheres, self._targets, strict=True)
-        ]
+    @property
+    def reach2(self) -> float:
+        """Squared distance from the focus beyond which it pulls no more [µm²]."""
+        return self.grids[-1].end * self.grids[-1].end
+
+    @cached_property
+    def levels(self) -> tuple[Level, ...]:
+        """What interpolation reads of the grids: forces per mW in float64, as `otwarp.kernels` keep them."""
+        found = []
+        for grid in self.grids:
+            per_spacing = 1.0 / grid.spacing
+            node = array("d", [self.scale * q for q in grid.node])
+            found.append(Level(node, grid.columns, grid.end * grid.end, per_spacing, grid.radius * per_spacing))
+        return tuple(found)
+
+    def beam_force(self, x: float, y: float, z: float) -> Vec3:
+        """Force per mW [pN] on a sphere at x, y, z [µm] in the beam's frame, x along the polarization's major axis."""
+        rho2 = x * x + y * y
+        d2 = rho2 + z * z
+        if d2 != d2:
+            return math.nan, math.nan, math.nan
+        # on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
+        per_rho = 1.0 / math.sqrt(max(rho2, 1e-20))
+        rho, c, s = math.sqrt(rho2), x * per_rho, y * per_rho
+        finest = self.levels[0]
+        inner = BLEND * self.grids[0].end
+        if d2 < inner * inner:
+            radial, turning, axial = self._level(finest, rho, z, c, s)
+        else:
+            radial, turning, axial = self._blended(d2, rho, z, c, s)
+        return radial * c - turning * s, radial * s + turning * c, axial
+
+    def _blended(self, d2: float, rho: float, z: float, c: float, s: float) -> Vec3:
+        """(F_ρ, F_φ, F_z) of the level that reaches as far as d2, and of the next one in its outer fifth."""
+        n, last = 0, len(self.levels) - 1
+        while n < last and d2 >= self.levels[n].end2:
+            n += 1
+        here = self.levels[n]
+        if d2 >= here.end2:
+            return ZERO
+        beyond = min(max((d2 / here.end2 - BLEND * BLEND) * (1.0 / (1.0 - BLEND * BLEND)), 0.0), 1.0)
+        beyond = beyond * beyond * (3.0 - 2.0 * beyond)
+        k = 1.0 - beyond
+        fr, ft, fa = self._level(here, rho, z, c, s)
+        radial, turning, axial = k * fr, k * ft, k * fa
+        if beyond > 0.0 and n < last:
+            fr, ft, fa = self._level(self.levels[n + 1], rho, z, c, s)
+            radial, turning, axial = radial + beyond * fr, turning + beyond * ft, axial + beyond * fa
+        return radial, turning, axial
+
+    def _level(self, level: Level, rho: float, z: float, c: float, s: float) -> Vec3:
+        """(F_ρ, F_φ, F_z) per mW [pN] of one level at azimuth with this cosine and sine."""
+        u, v = rho * level.per_spacing, z * level.per_spacing + level.middle
+        i, j = int(u), int(v)
+        if self.cubic:
+            return self._bicubic(level, j * level.columns + i, u - i, v - j, c, s)
+        u, v = u - i, v - j
+        first = (j + 1) * level.columns + i + 1
+        second, both = first + level.columns, u * v
+        a, b, d = 1.0 - u - (v - both), u - both, v - both
+        if self.layers == 1:
+            # four nodes of three components, spelled out: this is what a servo period is made of
+            node, n, m = level.node, 3 * first, 3 * second
+            return (
+                a * node[n] + b * node[n + 3] + d * node[m] + both * node[m + 3],
+                a * node[n + 1] + b * node[n + 4] + d * node[m + 1] + both * node[m + 4],
+                a * node[n + 2] + b * node[n + 5] + d * node[m + 2] + both * node[m + 5],
+            )
+        at, factors = self._node, layer_factors(c, s)
+        nodes = (at(level, n, factors) for n in (first, first + 1, second, second + 1))
+        return tuple(a * p + b * q + d * r + both * t for p, q, r, t in zip(*nodes, strict=True))  # type: ignore[return-value]
+
+    def _bicubic(self, level: Level, n: int, u: float, v: float, c: float, s: float) -> Vec3:
+        """The same by cubic B-splines: sixteen nodes from n on, for the offsets u, v in a cell."""
+        (a, b, d, e), factors = _cubic_weights(u), layer_factors(c, s)
+        radial = turning = axial = 0.0
+        for weight in _cubic_weights(v):
+            if self.layers == 1:
+                node, m = level.node, 3 * n
+                radial += weight * (a * node[m] + b * node[m + 3] + d * node[m + 6] + e * node[m + 9])
+                turning += weight * (a * node[m + 1] + b * node[m + 4] + d * node[m + 7] + e * node[m + 10])
+                axial += weight * (a * node[m + 2] + b * node[m + 5] + d * node[m + 8] + e * node[m + 11])
+            else:
+                p, q, r, t = (self._node(level, n + k, factors) for k in range(4))
+                radial += weight * (a * p[0] + b * q[0] + d * r[0] + e * t[0])
+                turning += weight * (a * p[1] + b * q[1] + d * r[1] + e * t[1])
+                axial += weight * (a * p[2] + b * q[2] + d * r[2] + e * t[2])
+            n += level.columns
+        return radial, turning, axial
+
+    def _node(self, level: Level, n: int, factors: tuple[Vec3, Vec3]) -> Vec3:
+        """Node n of a polarized beam at the azimuth of these factors, all layers together."""
+        node, m = level.node, 3 * self.layers * n
+        (a, b, d), (e, f, g) = factors
+        if self.layers == 2:
+            return node[m] + a * node[m + 3], node[m + 1] + b * node[m + 4], node[m + 2] + d * node[m + 5]
+        return (
+            node[m] + (a * node[m + 3] + e * node[m + 6]),
+            node[m + 1] + (b * node[m + 4] + f * node[m + 7]),
+            node[m + 2] + (d * node[m + 5] + g * node[m + 8]),
+        )
 
 
-class Code(Protocol):
-    """Compiled laws, see `otwarp.haptics.force.compiled.CompiledLaw`."""
-
-    def model(
-        self, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int], *, smoothing: float, prediction: bool
-    ) -> LocalModel:
-        """A local model that computes with them, see `LocalModel`."""
-        ...
-
-
-def local_model(
-    config: HandConfig, laws: Mapping[int, Sequence[Law]], kinds: Sequence[int] = (), code: Code | None = None
-) -> LocalModel:
-    """The local model of a hand: laws of its traps alone, sphere positions smoothed as its chain asks.
-
-    Args:
-        config: Of the hand.
-        laws, kinds: As `LocalModel`.
-        code: The laws compiled; None for plain Python, which has the same bits.
-
-    Raises:
-        InputError: A trap of the hand without a law, or as `LocalModel`; code that cannot be loaded.
-    """
-    for trap in config.traps:
-        if trap not in laws:
-            raise InputError(f"hand.traps has {trap}, which has no force law; allowed: {sorted(laws)}")
-    slow = config.chain.pose_filter
-    smoothing = slow.at(config.chain.rate).alpha if slow else 1.0
-    make = LocalModel if code is None else code.model
-    chosen = {trap: laws[trap] for trap in config.traps}
-    return make(chosen, kinds, smoothing=smoothing, prediction=config.chain.pose_prediction)
+def _cubic_weights(t: float) -> tuple[float, float, float, float]:
+    """`otwarp.laws.table.cubic_weights` in the order of operations of `otwarp.kernels.optics.force_table`."""
+    s = 1.0 - t
+    t2, s2 = t * t, s * s
+    return (
+        s * s2 * (1.0 / 6.0),
+        2.0 / 3.0 - t2 + 0.5 * t * t2,
+        2.0 / 3.0 - s2 + 0.5 * s * s2,
+        t * t2 * (1.0 / 6.0),
+    )

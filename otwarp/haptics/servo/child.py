@@ -18,9 +18,9 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
+from otwarp.haptics.core import DeviceInfo
 from otwarp.haptics.core.realtime import RealClock, parent_is_gone, request_realtime
 from otwarp.haptics.core.shared_memory import Mailbox, Ring
-from otwarp.haptics.core.types import DeviceInfo
 from otwarp.haptics.devices import DeviceSpec, create_device
 from otwarp.haptics.servo.guard import LENGTH, AddressLayout, GuardLayout
 from otwarp.haptics.servo.hand import Hand

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ServoFrame
 from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
-from otwarp.haptics.core.types import ServoFrame
 from otwarp.haptics.devices import KINDS, DeviceSpec
 from otwarp.haptics.servo.link import TEXT, ServoStatus, cut, text_of
 

@@ -23,9 +23,9 @@ from collections.abc import Callable
 from importlib import import_module
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ServoFrame, ZeroForce
 from otwarp.haptics.core.realtime import process_ended, schedule_threads, timer
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ServoFrame, ZeroForce
 from otwarp.haptics.devices import KINDS
 from otwarp.haptics.servo.guard import LENGTH, Address, AddressLayout, GuardLayout, GuardOrder, GuardReport, Watch
 from otwarp.haptics.servo.link import HandLayout, StatusLayout

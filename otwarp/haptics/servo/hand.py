@@ -11,8 +11,7 @@ from dataclasses import replace
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike, Rendering
-from otwarp.haptics.core.shared_memory import Mailbox, Ring
-from otwarp.haptics.core.types import (
+from otwarp.haptics.core import (
     ABSOLUTE,
     BACK,
     DISARMED,
@@ -32,6 +31,7 @@ from otwarp.haptics.core.types import (
     ServoFrame,
     Vec3,
 )
+from otwarp.haptics.core.shared_memory import Mailbox, Ring
 from otwarp.haptics.servo.guard import Address
 from otwarp.haptics.servo.link import HandStatus, Start
 

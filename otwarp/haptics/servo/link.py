@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.rendering import ChainLike
+from otwarp.haptics.core import STATES, DeviceInfo, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import Gains
 from otwarp.haptics.core.shared_memory import Mailbox, RecordLayout
-from otwarp.haptics.core.types import STATES, DeviceInfo, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 
 TEXT = 160
 """Bytes of a line about one device."""

@@ -20,9 +20,9 @@ from dataclasses import replace
 from typing import Any, BinaryIO, TypeVar
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import CYCLE, SceneFrame, ServoFrame
 from otwarp.haptics.core.config import checked_gains
 from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
-from otwarp.haptics.core.types import CYCLE, SceneFrame, ServoFrame
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.child import ServoOrder
 from otwarp.haptics.servo.guard import (

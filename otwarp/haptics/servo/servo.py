@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ENDING, SILENT, ZERO
 from otwarp.haptics.core.realtime import Clock, next_deadline
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ENDING, SILENT, ZERO
 from otwarp.haptics.servo.guard import SILENCE as GUARD_SILENCE
 from otwarp.haptics.servo.guard import GuardReport
 from otwarp.haptics.servo.hand import Hand

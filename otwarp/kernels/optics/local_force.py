@@ -1,6 +1,6 @@
 """The force on an operator's hand: eq. 2 over the traps that it moves and the spheres near them, in one call.
 
-The terms are those of the simulation in float64. They are summed in the order of `otwarp.haptics.force.law.LocalModel`,
+The terms are those of the simulation in float64. They are summed in the order of `otwarp.haptics.force.LocalModel`,
 which says the same in plain floats; with products and sums kept apart (`fuse_fp`) both have the same bits. The servo
 calls the machine code without Warp (`otwarp.haptics.force.compiled`), so that all arguments are addresses and counts.
 """

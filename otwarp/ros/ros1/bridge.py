@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.realtime import next_deadline
-from otwarp.haptics.core.types import Vec3
 from otwarp.ros.contract import (
     FRAME,
     HAND_TYPES,

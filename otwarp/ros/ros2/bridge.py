@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ZERO, Vec3
 from otwarp.haptics.core.config import FACING_USER, PAIRINGS, check_orthogonal
 from otwarp.haptics.core.fields import Matrix, check_fields, number
-from otwarp.haptics.core.types import ZERO, Vec3
 from otwarp.ros.contract import (
     CELL_TOPIC,
     FRAME,

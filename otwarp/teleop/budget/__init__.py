@@ -13,7 +13,7 @@ What was lost to this is measured once more at its end: if the load of the machi
 done anew.
 
 `reduce_scene` decides; `report` measures what a scene costs and says what was left out, `reach` which bodies the traps
-can come to; `watch` goes on looking while the session runs.
+can come to. `otwarp.teleop.session.pace` goes on looking while the session runs.
 """
 
 from __future__ import annotations
@@ -131,6 +131,31 @@ def reduce_scene(
     if budget == "off":
         return Reduced(scene=scene, report=BudgetReport.off(scene, speed))
     search = _Search(AUTO_SHARE if budget == "auto" else budget, speed, rate, device, measure, progress or _silent)
+    chosen, reduced, (before, after), reach = _fitting(search, scene, sweep, horizon)
+    report = BudgetReport(
+        budget=budget,
+        share=search.share,
+        rate=rate,
+        speed_asked=speed,
+        speed=speed if search.fits(after) else round_down(after.speed(search.share, rate)),
+        bodies=len(scene.bodies),
+        kept=len(chosen.kept),
+        frozen=tuple(scene.bodies[i].name for i in chosen.frozen),
+        left=tuple(scene.bodies[i].name for i in chosen.left),
+        before=before,
+        after=after,
+        accuracy=(scene.settings.accuracy, reduced.settings.accuracy),
+        reach=_rule(reach),
+        nearest=_nearest(reach, chosen),
+        log=tuple(search.log),
+    )
+    return Reduced(scene=reduced, report=report)
+
+
+def _fitting(
+    search: _Search, scene: Scene, sweep: float, horizon: float | None
+) -> tuple[Thinned, Scene, tuple[SceneCost, SceneCost], Reach | None]:
+    """Steps 1 to 3, anew while the load of the machine changes: bodies, scene, cost before and after, and the reach."""
     everything = f"all {_bodies(len(scene.bodies))}"
     whole = Thinned(scene=scene, kept=tuple(range(len(scene.bodies))), frozen=(), left=())
     before = search.try_(scene, everything)
@@ -152,24 +177,7 @@ def reduce_scene(
             break
         search.log.append("the load of this machine has changed: searched anew")
         before = again
-    report = BudgetReport(
-        budget=budget,
-        share=search.share,
-        rate=rate,
-        speed_asked=speed,
-        speed=speed if search.fits(after) else round_down(after.speed(search.share, rate)),
-        bodies=len(scene.bodies),
-        kept=len(chosen.kept),
-        frozen=tuple(scene.bodies[i].name for i in chosen.frozen),
-        left=tuple(scene.bodies[i].name for i in chosen.left),
-        before=before,
-        after=after,
-        accuracy=(scene.settings.accuracy, reduced.settings.accuracy),
-        reach=_rule(reach),
-        nearest=_nearest(reach, chosen),
-        log=tuple(search.log),
-    )
-    return Reduced(scene=reduced, report=report)
+    return chosen, reduced, (before, after), reach
 
 
 def round_down(speed: float) -> float:

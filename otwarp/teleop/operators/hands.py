@@ -1,293 +1,318 @@
-"""Which hand moves which traps, how, with what device, and what it feels of the scene.
+"""What operators command, and what they are told of their hands.
 
-The first is the scene's word, the user's, and a configuration file's (`plan_hands`). What is felt are the force laws of
-the hand's traps and the trapped spheres near them (`LocalScene`).
+`Hands` sends the servo scenes and takes in commanded traps and forces; `TrapCommands` is what hands, gizmos and
+programs together command of the traps, written in one go.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.config import HandConfig, HapticsConfig, two_hands
-from otwarp.haptics.core.fields import from_dict, to_dict
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.force.table import TableLaw
-from otwarp.laws.trap_law import MODELS
-from otwarp.scene import Scene, description
-from otwarp.scene.transforms import rotate
-from otwarp.simulation.frame import Frame
-from otwarp.simulation.model import Model
-from otwarp.simulation.packing.optics import polarization_azimuth
-from otwarp.teleop.core import HANDS, vec3
+from otwarp.haptics.core import ZERO, SceneFrame, ServoFrame, Vec3
+from otwarp.haptics.servo.link import ServoStatus
+from otwarp.scene import Scene
+from otwarp.simulation.simulation import Simulation
+from otwarp.teleop import HandFrame, vec3
+from otwarp.teleop.operators import HandPlan
+from otwarp.teleop.operators.servo import ServoLike
 
-SLOTS = 16
-"""Spheres of one optical kind that a servo period evaluates at most; the nearest to the hands' traps. The force on one
-in reach costs up to 5 µs for each trap where the law runs in Python, so 16 leave a 1 kHz period room."""
+FARTHEST = 1e6
+"""Micrometres from the origin beyond which no trap is put: a metre."""
+GENTLE = 30.0
+"""Fastest that a gentle move goes, in µm per simulated second.
 
-
-@dataclass(frozen=True, slots=True)
-class HandPlan:
-    """One hand of a session.
-
-    Attributes:
-        device: As the user named it.
-        config: With the traps that it moves.
-    """
-
-    device: str
-    config: HandConfig
-
-    @property
-    def name(self) -> str:
-        """`left` or `right`."""
-        return self.config.name
+In water (0.89 mPa·s) the drag 6πηav on a sphere of radius 1 µm is 0.5 pN at this speed, and on the five spheres of a
+robot less than five times that, shared by the traps that hold it. Traps of 10 pN/µm let go at a few pN."""
 
 
-def traps_of(scene: Scene, hand: str) -> tuple[int, ...]:
-    """Indices of the traps whose `ot:trap:hand` is this hand."""
-    return tuple(n for n, trap in enumerate(scene.traps) if trap.hand == hand)
-
-
-def plan_hands(
-    scene: Scene,
-    devices: Mapping[str, str],
-    *,
-    config: HapticsConfig | Mapping[str, Any] | None = None,
-    mode: str = "stable",
-    pairing: str = "release",
-    motion_gain: float | None = None,
-    force_gain: float | None = None,
-    rate: float | None = None,
-) -> tuple[HandPlan, ...]:
-    """The hands of a session, left before right.
+class Hands:
+    """The hands of a session.
 
     Args:
-        scene: Whose `ot:trap:hand` says which hand moves a trap, unless `config` does.
-        devices: Hand → device; a hand without one moves nothing.
-        config: Replaces the presets, or, as a mapping, changes them; a hand in it without traps takes the scene's.
-        mode, pairing: Of the presets, as `presets.two_hands`. The older pairing swaps the hands' traps.
-        motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
-        rate: Servo rate [Hz].
-
-    Raises:
-        InputError: A hand without a trap, a trap that the scene lacks, a number out of range.
-    """
-    for hand in devices:
-        if hand not in HANDS:
-            raise InputError(f"hand is {hand!r}; allowed: {', '.join(HANDS)}")
-    if not isinstance(config, HapticsConfig):
-        # the release's first group is its left hand's
-        preset = two_hands(traps_of(scene, "left"), traps_of(scene, "right"), pairing=pairing, mode=mode)
-        config = preset if config is None else changed(preset, config)
-    configured = {hand.name: hand for hand in config.hands}
-    plans = []
-    for hand in (h for h in HANDS if h in devices):
-        if hand not in configured:
-            raise InputError(f"--{hand} is {devices[hand]!r}; allowed: hands of the configuration, {list(configured)}")
-        one = configured[hand]
-        if not one.traps:
-            one = replace(one, traps=traps_of(scene, hand))
-        plans.append(HandPlan(devices[hand], _tuned(scene, one, motion_gain, force_gain, rate)))
-    HapticsConfig(hands=tuple(plan.config for plan in plans))  # refuses a trap in two hands
-    return tuple(plans)
-
-
-def _tuned(
-    scene: Scene, hand: HandConfig, motion_gain: float | None, force_gain: float | None, rate: float | None
-) -> HandConfig:
-    """A hand with the user's gains, and no faster than its traps may move."""
-    where = scene.file or scene.root
-    if not hand.traps:
-        raise InputError(f"{where}: no trap has ot:trap:hand = {hand.name!r}; allowed: a hand that moves a trap")
-    missing = [t for t in hand.traps if t >= len(scene.traps)]
-    if missing:
-        raise InputError(f"hand.traps has {missing[0]}; allowed: traps of {where}, 0 to {len(scene.traps) - 1}")
-    limit = min((scene.traps[t].speed_limit for t in hand.traps), default=math.inf)
-    chain = replace(hand.chain, trap_speed=min(hand.chain.trap_speed, limit), rate=rate or hand.chain.rate)
-    gains = {"motion_gain": motion_gain, "force_gain": force_gain}
-    return replace(hand, chain=chain, **{k: float(v) for k, v in gains.items() if v is not None})
-
-
-def slowed(plans: tuple[HandPlan, ...], speed: float) -> tuple[HandPlan, ...]:
-    """Plans for a session in slow motion: a trap's limit is per simulated second, a hand's per second of the clock."""
-    factor = min(speed, 1.0)
-    return tuple(
-        replace(plan, config=replace(plan.config, chain=replace(chain, trap_speed=chain.trap_speed * factor)))
-        for plan in plans
-        for chain in (plan.config.chain,)
-    )
-
-
-def changed(preset: HapticsConfig, changes: Mapping[str, Any]) -> HapticsConfig:
-    """A preset with what a mapping says otherwise; hands go by their names.
-
-    Raises:
-        InputError: A key or value that cannot be, or a hand without a name.
-    """
-    plain = to_dict(preset)
-    hands = {hand["name"]: hand for hand in plain["hands"]}
-    asked = changes.get("hands", [])
-    if not isinstance(asked, list) or not all(isinstance(hand, Mapping) for hand in asked):
-        raise InputError(f"hands is {asked!r}; allowed: a list of hands")
-    for hand in asked:
-        if hand.get("name") not in hands:
-            raise InputError(f"hands has one of name {hand.get('name')!r}; allowed: {', '.join(hands)}")
-        hands[hand["name"]] = _merged(hands[hand["name"]], hand)
-    return from_dict(HapticsConfig, {**plain, **changes, "hands": list(hands.values())})
-
-
-def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested keys of `changes` over those of `base`."""
-    out = dict(base)
-    for key, value in changes.items():
-        both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
-        out[key] = _merged(out[key], value) if both else value
-    return out
-
-
-def load_config(file: str | Path) -> Mapping[str, Any]:
-    """What a JSON file changes of the presets; `otwarp haptics config` prints one with all keys.
-
-    Raises:
-        InputError: The file cannot be read, or a key or value in it cannot be.
-    """
-    try:
-        text = Path(file).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"--config {file}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"--config {file}: is not JSON ({error})") from None
-    try:
-        if not isinstance(data, Mapping):
-            raise InputError(
-                f"it holds {type(data).__name__}; allowed: keys and values, as otwarp haptics config prints"
-            )
-        changed(two_hands((), ()), data)  # refused with the file's name, before there is a scene
-    except InputError as error:
-        raise InputError(f"--config {file}: {error}") from None
-    return data
-
-
-def authored_law(trap: description.Trap, radius: float) -> Law:
-    """A trap's authored law as a sphere of `radius` [µm] feels it.
-
-    Raises:
-        InputError: A model that no operator can feel.
-    """
-    if trap.model not in MODELS:
-        allowed = ", ".join((*MODELS, *description.OPTICAL_MODELS))
-        raise InputError(f"{trap.prim}: ot:trap:model = {trap.model}: on a trap of a hand must be one of {allowed}")
-    assert trap.radial is not None, "optical traps have tables"
-    axis = vec3(rotate(np.array(trap.orientation), np.array([0.0, 0.0, 1.0])))
-    laws = [law.per_mw().for_radius(radius) for law in (trap.radial, trap.axial) if law is not None]
-    # a spring ends where its linear branch does
-    curves = [replace(law, threshold=min(law.threshold, law.cutoff)) for law in laws]
-    if len(curves) == 1:
-        return IsotropicLaw(curves[0], axis, trap.equilibrium)
-    return SplitLaw(curves[0], curves[1], axis, trap.equilibrium)
-
-
-def optical_law(model: Model, trap: int, kind: int) -> Law:
-    """A trap's tabulated law for one kind of sphere: from the table that the simulation has."""
-    table = model.optics.tables[model.optics.table[trap, kind]]
-    turn = polarization_azimuth(table.beam)
-    frame = np.array([[math.cos(turn), math.sin(turn), 0.0], [0.0, 0.0, 1.0]])
-    side, axis = rotate(np.array(model.scene.traps[trap].orientation), frame)
-    return TableLaw.of(table, side=vec3(side), axis=vec3(axis))
-
-
-@dataclass(frozen=True, eq=False)
-class LocalScene:
-    """The trapped spheres of a scene, and who pulls on them how.
+        plans: As asked for.
+        servo: Runs their chains, in their order; None without hands.
 
     Attributes:
-        laws: For each trap, its law for each kind of sphere.
-        kinds: Kind of each slot of `SceneFrame.spheres`.
+        frames: Each hand as last heard of.
+        status: The servo's last report.
+        law: What computes the forces, for the user; "" for unknown.
     """
 
-    laws: dict[int, tuple[Law, ...]]
-    kinds: tuple[int, ...]
-    _body: np.ndarray
-    _offset: np.ndarray
-    _kind: np.ndarray
-    _hands: np.ndarray
-    _chosen: np.ndarray = field(repr=False)
+    def __init__(self, plans: Sequence[HandPlan], servo: ServoLike | None):
+        self._servo = servo
+        self._names = [plan.name for plan in plans]
+        self._dead = False
+        self._armed = [False] * len(self._names)
+        self._notes = [""] * len(self._names)
+        self.status: ServoStatus | None = None
+        self.law = ""
+        self.frames: tuple[HandFrame, ...] = tuple(
+            HandFrame(
+                name=plan.name,
+                device=plan.device,
+                traps=plan.config.traps,
+                motion_gain=plan.config.motion_gain,
+                force_gain=plan.config.force_gain,
+                clamp=plan.config.safety.clamp,
+            )
+            for plan in plans
+        )
 
-    @classmethod
-    def of(cls, model: Model, hands: Sequence[int], *, slots: int = SLOTS) -> LocalScene:
-        """From a built model.
+    @property
+    def servo(self) -> ServoLike | None:
+        """What runs the chains."""
+        return self._servo
 
-        Args:
-            hands: Indices of the traps that hands move; the spheres nearest to them fill the slots.
-            slots: Most spheres of one kind.
+    def start(self) -> None:
+        """Open the devices and run the servo.
+
+        Raises:
+            InputError: A device is not there.
         """
-        scene, optics = model.scene, model.optics
-        spheres = [(b, s) for b, body in enumerate(scene.bodies) for s in body.spheres if s.trapped]
-        kinds = np.array([optics.kind(s.radius, s.refractive_index) for _, s in spheres], dtype=int)
-        laws = {
-            t: tuple(
-                optical_law(model, t, k) if trap.optical else authored_law(trap, radius)
-                for k, (radius, _) in enumerate(optics.kinds)
-            )
-            for t, trap in enumerate(scene.traps)
-            if t in set(hands)
-        }
-        chosen = np.concatenate(
-            [np.zeros(0, dtype=int), *(np.flatnonzero(kinds == k)[:slots] for k in range(len(optics.kinds)))]
-        )
-        return cls(
-            laws if spheres else {},
-            tuple(int(k) for k in kinds[chosen]),
-            np.array([b for b, _ in spheres], dtype=int),
-            np.array([s.offset for _, s in spheres]).reshape(-1, 3),
-            kinds,
-            np.array(sorted(set(hands)), dtype=int),
-            chosen,
-        )
+        if self._servo is not None:
+            self.status = self._servo.start()
 
-    def now(self, beat: int, frame: Frame) -> SceneFrame:
-        """A state as the servo takes it; the frame's numbers may be anything, the servo refuses what is not finite."""
-        place = frame.spheres(self._body, self._offset)[0]
-        self._choose(place, frame.trap_position[0][self._hands])
-        body, rows = self._body, place[self._chosen].tolist()
-        spheres = tuple(SphereFrame(vec3(row), int(body[i])) for row, i in zip(rows, self._chosen, strict=True))
-        traps = tuple(
-            TrapFrame(t, vec3(row), power)
-            for t, (row, power) in enumerate(
-                zip(frame.trap_position[0].tolist(), frame.trap_power[0].tolist(), strict=True)
-            )
-        )
-        load = float(frame.contact_load.max(initial=0.0))
-        return SceneFrame(beat, frame.time, spheres, traps, load)
+    def listen(self) -> dict[int, Vec3]:
+        """Take in what the servo says; returns the traps that hands command now [µm]."""
+        servo = self._servo
+        if servo is None:
+            return {}
+        self.status = status = servo.status()
+        # the session goes on without hands when their servo has ended
+        self._dead = self._dead or not servo.alive
+        frames = []
+        for n, frame in enumerate(self.frames):
+            reported = status.hands[n] if status else None
+            now, residue = servo.hand(n), servo.residue(n)
+            self._notice(n, now)
+            message = reported.message if reported and reported.message else self._notes[n]
+            if residue is not None:
+                message = residue.message
+                if now is not None and residue.zero:  # what the servo sent last is not there any more
+                    now = replace(now, force=ZERO, state="disarmed")
+            present = reported is not None and reported.present and residue is None
+            frames.append(replace(frame, now=now, present=present, message=message))
+        self.frames = tuple(frames)
+        if self._dead:
+            return {}
+        return {trap: place for frame in frames if frame.now for trap, place in frame.now.traps}
 
-    def _choose(self, place: np.ndarray, foci: np.ndarray) -> None:
-        """Fill the slots with the spheres nearest to the hands; one that stays keeps its slot, so that filters may."""
-        if len(self._chosen) == len(place) or not len(foci):
+    def _notice(self, n: int, now: ServoFrame | None) -> None:
+        """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
+        if now is None:
             return
-        gap = np.min(np.linalg.norm(place[:, None] - foci, axis=-1), axis=1)
-        for kind in set(self.kinds):
-            slots = np.flatnonzero(np.array(self.kinds) == kind)
-            of_kind = np.flatnonzero(self._kind == kind)
-            nearest = of_kind[np.argsort(gap[of_kind], kind="stable")[: len(slots)]]
-            stay = np.isin(self._chosen[slots], nearest)
-            self._chosen[slots[~stay]] = np.setdiff1d(nearest, self._chosen[slots[stay]], assume_unique=True)
+        armed = now.state in ("ramping", "armed", "decaying")
+        if self._armed[n] and now.state == "disarmed":
+            nobody = self.frames[n].device == "mouse" and not now.buttons
+            why = "no window of the page holds it" if nobody else "no fresh state of simulation or device for 0.1 s"
+            self._notes[n] = f"disarmed, for {why}; arm it again"
+        elif armed:
+            self._notes[n] = ""
+        self._armed[n] = armed
+
+    def publish(self, scene: SceneFrame | None) -> None:
+        """A new state of the simulation, or word that the session lives."""
+        if self._servo is None or self._dead:
+            return
+        if scene is None:
+            self._servo.heartbeat()
+        else:
+            self._servo.publish(scene)
+
+    def arm(self, hand: str | None = None, on: bool = True) -> None:
+        """Let hands push, or no more; None for all.
+
+        Raises:
+            InputError: No such hand.
+        """
+        indices = [self._index(hand)] if hand is not None else range(len(self._names))
+        if self._servo is None or self._dead:
+            return
+        for n in indices:
+            (self._servo.arm if on else self._servo.disarm)(n)
+            self._armed[n], self._notes[n] = False, ""
+
+    def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
+        """Change gains in mid-run [µm/m, N/pN].
+
+        Raises:
+            InputError: No such hand, or a gain out of range.
+        """
+        n = self._index(hand)
+        if self._servo is None or self._dead:
+            return
+        self._servo.set_gains(n, motion_gain, force_gain)
+        given = {"motion_gain": motion_gain, "force_gain": force_gain}
+        changed = replace(self.frames[n], **{k: v for k, v in given.items() if v is not None})
+        self.frames = (*self.frames[:n], changed, *self.frames[n + 1 :])
+
+    @property
+    def died(self) -> bool:
+        """Whether the servo ended by itself."""
+        return self._dead
+
+    def stop(self) -> None:
+        """Let the forces fall, end the servo; may be called more than once."""
+        if self._servo is not None:
+            self._servo.stop()
+            self.status = self._servo.status()
+
+    def _index(self, hand: str) -> int:
+        if hand not in self._names:
+            allowed = ", ".join(self._names) or "none, for this session has no hand with a device"
+            raise InputError(f"hand is {hand!r}; allowed: {allowed}")
+        return self._names.index(hand)
 
 
-def reach_of(law: Law) -> float:
-    """Distance from the focus beyond which a law pulls no more [µm], inf if it has no end."""
-    if isinstance(law, TableLaw):
-        return law.grids[-1].end
-    if isinstance(law, SplitLaw):
-        return max(law.radial.cutoff, law.axial.cutoff) + abs(law.equilibrium)
-    return law.curve.cutoff + abs(law.equilibrium) if isinstance(law, IsotropicLaw) else math.inf
+class TrapCommands:
+    """Positions [µm] and powers [mW] of all traps.
+
+    A trap that no hand has stays with its time samples, if it has any, until it is moved for the first time; a hand's
+    trap stands where it was authored at the start.
+
+    A gentle move gives traps a goal. `advance` takes them there; traps of one such move stay in step, so that what they
+    hold together is not torn. The last word counts: another move or a shift drops the goal (a shift starts where the
+    trap is by then), and so does a hand that takes the trap.
+
+    Args:
+        scene: Of the session.
+        hands: Traps that hands with a device move.
+    """
+
+    def __init__(self, scene: Scene, hands: Iterable[int]):
+        self._scene = scene
+        self._hands = frozenset(hands)
+        self._held: frozenset[int] = frozenset()
+        self._start()
+
+    def _start(self) -> None:
+        traps = self._scene.traps
+        self.position = np.array([t.position.at(0.0) for t in traps], dtype=float).reshape(-1, 3)
+        self.power = np.array([t.power.at(0.0)[0] for t in traps], dtype=float)
+        self._follows = np.array(
+            [
+                (t.position.animated and t.hand == "none" and n not in self._hands) + 2 * t.power.animated
+                for n, t in enumerate(traps)
+            ],
+            dtype=int,
+        )
+        self._ways: list[dict[int, np.ndarray]] = []  # trap → goal; one for each gentle move
+        self._written, self._written_follows = self.position.copy(), np.full(len(traps), -1)
+        self._changed = True
+
+    def restart(self) -> None:
+        """Command what the scene says, once more."""
+        self._held = frozenset()
+        self._start()
+
+    def hold(self, traps: Iterable[tuple[int, Vec3]]) -> None:
+        """What hands command now; no other may move these traps."""
+        held = dict(traps)
+        self._held = frozenset(held)
+        self.move(held, by_hand=True)
+
+    def move(self, positions: Mapping[int, Vec3], *, by_hand: bool = False, gently: bool = False) -> None:
+        """Put traps somewhere, or gently let them go there; those that a hand holds stay with it.
+
+        Raises:
+            InputError: A trap that is not there, or a place that is not finite; nothing is moved.
+        """
+        self._check(positions)
+        for place in positions.values():
+            if not all(math.isfinite(x) and abs(x) <= FARTHEST for x in place):
+                raise InputError(f"trap position is {tuple(place)!r}; allowed: finite, within ±{FARTHEST:g} µm")
+        free = {trap: place for trap, place in positions.items() if by_hand or trap not in self._held}
+        self._drop_goals(free)
+        if gently and free:
+            self._ways.append({trap: np.array(place, dtype=float) for trap, place in free.items()})
+        for trap, place in free.items():
+            self._changed |= bool(self._follows[trap] & 1)
+            self._follows[trap] &= 2
+            if not gently and tuple(self.position[trap]) != tuple(place):
+                self.position[trap] = place
+                self._changed = True
+
+    @property
+    def goals(self) -> dict[int, Vec3]:
+        """Where gently moved traps that have not arrived are going: index → focus [µm]."""
+        return {trap: vec3(goal) for way in self._ways for trap, goal in way.items()}
+
+    def advance(self, seconds: float) -> None:
+        """Take gently moved traps towards their goals: as far as so much simulated time [s] allows, and no farther."""
+        if seconds <= 0.0:
+            return
+        for way in self._ways:
+            left = {trap: goal - self.position[trap] for trap, goal in way.items()}
+            # the one that takes longest decides for all, so that they keep in step
+            longest = max((float(np.linalg.norm(d)) / self._fastest(trap) for trap, d in left.items()), default=0.0)
+            there = longest <= seconds
+            for trap, goal in way.items():
+                self.position[trap] = goal if there else self.position[trap] + seconds / longest * left[trap]
+            self._changed |= longest > 0.0
+            if there:
+                way.clear()
+        self._ways = [way for way in self._ways if way]
+
+    def shift(self, traps: Sequence[int], by: Vec3) -> None:
+        """Move traps at once by the same displacement [µm] from where they are; none of them goes on to a goal.
+
+        Raises:
+            InputError: As `move`.
+        """
+        self._check(traps)
+        self.move({trap: vec3(self.position[trap] + np.asarray(by, dtype=float)) for trap in traps})
+
+    def set_power(self, sim: Simulation, power: float, traps: Sequence[int] = ()) -> None:
+        """Power of traps [mW], of all if none is named; written at once, for the simulation may refuse it.
+
+        Raises:
+            InputError: A trap that is not there, or a power that the time step cannot carry.
+        """
+        self._check(traps)
+        chosen = list(traps) or list(range(len(self.power)))
+        wanted, follows = self.power.copy(), self._follows.copy()
+        wanted[chosen] = power
+        follows[chosen] &= 1
+        sim.control.set(trap_power=wanted, follow=follows)
+        self.power, self._follows = wanted, follows
+
+    @property
+    def changed(self) -> bool:
+        """Whether the simulation does not know yet what is commanded."""
+        return self._changed
+
+    def write(self, sim: Simulation, share: float = 1.0) -> None:
+        """Write into the simulation, if anything changed: a share of the way from what was written before."""
+        if not self._changed or not len(self.position):
+            return
+        place = self._written + share * (self.position - self._written) if share < 1.0 else self.position.copy()
+        # said only where it matters, for it costs as much again
+        says = bool(np.any(self._follows)) or not np.array_equal(self._follows, self._written_follows)
+        sim.control.set(trap_position=place, follow=self._follows if says else None)
+        self._written_follows = self._follows.copy()
+        if share >= 1.0:
+            self._written, self._changed = place, False
+
+    def note(self, position: np.ndarray) -> None:
+        """Where the traps that follow their time samples are, so that moving them begins there; (T, 3) [µm]."""
+        following = (self._follows & 1).astype(bool)
+        self.position[following] = self._written[following] = position[following]
+
+    def _fastest(self, trap: int) -> float:
+        return min(GENTLE, self._scene.traps[trap].speed_limit)
+
+    def _drop_goals(self, traps: Iterable[int]) -> None:
+        if self._ways:
+            gone = frozenset(traps)
+            ways = ({trap: goal for trap, goal in way.items() if trap not in gone} for way in self._ways)
+            self._ways = [way for way in ways if way]
+
+    def _check(self, traps: Iterable[int]) -> None:
+        for trap in traps:
+            if not 0 <= trap < len(self.power):
+                raise InputError(f"trap is {trap!r}; allowed: 0 to {len(self.power) - 1}")

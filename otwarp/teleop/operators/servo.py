@@ -1,24 +1,43 @@
-"""The session's side of the servo: `Hands` sends it scenes and takes in commanded traps and forces.
+"""The servo of a session: a process of its own (`servo_process`), or one on the live loop's virtual clock.
 
-The servo is a process of its own (`servo_process`), or runs on the live loop's virtual clock (`virtual_servo`).
+What hands feel is compiled for the process (`compile_laws`): machine code of their force laws, made by Warp in this
+one. A `VirtualServo` lives in the loop's process: every wait of the loop runs the cycles that fall into it, for tests
+and studies that must come out the same on every machine. Devices, chains, loop and simulation are the real ones, only
+time is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
 
-from otwarp.errors import InputError
+from otwarp.device import start_warp
 from otwarp.haptics.chain.chain import make_chain
-from otwarp.haptics.core.types import ZERO, SceneFrame, ServoFrame, Vec3
-from otwarp.haptics.force.compiled import CompiledLaw
-from otwarp.haptics.servo.guard import Residue
-from otwarp.haptics.servo.link import HandSetup, ServoStatus
+from otwarp.haptics.core import SceneFrame, ServoFrame
+from otwarp.haptics.core.config import checked_gains
+from otwarp.haptics.core.realtime import VirtualClock
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.devices import create_device, parse_devices
+from otwarp.haptics.force.compiled import CompiledLaw, models_of, tried
+from otwarp.haptics.force.law import Law
+from otwarp.haptics.servo.guard import ENDED, Residue
+from otwarp.haptics.servo.hand import Hand
+from otwarp.haptics.servo.link import (
+    HandLayout,
+    HandSetup,
+    Orders,
+    OrdersLayout,
+    SceneLayout,
+    SceneReader,
+    ServoStatus,
+    StatusLayout,
+)
 from otwarp.haptics.servo.process import ServoProcess
-from otwarp.teleop.core import HandFrame
-from otwarp.teleop.operators.hands import HandPlan, LocalScene
+from otwarp.haptics.servo.servo import Servo
+from otwarp.kernels.optics.local_force import machine_code
+from otwarp.teleop.operators import HandPlan, LocalScene
 
 
 class ServoLike(Protocol):
@@ -107,144 +126,170 @@ def servo_process(
     return ServoProcess(setups, spheres=len(local.kinds), traps=traps, rate=rate, disarm_after=least, **options)
 
 
-class Hands:
-    """The hands of a session.
+def compile_laws(laws: Mapping[int, Sequence[Law]]) -> tuple[CompiledLaw | None, str]:
+    """Code for the laws of traps, tried on them; None where plain Python must do. And which it is, for the user.
 
-    Args:
-        plans: As asked for.
-        servo: Runs their chains, in their order; None without hands.
-
-    Attributes:
-        frames: Each hand as last heard of.
-        status: The servo's last report.
-        law: What computes the forces, for the user; "" for unknown.
+    The first call on a machine takes some seconds to compile, later ones 0.3 s to try what is in Warp's cache.
     """
-
-    def __init__(self, plans: Sequence[HandPlan], servo: ServoLike | None):
-        self._servo = servo
-        self._names = [plan.name for plan in plans]
-        self._dead = False
-        self._armed = [False] * len(self._names)
-        self._notes = [""] * len(self._names)
-        self.status: ServoStatus | None = None
-        self.law = ""
-        self.frames: tuple[HandFrame, ...] = tuple(
-            HandFrame(
-                name=plan.name,
-                device=plan.device,
-                traps=plan.config.traps,
-                motion_gain=plan.config.motion_gain,
-                force_gain=plan.config.force_gain,
-                clamp=plan.config.safety.clamp,
-            )
-            for plan in plans
-        )
-
-    @property
-    def servo(self) -> ServoLike | None:
-        """What runs the chains."""
-        return self._servo
-
-    def start(self) -> None:
-        """Open the devices and run the servo.
-
-        Raises:
-            InputError: A device is not there.
-        """
-        if self._servo is not None:
-            self.status = self._servo.start()
-
-    def listen(self) -> dict[int, Vec3]:
-        """Take in what the servo says; returns the traps that hands command now [µm]."""
-        servo = self._servo
-        if servo is None:
-            return {}
-        self.status = status = servo.status()
-        # the session goes on without hands when their servo has ended
-        self._dead = self._dead or not servo.alive
-        frames = []
-        for n, frame in enumerate(self.frames):
-            reported = status.hands[n] if status else None
-            now, residue = servo.hand(n), servo.residue(n)
-            self._notice(n, now)
-            message = reported.message if reported and reported.message else self._notes[n]
-            if residue is not None:
-                message = residue.message
-                if now is not None and residue.zero:  # what the servo sent last is not there any more
-                    now = replace(now, force=ZERO, state="disarmed")
-            present = reported is not None and reported.present and residue is None
-            frames.append(replace(frame, now=now, present=present, message=message))
-        self.frames = tuple(frames)
-        if self._dead:
-            return {}
-        return {trap: place for frame in frames if frame.now for trap, place in frame.now.traps}
-
-    def _notice(self, n: int, now: ServoFrame | None) -> None:
-        """Keep in mind that a hand was disarmed without an order: by its watchdog, unless the servo says why."""
-        if now is None:
-            return
-        armed = now.state in ("ramping", "armed", "decaying")
-        if self._armed[n] and now.state == "disarmed":
-            nobody = self.frames[n].device == "mouse" and not now.buttons
-            why = "no window of the page holds it" if nobody else "no fresh state of simulation or device for 0.1 s"
-            self._notes[n] = f"disarmed, for {why}; arm it again"
-        elif armed:
-            self._notes[n] = ""
-        self._armed[n] = armed
-
-    def publish(self, scene: SceneFrame | None) -> None:
-        """A new state of the simulation, or word that the session lives."""
-        if self._servo is None or self._dead:
-            return
-        if scene is None:
-            self._servo.heartbeat()
-        else:
-            self._servo.publish(scene)
-
-    def arm(self, hand: str | None = None, on: bool = True) -> None:
-        """Let hands push, or no more; None for all.
-
-        Raises:
-            InputError: No such hand.
-        """
-        indices = [self._index(hand)] if hand is not None else range(len(self._names))
-        if self._servo is None or self._dead:
-            return
-        for n in indices:
-            (self._servo.arm if on else self._servo.disarm)(n)
-            self._armed[n], self._notes[n] = False, ""
-
-    def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
-        """Change gains in mid-run [µm/m, N/pN].
-
-        Raises:
-            InputError: No such hand, or a gain out of range.
-        """
-        n = self._index(hand)
-        if self._servo is None or self._dead:
-            return
-        self._servo.set_gains(n, motion_gain, force_gain)
-        given = {"motion_gain": motion_gain, "force_gain": force_gain}
-        changed = replace(self.frames[n], **{k: v for k, v in given.items() if v is not None})
-        self.frames = (*self.frames[:n], changed, *self.frames[n + 1 :])
-
-    @property
-    def died(self) -> bool:
-        """Whether the servo ended by itself."""
-        return self._dead
-
-    def stop(self) -> None:
-        """Let the forces fall, end the servo; may be called more than once."""
-        if self._servo is not None:
-            self._servo.stop()
-            self.status = self._servo.status()
-
-    def _index(self, hand: str) -> int:
-        if hand not in self._names:
-            allowed = ", ".join(self._names) or "none, for this session has no hand with a device"
-            raise InputError(f"hand is {hand!r}; allowed: {allowed}")
-        return self._names.index(hand)
+    why = ""
+    models = models_of(laws)
+    if models is None:
+        why = "one of the laws has no compiled form"
+    elif not models:
+        why = "no sphere is trapped"
+    else:
+        start_warp()
+        try:
+            code = CompiledLaw(**machine_code(models))
+            why = tried(code, laws)
+            if not why:
+                return code, "compiled"
+        except Exception as error:  # whatever a compiler or the folder of its cache says, there is the law in Python
+            why = f"Warp cannot compile it ({error})"
+    return None, f"in Python: {why}"
 
 
 ServoFactory = Callable[[Sequence[HandPlan], LocalScene], ServoLike]
 """Makes the servo of a session; tests give a double."""
+
+
+class LinkedClock(VirtualClock):
+    """Time passes by waiting; the servo lives through it.
+
+    Attributes:
+        servo: That is linked to it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.servo: VirtualServo | None = None
+
+    def sleep_until(self, deadline: float) -> None:
+        """See `Clock`."""
+        while self.servo is not None and self.servo.running and self.servo.next <= deadline:
+            self._now = max(self._now, self.servo.next)
+            self.servo.cycle()
+        self._now = max(self._now, deadline)
+
+
+class VirtualServo:
+    """`ServoLike` in this process.
+
+    Args:
+        clock: Of the loop.
+        plans: Hands.
+        local: What they feel.
+        traps: Number of traps of the scene.
+
+    Attributes:
+        forces: Every cycle of each hand.
+        next: When the next cycle is due [s].
+        running: Whether it was started, and not stopped.
+    """
+
+    def __init__(self, clock: LinkedClock, plans: Sequence[HandPlan], local: LocalScene, traps: int):
+        n = len(plans)
+        self._clock = clock
+        rate = plans[0].config.chain.rate
+        self._period = 1.0 / rate
+        self._scenes = Mailbox.create(SceneLayout(len(local.kinds), traps))
+        self._orders_box = Mailbox.create(OrdersLayout(n))
+        self._status_box = Mailbox.create(StatusLayout(n))
+        self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
+        self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
+        specs = parse_devices([plan.device for plan in plans])
+        self._hands = [
+            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
+            for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
+        ]
+        self._servo = Servo(
+            clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
+        )
+        self._seen: list[ServoFrame | None] = [None] * n
+        self.forces: list[list[ServoFrame]] = [[] for _ in plans]
+        self.next = 0.0
+        self.running = False
+        clock.servo = self
+
+    def cycle(self) -> None:
+        """One cycle."""
+        self._servo.cycle()
+        self.next += self._period
+        for n in range(len(self._boxes)):
+            now = self.hand(n)
+            if now is not None:
+                self.forces[n].append(now)
+
+    def start(self) -> ServoStatus:
+        """See `ServoLike`."""
+        for hand in self._hands:
+            hand.open()
+        self.running, self.next = True, self._clock.now() + self._period
+        self._servo.cycle()
+        status = self.status()
+        assert status is not None
+        return status
+
+    @property
+    def alive(self) -> bool:
+        """See `ServoLike`."""
+        return self.running
+
+    def publish(self, scene: SceneFrame) -> None:
+        """See `ServoLike`."""
+        self._scenes.write(scene)
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        """See `ServoLike`."""
+        self._tell(self._orders.next())
+
+    def arm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(arm=n))
+
+    def disarm(self, hand: int | None = None) -> None:
+        """See `ServoLike`."""
+        for n in range(len(self._boxes)) if hand is None else (hand,):
+            self._tell(self._orders.next(disarm=n))
+
+    def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
+        """See `ServoLike`."""
+        new, was = checked_gains(motion_gain, force_gain), self._orders.gains
+        pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
+        self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
+
+    def hand(self, hand: int) -> ServoFrame | None:
+        """See `ServoLike`."""
+        new = self._boxes[hand].read()
+        if new is not None:
+            self._seen[hand] = new
+        return self._seen[hand]
+
+    def status(self) -> ServoStatus | None:
+        """See `ServoLike`."""
+        return self._status_box.read() or self._last_status()
+
+    def residue(self, hand: int) -> Residue | None:
+        """See `ServoLike`."""
+        return None if self.running else Residue(True, f"{ENDED}; start the session anew")
+
+    def stop(self) -> None:
+        """See `ServoLike`."""
+        if self.running:
+            self.running = False
+            for hand in self._hands:
+                hand.release(self._clock.now())
+            for n in range(len(self._boxes)):
+                self.hand(n)
+        self._clock.servo = None
+
+    def _last_status(self) -> ServoStatus:
+        return ServoStatus(
+            self._servo.tick, self._clock.now(), "running", 0, 0.0, 0, 0, tuple(h.status for h in self._hands)
+        )
+
+    def _tell(self, orders: Orders) -> None:
+        self._orders = orders
+        self._orders_box.write(orders)

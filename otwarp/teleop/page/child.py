@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.realtime import ordinary
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.devices.mouse import POINTER
-from otwarp.teleop.core import Command
+from otwarp.teleop import Command
 from otwarp.teleop.page.access import access_for, listen
 from otwarp.teleop.page.controls import Controls, gizmo_position
 from otwarp.teleop.page.gizmos import Gizmos, Pointer

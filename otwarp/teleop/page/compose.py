@@ -16,7 +16,7 @@ from otwarp.scene import Body, Obstacle, Scene, Trap
 from otwarp.scene.drawing.draw_list import BOX, CAPSULE, MESH, PLANE, SPHERE, TUBE, TriangleMesh, View
 from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import align_z, rotate, rotation_matrix
-from otwarp.teleop.core import vec3
+from otwarp.teleop import vec3
 from otwarp.teleop.page.protocol import (
     BallGroup,
     BodyDrawing,

@@ -7,8 +7,8 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from otwarp.haptics.core.types import Vec3
-from otwarp.teleop.core import (
+from otwarp.haptics.core import Vec3
+from otwarp.teleop import (
     HANDS,
     Arm,
     Command,

@@ -15,9 +15,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from otwarp.haptics.core import ZERO, Vec3
 from otwarp.haptics.core.fields import Matrix
-from otwarp.haptics.core.types import ZERO, Vec3
-from otwarp.teleop.core import HANDS, Command, HandFrame, MoveTraps, vec3
+from otwarp.teleop import HANDS, Command, HandFrame, MoveTraps, vec3
 from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
 POINTER_EVERY = 0.1

@@ -16,8 +16,8 @@ from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, Sphere, Track, Trap
 from otwarp.simulation.frame import Frame
-from otwarp.teleop.core import LiveFrame
-from otwarp.teleop.page.process import PageProcess
+from otwarp.teleop import LiveFrame
+from otwarp.teleop.page import PageProcess
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
 LOAD_WITHIN = 30.0

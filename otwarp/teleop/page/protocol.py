@@ -17,10 +17,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.fields import Matrix
-from otwarp.haptics.core.types import Vec3
 from otwarp.haptics.servo.link import ServoStatus
-from otwarp.teleop.core import Command, HandFrame, LiveFrame, PaceNow
+from otwarp.teleop import Command, HandFrame, LiveFrame, PaceNow
 
 _LENGTH = struct.Struct("!Q")
 Colour = tuple[int, int, int]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from otwarp.teleop.core import HandFrame, PaceNow
+from otwarp.teleop import HandFrame, PaceNow
 from otwarp.teleop.page.protocol import Drawing, PageFrame
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ that the live loop shares; a `Template` is laid out once by CDR and takes a tent
 from __future__ import annotations
 
 import base64
+import dataclasses
 import importlib.util
 import json
 import os
@@ -22,14 +23,17 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import SceneFrame
 from otwarp.haptics.core.fields import Matrix
-from otwarp.haptics.core.types import SceneFrame
-from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.force.table import ForceGrid, TableLaw
+from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, Law, SplitLaw, TableLaw
 from otwarp.haptics.recording import (
+    CYCLES,
     CYCLES_TYPE,
     DEFINITIONS,
+    HEAD,
+    SCENE,
     SCENE_TYPE,
+    SCHEMAS,
     SUFFIX,
     pack_cycles,
     pack_scene,
@@ -38,24 +42,18 @@ from otwarp.haptics.recording import (
 )
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import IDENTITY, Scene
-from otwarp.teleop.core import HANDS, LiveFrame
-from otwarp.teleop.recording.markers import METRE, WORLD, device_rotation, frame_of, marker_array, moving
-from otwarp.teleop.recording.schemas import SCHEMAS, schemas
+from otwarp.teleop import HANDS, LiveFrame
+from otwarp.teleop.recording.scenery import METRE, WORLD, device_rotation, frame_of, marker_array, moving, schemas
 
 FORMAT = 1
 """Version of what a recording holds."""
 UNITS = "scene: um, s, pN, mW; hands: m, N; /tf and /scene/markers: m"
-SCENE, CYCLES = "/otwarp/scene", "/otwarp/cycles/"
-"""`CYCLES` is followed by the name of the hand."""
 FLUSH_EVERY = 1.0
 """Seconds of a session that are lost at most when it is killed."""
 
 TEXT, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64MultiArray"
 POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped", "tf2_msgs/msg/TFMessage"
 MARKERS = "visualization_msgs/msg/MarkerArray"
-
-HEAD = b"\x00\x01\x00\x00"
-"""CDR, little-endian; what follows is aligned from its own beginning."""
 
 
 def load_writer() -> None:
@@ -308,6 +306,8 @@ def array_of(axes: Sequence[str], shape: Sequence[int]) -> Template:
 
 _CURVE = {"constant" if name == "offset" else name: name for name in FIELDS}
 """Field of a curve at 1 mW by its name in the file."""
+_LAWS: dict[str, Any] = {"isotropic": IsotropicLaw, "split": SplitLaw, "table": TableLaw}
+"""Laws by their kinds in the file."""
 
 
 def laws_to_dict(laws: Mapping[int, Sequence[Law]]) -> dict[str, Any]:
@@ -343,48 +343,37 @@ def laws_from_dict(data: Any) -> dict[int, tuple[Law, ...]]:
 
 
 def _law(law: Law) -> dict[str, Any]:
-    if isinstance(law, IsotropicLaw):
-        curves = {"curve": _curve(law.curve)}
-        return {"kind": "isotropic", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
-    if isinstance(law, SplitLaw):
-        curves = {"radial": _curve(law.radial), "axial": _curve(law.axial)}
-        return {"kind": "split", **curves, "axis": law.axis, "equilibrium": law.equilibrium}
-    if isinstance(law, TableLaw):
-        grids = [
-            {"spacing": g.spacing, "radius": g.radius, "end": g.end, "columns": g.columns, "node": _encoded(g.node)}
-            for g in law.grids
-        ]
-        same = ("layers", "cubic", "scale", "side", "axis")
-        return {"kind": "table", "grids": grids, **{name: getattr(law, name) for name in same}}
-    raise InputError(f"force law is {type(law).__name__}; allowed in a recording: isotropic, split or tabulated")
+    kind = next((name for name, known in _LAWS.items() if isinstance(law, known)), None)
+    if kind is None:
+        raise InputError(f"force law is {type(law).__name__}; allowed in a recording: isotropic, split or tabulated")
+    return {"kind": kind, **_fields(law)}
 
 
-def _curve(law: TrapLaw) -> dict[str, float]:
-    return {key: getattr(law, name) for key, name in _CURVE.items()}
+def _fields(part: Any) -> dict[str, Any]:
+    """Fields of a law or a grid as JSON has them."""
+    found = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    for name, value in found.items():
+        if isinstance(value, TrapLaw):
+            found[name] = {key: getattr(value, field) for key, field in _CURVE.items()}
+        elif name == "grids":
+            found[name] = [_fields(grid) for grid in value]
+        elif name == "node":  # float32 numbers, little-endian, as base64
+            found[name] = base64.b64encode(_little(value).tobytes()).decode()
+    return found
 
 
 def _read(data: Mapping[str, Any]) -> Law:
-    values = {key: value for key, value in data.items() if key != "kind"}
-    for name in ("axis", "side"):
-        if name in values:
-            x, y, z = values[name]
+    values = {**data}
+    law = _LAWS[values.pop("kind")]
+    for name, value in values.items():
+        if name in ("axis", "side"):
+            x, y, z = value
             values[name] = (x, y, z)
-    for name in ("curve", "radial", "axial"):
-        if name in values:
-            values[name] = TrapLaw(**{_CURVE[key]: value for key, value in values[name].items()}, power=1.0)
-    if data["kind"] == "isotropic":
-        return IsotropicLaw(**values)
-    if data["kind"] == "split":
-        return SplitLaw(**values)
-    if data["kind"] == "table":
-        values["grids"] = tuple(ForceGrid(**grid | {"node": _decoded(grid["node"])}) for grid in values["grids"])
-        return TableLaw(**values)
-    raise ValueError(data["kind"])
-
-
-def _encoded(node: array[float]) -> str:
-    """float32 numbers, little-endian, as base64."""
-    return base64.b64encode(_little(node).tobytes()).decode()
+        elif name in ("curve", "radial", "axial"):
+            values[name] = TrapLaw(**{_CURVE[key]: number for key, number in value.items()}, power=1.0)
+        elif name == "grids":
+            values[name] = tuple(ForceGrid(**grid | {"node": _decoded(grid["node"])}) for grid in value)
+    return law(**values)
 
 
 def _decoded(text: str) -> array[float]:

@@ -19,9 +19,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.chain.rendering import Rendering
-from otwarp.haptics.core.config import HandConfig, HapticsConfig
-from otwarp.haptics.core.fields import from_dict
-from otwarp.haptics.core.types import (
+from otwarp.haptics.core import (
     ABSOLUTE,
     ACTIONS,
     ARMED,
@@ -44,19 +42,24 @@ from otwarp.haptics.core.types import (
     cycles_of,
     scene_from_list,
 )
+from otwarp.haptics.core.config import HandConfig, HapticsConfig
+from otwarp.haptics.core.fields import from_dict
 from otwarp.haptics.force.law import Law
 from otwarp.haptics.recording import (
     CONFIG,
+    CYCLES,
     CYCLES_TYPE,
+    END,
+    SCENE,
     SCENE_TYPE,
+    START,
     McapFile,
     beat_of,
     unpack_cycles,
     unpack_scene,
     unpack_text,
 )
-from otwarp.teleop.recording.file import CYCLES, FORMAT, SCENE, laws_from_dict
-from otwarp.teleop.recording.schemas import END, START
+from otwarp.teleop.recording.file import FORMAT, laws_from_dict
 
 
 @dataclass(frozen=True, slots=True)

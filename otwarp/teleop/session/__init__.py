@@ -1,6 +1,6 @@
 """`Session`: a scene, live, with hands, page and recording, put together: what `otwarp teleop` runs.
 
-`live` is its loop: one tick after the other.
+`live` is its loop, one tick after the other; `pace` says how many steps are due in each, and at what speed to go on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
@@ -23,18 +23,17 @@ from otwarp.haptics.devices import parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.record.summary import statistics, strict, task
 from otwarp.scene import Scene
-from otwarp.teleop.budget import parse_budget
-from otwarp.teleop.core import Record, Sink
-from otwarp.teleop.operators.felt import compile_laws
-from otwarp.teleop.operators.hands import HandPlan, LocalScene, plan_hands, slowed
-from otwarp.teleop.operators.servo import ServoLike, servo_process
+from otwarp.teleop import Record, Sink
+from otwarp.teleop.budget import parse_budget, reduce_scene
+from otwarp.teleop.budget.report import measure_scene
+from otwarp.teleop.operators import HandPlan, LocalScene, plan_hands, slowed
+from otwarp.teleop.operators.servo import ServoLike, compile_laws, servo_process
+from otwarp.teleop.page import PageProcess
 from otwarp.teleop.page.access import check_host
+from otwarp.teleop.recording import Recordable, RecordingWriter
 from otwarp.teleop.recording.file import check_place, load_writer
-from otwarp.teleop.recording.writer import LiveRecording, Recordable, RecordingWriter
 from otwarp.teleop.session.live import GLIDE, LiveLoop
-
-if TYPE_CHECKING:
-    from otwarp.teleop.budget.watch import BudgetWatch
+from otwarp.teleop.session.pace import BudgetWatch
 
 SERVO_RATE = 1000.0
 """Cycles per second of the servo [Hz]."""
@@ -235,14 +234,9 @@ class Session:
     def _reduced(self, scene: Scene, *, hands: bool) -> tuple[Scene, float]:
         """What this machine runs in real time, and the speed at which it does; with hands that move their traps."""
         o = self._options
-        from otwarp.teleop.budget import reduce_scene
-        from otwarp.teleop.budget.report import measure_scene
-        from otwarp.teleop.budget.watch import BudgetWatch
-
-        if parse_budget(o.budget) == "off":
-            return scene, o.speed
-
         wanted = parse_budget(o.budget)
+        if wanted == "off":
+            return scene, o.speed
         # how long an operator will stay is not known
         horizon = o.duration or max(SESSION, scene.settings.duration)
         how: dict[str, Any] = {"speed": o.speed, "rate": o.rate, "horizon": horizon}
@@ -254,13 +248,11 @@ class Session:
         self._watch = BudgetWatch(reduced.report, self._say)
         return reduced.scene, reduced.report.speed
 
-    def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> Any:
+    def _open_page(self, scene: Scene, plans: Sequence[HandPlan]) -> PageProcess | None:
         """The page, not started; None without one."""
         page = self._options.page
         if page is None:
             return None
-        from otwarp.teleop.page.process import PageProcess
-
         return PageProcess(
             scene,
             host=page.host,
@@ -279,7 +271,7 @@ class Session:
         rate = self._options.servo_rate
         return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=rate, code=code)
 
-    def _make_recording(self, file: str | None, loop: LiveLoop) -> LiveRecording:
+    def _make_recording(self, file: str | None, loop: LiveLoop) -> RecordingWriter:
         recording = open_recording(file, loop, law=self.law)
         self._recorded = str(recording.file)
         return recording
@@ -289,7 +281,7 @@ class Session:
             box.close()
 
 
-def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> LiveRecording:
+def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> RecordingWriter:
     """Begin the recording of a session, now; it is replayed from this moment on.
 
     Args:
@@ -300,9 +292,9 @@ def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> LiveRecor
     Raises:
         InputError: As `RecordingWriter`.
     """
-    path = file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap"
-    writer = RecordingWriter(
-        path,
+    servo = loop.hands.servo
+    return RecordingWriter(
+        file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap",
         config=HapticsConfig(hands=tuple(plan.config for plan in loop.plans)),
         devices={plan.name: plan.device for plan in loop.plans},
         laws=loop.local.laws,
@@ -315,9 +307,8 @@ def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> LiveRecor
             "law": law,
         },
         clock=loop.clock.now,
+        servo=servo if isinstance(servo, Recordable) else None,
     )
-    servo = loop.hands.servo
-    return LiveRecording(writer, servo if isinstance(servo, Recordable) else None, [plan.name for plan in loop.plans])
 
 
 def summarize(loop: LiveLoop) -> dict[str, Any]:

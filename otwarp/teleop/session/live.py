@@ -11,20 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
+from otwarp import teleop as c
 from otwarp.errors import InputError, SimulationError
+from otwarp.haptics.core import SceneFrame
 from otwarp.haptics.core.realtime import Clock, RealClock, next_deadline
-from otwarp.haptics.core.types import SceneFrame
 from otwarp.record.monitor import Monitor
 from otwarp.scene import Scene
 from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop import core as c
-from otwarp.teleop.core import LiveFrame, SessionMonitor, Sink
-from otwarp.teleop.core.pace import Pace
-from otwarp.teleop.operators.hands import HandPlan, LocalScene
-from otwarp.teleop.operators.servo import Hands, ServoFactory
-from otwarp.teleop.operators.trap_commands import TrapCommands
-from otwarp.teleop.recording.writer import LiveRecording, Recordings
+from otwarp.teleop import LiveFrame, SessionMonitor, Sink
+from otwarp.teleop.operators import HandPlan, LocalScene
+from otwarp.teleop.operators.hands import Hands, TrapCommands
+from otwarp.teleop.operators.servo import ServoFactory
+from otwarp.teleop.recording import Recordings, RecordingWriter
+from otwarp.teleop.session.pace import Pace
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -40,7 +40,7 @@ A leap each frame would let its spheres catch up, and the force at the end of th
 spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
 
 
-RecordingFactory = Callable[[str | None, "LiveLoop"], LiveRecording]
+RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]
 """Begins a recording in a file, or in one named by the time."""
 
 

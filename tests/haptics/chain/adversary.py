@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.passivity import LONGEST, REST
+from otwarp.haptics.core import ZERO, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.core.config import IDENTITY, ChainConfig, HandConfig, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import ZERO, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.devices.virtual import advance
 
 PERIOD = 1e-3

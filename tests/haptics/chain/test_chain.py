@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import FACING_USER, IDENTITY, TOUCH_CHAIN, TOUCH_SAFETY, CouplingConfig, LowPass
 from otwarp.haptics.core.fields import from_dict, to_dict
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import AXIAL, PERIOD, POWER, RADIAL, drive, hand_config, make_chain, scene_at, size
 
 WANTED = 0.999
@@ -154,7 +154,8 @@ def test_an_idle_hand_renders_nothing():
 
 def test_traps_of_a_hand_move_together():
     from otwarp.haptics.chain.chain import Chain
-    from otwarp.haptics.force.law import IsotropicLaw, local_model
+    from otwarp.haptics.force import local_model
+    from otwarp.haptics.force.law import IsotropicLaw
 
     config = hand_config(traps=(0, 2), axis_map=IDENTITY)
     law = (IsotropicLaw(RADIAL),)

@@ -10,8 +10,8 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
+from otwarp.haptics.core import DeviceSample
 from otwarp.haptics.core.config import LowPass
-from otwarp.haptics.core.types import DeviceSample
 from tests.haptics.chain.test_passivity import EPSILON
 from tests.haptics.chain.test_safety import ROUNDING
 from tests.haptics.setups import PERIOD, drive, hand_config, largest_step, make_chain, random_motion, scene_at, size

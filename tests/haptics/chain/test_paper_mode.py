@@ -12,10 +12,10 @@ from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.motion import Motion
 from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import IDENTITY, PAPER_CHAIN, HandConfig, LowPass, SafetyConfig
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.force.table import ForceGrid, TableLaw
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, SplitLaw, TableLaw
 
 PRINTED = 5e-4
 """Half of the last digit of 1.312 N."""

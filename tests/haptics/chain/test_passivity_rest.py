@@ -8,7 +8,7 @@ from itertools import cycle
 import pytest
 
 from otwarp.haptics.chain.passivity import MEMORY, REFILL, Passivity
-from otwarp.haptics.core.types import ZERO, DeviceSample, SceneFrame, SphereFrame, TrapFrame
+from otwarp.haptics.core import ZERO, DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.chain.adversary import DEFAULT, PER_METRE, PERIOD, spring_chain
 
 RESERVE = DEFAULT.reserve

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.haptics.chain.safety import Safety
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import SafetyConfig
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from tests.haptics.setups import PERIOD, drive, hand_config, largest_step, make_chain, scene_at, size
 
 ROUNDING = 1e-12

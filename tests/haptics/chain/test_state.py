@@ -17,9 +17,10 @@ from otwarp.haptics.chain.motion import Motion, VectorFilter, VelocityEstimate, 
 from otwarp.haptics.chain.paper_mode import PaperForce, PaperRenderer
 from otwarp.haptics.chain.passivity import Passivity
 from otwarp.haptics.chain.safety import Safety
+from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3, scene_from_list
 from otwarp.haptics.core.config import CouplingConfig, HandConfig, LowPass, PassivityConfig, SafetyConfig
-from otwarp.haptics.core.types import DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3, scene_from_list
-from otwarp.haptics.force.law import IsotropicLaw, LocalModel, SplitLaw
+from otwarp.haptics.force import LocalModel
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from tests.haptics.setups import AXIAL, PERIOD, RADIAL, hand_config, make_chain, random_motion
 
 CONFIGS = {

@@ -12,8 +12,7 @@ from rich.console import Console
 from otwarp.cli.haptics.tables import check_tables, device_table, grant_table, width_table
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.check import zwidth
-from otwarp.haptics.check.check import (
+from otwarp.haptics.check import (
     ADVICE,
     CHECKED,
     CallCost,
@@ -27,6 +26,7 @@ from otwarp.haptics.check.check import (
     step_cost,
     system_text,
     time_calls,
+    zwidth,
 )
 from otwarp.haptics.check.timing import (
     CURVE,
@@ -38,11 +38,12 @@ from otwarp.haptics.check.timing import (
     measure_latency,
 )
 from otwarp.haptics.check.zwidth import Width, chain_width, limits, widths
+from otwarp.haptics.core import DeviceInfo, DeviceSample
 from otwarp.haptics.core.realtime import Grant
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample
 from otwarp.haptics.devices import KINDS
-from otwarp.haptics.force.law import IsotropicLaw, local_model
-from otwarp.teleop.operators.felt import compile_laws
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import IsotropicLaw
+from otwarp.teleop.operators.servo import compile_laws
 from tests.haptics.found_doubles import DOUBLES
 
 INFO = DeviceInfo(name="double", kind="virtual", force=3.3, continuous_force=0.88)

@@ -94,7 +94,7 @@ def test_an_interrupt_of_the_whole_group_is_one_line():
         "    return process\n"
         "timing._python = python\n"
         "jitter_only = lambda *_, **__: timing.measure_jitter(60.0)\n"
-        "from otwarp.haptics.check import check\n"
+        "import otwarp.haptics.check as check\n"
         "check.run_check = jitter_only\n"
         "sys.exit(main(['haptics', 'check', '--no-page', '--seconds', '60']))\n"
     )

@@ -128,7 +128,7 @@ def test_importing_is_light():
 
     ask = (
         "import sys, otwarp.haptics.chain.chain, otwarp.haptics.check.zwidth;"
-        "import otwarp.haptics.force.table;"
+        "import otwarp.haptics.force.compiled;"
         "print([m for m in ('numpy', 'warp', 'pxr', 'scipy') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True).stdout.strip() == "[]"

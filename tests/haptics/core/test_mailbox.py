@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core import shared_memory
+from otwarp.haptics.core import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame, shared_memory
 from otwarp.haptics.core.shared_memory import RETRIES, SEQUENCE_AT, Mailbox, RecordLayout
-from otwarp.haptics.core.types import STATES, SceneFrame, ServoFrame, SphereFrame, TrapFrame
 from otwarp.haptics.servo.link import HandLayout, SceneLayout, SceneReader
 
 EVENTUALLY = 60.0
@@ -127,7 +126,7 @@ WRITER = """
 import sys
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.servo.link import SceneLayout
-from otwarp.haptics.core.types import SceneFrame, SphereFrame
+from otwarp.haptics.core import SceneFrame, SphereFrame
 box = Mailbox.attach(SceneLayout(64, 0), sys.argv[1])
 states = [SceneFrame(b, b, tuple(SphereFrame((b, b, b), b) for _ in range(64)), (), b) for b in range(1, 8)]
 print("ready", flush=True)
@@ -159,7 +158,7 @@ def test_no_torn_read_beside_a_writer_that_never_rests():
 def test_attaching_and_leaving_does_not_remove_the_memory_of_others():
     """Python 3.11 would: the resource tracker of the one that leaves removes all that it registered."""
     with Mailbox.create(SceneLayout(5, 3)) as box:
-        code = "from otwarp.haptics.core.shared_memory import *\nfrom otwarp.haptics.core.types import *\n"
+        code = "from otwarp.haptics.core.shared_memory import *\nfrom otwarp.haptics.core import *\n"
         code += "from otwarp.haptics.servo.link import *\n"
         code += f"box = Mailbox.attach(SceneLayout(5, 3), {box.name!r}); box.write({scene(7)!r})"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

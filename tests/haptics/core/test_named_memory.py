@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core import named_memory
 from otwarp.haptics.core.named_memory import PLACE, create_memory
 from otwarp.haptics.core.shared_memory import Mailbox, Ring
 from otwarp.haptics.servo.link import HandSetup, SceneLayout
@@ -46,7 +45,7 @@ def test_no_room_is_one_line_with_path_need_and_free_space_and_leaves_nothing(mo
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     before = names()
-    monkeypatch.setattr(named_memory.os, "posix_fallocate", full)
+    monkeypatch.setattr(os, "posix_fallocate", full)
     says = r"shared memory for {}: /dev/shm needs {} bytes, \d+ are free \(No space left on device\); .*--shm-size"
     for make, what, size in (
         (lambda: create_memory("a test", 4711), "a test", "4711"),
@@ -76,7 +75,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.shared_memory import Mailbox, Ring
 from otwarp.haptics.servo.link import HandSetup, SceneLayout
 from otwarp.haptics.servo.process import ServoProcess
-from otwarp.haptics.core.types import SceneFrame, SphereFrame
+from otwarp.haptics.core import SceneFrame, SphereFrame
 from tests.haptics.spring import SpringChain
 hand = HandSetup("virtual:hold", SpringChain)
 try:

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ARMED, CYCLE, DISARMED, GAINS, actions_of, cycles_of
 from otwarp.haptics.core.shared_memory import LOST_AT, SLOTS_AT, TAKEN_AT, WRITTEN_AT, Ring
-from otwarp.haptics.core.types import ARMED, CYCLE, DISARMED, GAINS, actions_of, cycles_of
 
 
 def record(tick: int) -> tuple[float, ...]:

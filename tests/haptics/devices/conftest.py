@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from otwarp.haptics.core import Device, SceneFrame
 from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import Device, SceneFrame
 from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import HandLayout
 from tests.haptics.libhd_double import compiled

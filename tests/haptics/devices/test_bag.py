@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import DeviceLost
+from otwarp.haptics.core import DeviceLost
 from otwarp.haptics.devices import create_device, parse_devices
 
 rosbags = pytest.importorskip("rosbags")

@@ -11,19 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost, TrapFrame
+from otwarp.haptics.core import ZERO, Device, DeviceLost, TrapFrame
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.dualsense import (
     BLUETOOTH_RATE,
+    INPUT_SEED,
     RANGES,
     REFRESH,
     SILENCE,
     USB_RATE,
     DualSense,
+    checksum,
     create,
     find_devices,
+    trigger_effect,
 )
-from otwarp.haptics.devices.dualsense_report import INPUT_SEED, checksum, trigger_effect
 from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound, HidWanted
 from otwarp.haptics.servo.hand import REOPEN_AFTER
 from tests.haptics.devices.test_dualsense_report import RECORDED_SIMPLE, bluetooth, usb

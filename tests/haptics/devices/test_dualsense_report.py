@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from otwarp.haptics.devices.dualsense import RANGES
-from otwarp.haptics.devices.dualsense_report import (
+from otwarp.haptics.devices.dualsense import (
     INPUT_SEED,
     OUTPUT_SEED,
+    RANGES,
     Feel,
     checksum,
     decode,

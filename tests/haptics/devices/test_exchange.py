@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from otwarp.haptics.core.types import ZERO
+from otwarp.haptics.core import ZERO
 from otwarp.haptics.devices.exchange import GONE, HOLD, Exchange, LatestSender, share
 from tests.haptics.devices.conftest import Clock
 

@@ -14,7 +14,7 @@ import threading
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost
+from otwarp.haptics.core import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import DeviceLost
+from otwarp.haptics.core import DeviceLost
 from otwarp.haptics.devices import hid_ports, parse_devices
 from otwarp.haptics.devices.hid import HidFound
 from otwarp.haptics.devices.hid_ports import Hidapi

@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost
+from otwarp.haptics.core import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import create_device, inverse3, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE, Exchange
 from otwarp.haptics.devices.inverse3 import MOST_ANSWERS, SERVICE, Inverse3Device, ServiceLink, find_devices

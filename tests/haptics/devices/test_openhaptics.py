@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost
+from otwarp.haptics.core import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import create_device, openhaptics, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD, LOST, SILENCE
 from otwarp.haptics.devices.libhd import OVERRIDE
@@ -55,6 +55,7 @@ def test_a_touch_is_read_in_metres_and_feels_newtons(double, clock):
     (spec,) = parse_devices([f'openhaptics:"{LEFT}"'])
     device = create_device(spec)
     assert isinstance(device, Device)
+    device._clock = clock
     device.open()
     assert (device.info.force, device.info.continuous_force) == (3.3, 0.88)
     assert device.info.kind == "openhaptics" and not device.info.met_hardware

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import Device, DeviceLost
+from otwarp.haptics.core import Device, DeviceLost
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
 

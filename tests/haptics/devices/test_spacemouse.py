@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import ZERO, Device, DeviceLost
+from otwarp.haptics.core import ZERO, Device, DeviceLost
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.devices.hid import LONGEST_STEP, HidFound
 from otwarp.haptics.devices.spacemouse import MODELS, MOST_REPORTS, SILENCE, SpaceMouseState, create, find_devices

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import Device, DeviceLost
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import Device, DeviceLost
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.mouse import POINTER, SILENCE, MouseDevice
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice, advance

@@ -17,15 +17,14 @@ from hypothesis import strategies as st
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import make_chain
+from otwarp.haptics.core import DeviceInfo, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.haptics.core.config import ChainConfig, HandConfig, LowPass
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
-from otwarp.haptics.force import trial
-from otwarp.haptics.force.compiled import CompiledLaw, CompiledModel, model_of, models_of
-from otwarp.haptics.force.law import IsotropicLaw, Law, LocalModel, SplitLaw
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.force import LocalModel
+from otwarp.haptics.force.compiled import CompiledLaw, CompiledModel, model_of, models_of, tried
+from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw, TableLaw
 from otwarp.kernels.optics.local_force import FELT, machine_code
 from otwarp.laws import TrapLaw
-from otwarp.teleop.operators.felt import compile_laws
+from otwarp.teleop.operators.servo import compile_laws
 from tests.reference.tables import BEAMS, made_up_table
 
 RADIAL = TrapLaw(stiffness=0.6, threshold=0.6, inverse_square=0.17, offset=-0.1122, cutoff=1.2, power=1.0)
@@ -166,7 +165,7 @@ def test_without_a_compiler_there_is_the_law_in_python(monkeypatch):
     def fails(models: tuple[str, ...]) -> None:
         raise RuntimeError("no room on the device")
 
-    monkeypatch.setattr("otwarp.teleop.operators.felt.machine_code", fails)
+    monkeypatch.setattr("otwarp.teleop.operators.servo.machine_code", fails)
     found, said = compile_laws({0: (IsotropicLaw(RADIAL),)})
     assert found is None and said == "in Python: Warp cannot compile it (no room on the device)"
 
@@ -183,7 +182,7 @@ BROKEN = {
 def test_a_trial_finds_code_that_must_not_be_used(code, field):
     value, why = BROKEN[field]
     broken = dataclasses.replace(code, **{field: value})
-    assert why in trial.tried(broken, {0: (IsotropicLaw(RADIAL),)})
+    assert why in tried(broken, {0: (IsotropicLaw(RADIAL),)})
     if field != "bounds":
         with pytest.raises(InputError, match="compiled force law"):
             broken.load()
@@ -192,8 +191,8 @@ def test_a_trial_finds_code_that_must_not_be_used(code, field):
 def test_a_trial_that_dies_takes_nobody_with_it(code, monkeypatch):
     kill = f"import os; os.kill(os.getpid(), {int(signal.SIGKILL)})"
     run = subprocess.run
-    monkeypatch.setattr(trial.subprocess, "run", lambda command, **how: run([sys.executable, "-c", kill], **how))
-    assert trial.tried(code, {0: (IsotropicLaw(RADIAL),)}) == "its trial ended with -9"
+    monkeypatch.setattr(subprocess, "run", lambda command, **how: run([sys.executable, "-c", kill], **how))
+    assert tried(code, {0: (IsotropicLaw(RADIAL),)}) == "its trial ended with -9"
 
 
 def test_the_servo_loads_code_without_warp(code):
@@ -201,7 +200,7 @@ def test_the_servo_loads_code_without_warp(code):
     order = pickle.dumps((code, {0: (TABLES[0],)}))
     script = (
         "import pickle, sys\n"
-        "from otwarp.haptics.force.trial import difference\n"
+        "from otwarp.haptics.force.compiled import difference\n"
         "print(repr(difference(*pickle.loads(sys.stdin.buffer.read()))), *({'warp', 'numpy'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", script], input=order, capture_output=True, check=True)

@@ -10,10 +10,10 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import ChainConfig, HandConfig, LowPass
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import MEMORY, IsotropicLaw, LocalModel, SplitLaw, local_model
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.force import MEMORY, LocalModel, local_model
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, TableLaw
 from otwarp.laws import TrapLaw
 from otwarp.scene import description
 from otwarp.simulation.model import Model

@@ -6,9 +6,9 @@ import math
 from itertools import pairwise
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import DeviceInfo, SceneFrame, SphereFrame
 from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import DeviceInfo, SceneFrame, SphereFrame
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
 from otwarp.haptics.servo.hand import Hand
 from otwarp.haptics.servo.link import HandLayout, Orders, OrdersLayout, SceneLayout, SceneReader, StatusLayout

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from otwarp.haptics.core.types import ZERO
+from otwarp.haptics.core import ZERO
 from otwarp.haptics.devices import KINDS
 from otwarp.haptics.servo.link import HandSetup
 from otwarp.haptics.servo.process import ServoProcess

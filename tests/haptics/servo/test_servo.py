@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost
 from otwarp.haptics.core.realtime import RealClock, next_deadline
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ZERO, DeviceInfo, DeviceLost
 from otwarp.haptics.servo.hand import REOPEN_AFTER
 from otwarp.haptics.servo.link import (
     RUNS,

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from otwarp.haptics.chain.rendering import Rendering
-from otwarp.haptics.core.types import DeviceInfo, DeviceSample
+from otwarp.haptics.core import DeviceInfo, DeviceSample
 from tests.haptics.servo.rig import Rig, Traced
 from tests.haptics.setups import hand_config, make_chain, scene_at
 from tests.haptics.spring import SpringChain

@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from otwarp.haptics.core.shared_memory import Mailbox, Ring
-from otwarp.haptics.core.types import (
+from otwarp.haptics.core import (
     ABSOLUTE,
     ARMED,
     BACK,
@@ -31,6 +30,7 @@ from otwarp.haptics.core.types import (
     actions_of,
     cycles_of,
 )
+from otwarp.haptics.core.shared_memory import Mailbox, Ring
 from otwarp.haptics.servo.hand import REOPEN_AFTER, Hand
 from otwarp.haptics.servo.link import Orders, OrdersLayout, Start, StartLayout
 from otwarp.haptics.servo.servo import PARENT_SILENCE

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from otwarp.haptics.core import MADE, STATES, ZERO, DeviceSample, actions_of
 from otwarp.haptics.core.realtime import RealClock
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import MADE, STATES, ZERO, DeviceSample, actions_of
 from otwarp.haptics.servo.guard import SILENCE, Address, AddressLayout, GuardLayout, GuardReport, Watch
 from otwarp.haptics.servo.hand import SETTLE
 from otwarp.haptics.servo.servo import DISARM_AFTER

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
+from otwarp.haptics.core import CYCLE, ENDING, GAINS, ZERO, SceneFrame, SphereFrame, actions_of, cycles_of
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import CYCLE, ENDING, GAINS, ZERO, SceneFrame, SphereFrame, actions_of, cycles_of
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.haptics.servo.link import Cycles, HandLayout, HandSetup, StatusLayout
 from otwarp.haptics.servo.process import ServoProcess

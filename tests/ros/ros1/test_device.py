@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import Device, DeviceLost
+from otwarp.haptics.core import Device, DeviceLost
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, find_devices
 from otwarp.haptics.servo.link import HandSetup

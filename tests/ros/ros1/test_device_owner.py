@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import DeviceLost
+from otwarp.haptics.core import DeviceLost
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, zero_force
 from otwarp.ros.ros1.node import Ros1Node
 

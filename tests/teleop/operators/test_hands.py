@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.haptics.core.config import HandConfig, HapticsConfig, two_hands
 from otwarp.haptics.core.fields import to_dict
-from otwarp.teleop.operators.hands import changed, load_config, plan_hands, slowed
+from otwarp.teleop.operators import changed, load_config, plan_hands, slowed
 from tests.teleop.scenes import three_beads, trap
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, local_model
-from otwarp.haptics.force.table import TableLaw
+from otwarp.haptics.force import local_model
+from otwarp.haptics.force.law import IsotropicLaw, SplitLaw, TableLaw
 from otwarp.scene import Body, Scene, Sphere
 from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.operators.hands import LocalScene, reach_of
+from otwarp.teleop.operators import LocalScene, reach_of
 from tests.teleop.scenes import three_beads
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"

@@ -7,13 +7,13 @@ import time
 
 import pytest
 
+from otwarp.haptics.core import ZERO, ServoFrame
 from otwarp.haptics.core.config import HandConfig
-from otwarp.haptics.core.types import ZERO, ServoFrame
 from otwarp.haptics.devices import parse_devices
 from otwarp.haptics.servo.guard import STANDS, Watch, residue
 from otwarp.haptics.servo.link import HandStatus, ServoStatus
-from otwarp.teleop.operators.hands import HandPlan
-from otwarp.teleop.operators.servo import Hands
+from otwarp.teleop.operators import HandPlan
+from otwarp.teleop.operators.hands import Hands
 
 KILLED = -signal.SIGKILL
 FELT = (1.3, 0.0, 0.0)

@@ -10,7 +10,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.scene import Track
-from otwarp.teleop.operators.trap_commands import GENTLE, TrapCommands
+from otwarp.teleop.operators.hands import GENTLE, TrapCommands
 from tests.teleop.scenes import PLACES, three_beads, trap
 
 LEFT, RIGHT, NONE = (PLACES[name] for name in ("left", "right", "none"))

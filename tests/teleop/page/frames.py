@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.teleop.core import PaceNow
+from otwarp.teleop import PaceNow
 from otwarp.teleop.page.protocol import PageFrame, TrapDrawing
 
 

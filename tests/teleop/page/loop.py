@@ -6,7 +6,7 @@ import numpy as np
 
 import otwarp as ot
 from otwarp.simulation.frame import capture_frame
-from otwarp.teleop.core import HandFrame, LiveFrame, MoveTraps, PaceNow, Pause, SetPower
+from otwarp.teleop import HandFrame, LiveFrame, MoveTraps, PaceNow, Pause, SetPower
 
 
 class Loop:

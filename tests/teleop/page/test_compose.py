@@ -102,7 +102,7 @@ def test_colours_are_those_of_a_screen():
 
 
 def test_the_session_loads_no_viser_and_the_page_no_warp():
-    session = "import sys, otwarp.teleop.page.process; print({'viser', 'warp'} & set(sys.modules))"
+    session = "import sys, otwarp.teleop.page; print({'viser', 'warp'} & set(sys.modules))"
     child = "import sys, otwarp.teleop.page.child; print({'viser', 'warp', 'pxr'} & set(sys.modules))"
     for code in (session, child):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from otwarp import teleop as c
 from otwarp.scene import Scene
-from otwarp.teleop import core as c
-from otwarp.teleop.core import HandFrame, PaceNow
+from otwarp.teleop import HandFrame, PaceNow
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.controls import END, SURE, SURE_WITHIN, Controls
 from tests.teleop.page.frames import page_frame

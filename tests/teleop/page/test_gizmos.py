@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
+from otwarp.haptics.core import ServoFrame, Vec3
 from otwarp.haptics.core.config import FACING_USER
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.core.types import ServoFrame, Vec3
 from otwarp.haptics.devices.mouse import POINTER, SPEED, MouseDevice
-from otwarp.teleop.core import HandFrame, MoveTraps
+from otwarp.teleop import HandFrame, MoveTraps
 from otwarp.teleop.page.gizmos import HOLD_OFF, POINTER_EVERY, Gizmos, Pointer
 from tests.teleop.page.frames import page_frame, trap
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import otwarp as ot
-from otwarp.haptics.core.types import ServoFrame
-from otwarp.teleop.core import HandFrame
+from otwarp.haptics.core import ServoFrame
+from otwarp.teleop import HandFrame
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.protocol import Drawing
 from otwarp.teleop.page.readout import MOST_CURVES, SPAN, History, Panel, panels, series_data, styles

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 import otwarp as ot
+import otwarp.teleop.page as module
 from otwarp.errors import InputError
 from otwarp.haptics.core.fields import Matrix
-from otwarp.teleop.core import Sink
-from otwarp.teleop.page import process as module
-from otwarp.teleop.page.process import PageProcess
+from otwarp.teleop import Sink
+from otwarp.teleop.page import PageProcess
 from otwarp.teleop.page.protocol import Complaint, receive, send
 from tests.teleop.page.loop import Loop
 from tests.teleop.page.test_browser import SCENE

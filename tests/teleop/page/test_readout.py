@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from otwarp.haptics.core.types import ServoFrame
+from otwarp.haptics.core import ServoFrame
 from otwarp.haptics.servo.link import HandStatus, ServoStatus
-from otwarp.teleop.core import HandFrame, PaceNow
+from otwarp.teleop import HandFrame, PaceNow
 from otwarp.teleop.page.controls import HOLD, Follower, file_name
 from otwarp.teleop.page.readout import LONGEST_DEVICE, QUIET, News, banner, figures, hand_text
 from tests.teleop.page.frames import page_frame

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import make_chain
-from otwarp.haptics.core.types import DeviceLost, DeviceSample
+from otwarp.haptics.core import DeviceLost, DeviceSample
 from otwarp.haptics.devices import KINDS, DeviceSpec, Kind
 from otwarp.haptics.devices.virtual import HandModel, VirtualDevice
 

@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from otwarp.haptics.chain.chain import make_chain
+from otwarp.haptics.core import SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.core.config import HandConfig, HapticsConfig
-from otwarp.haptics.core.types import SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.force.law import IsotropicLaw, Law, SplitLaw
-from otwarp.haptics.force.table import ForceGrid, TableLaw
+from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, Law, SplitLaw, TableLaw
 from otwarp.haptics.servo.link import Cycles, HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from otwarp.scene import Scene
 from otwarp.simulation.frame import SHAPES, Frame
-from otwarp.teleop.core import HandFrame, LiveFrame
-from otwarp.teleop.recording.writer import RecordingWriter
+from otwarp.teleop import HandFrame, LiveFrame
+from otwarp.teleop.recording import RecordingWriter
 from tests.haptics.setups import AXIAL, RADIAL
 
 EVENTUALLY = 60.0

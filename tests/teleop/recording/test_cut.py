@@ -9,7 +9,7 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.haptics.core.types import cycles_of
+from otwarp.haptics.core import cycles_of
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.recording import CYCLES_TYPE, MAGIC, McapFile, part_of
 from otwarp.teleop.recording import file as take_file

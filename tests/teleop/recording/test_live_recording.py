@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from otwarp import teleop as c
 from otwarp.errors import InputError
 from otwarp.haptics.recording import McapFile, unpack_text
-from otwarp.teleop import core as c
 from otwarp.teleop.recording.replay import replay_recording
 from otwarp.teleop.session import Session, SessionOptions
 from tests.teleop.scenes import three_beads

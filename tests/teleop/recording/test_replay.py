@@ -16,8 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.haptics.core import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
 from otwarp.haptics.core.config import CouplingConfig, LowPass
-from otwarp.haptics.core.types import ARMED, BACK, CYCLE, DISARMED, GAINS, LOST, MADE, STEPPED, actions_of, cycles_of
 from otwarp.haptics.devices import KINDS, Kind, create_device, parse_devices
 from otwarp.haptics.devices.replay import ReplayDevice
 from otwarp.haptics.recording import McapFile, pack_cycles, pack_scene, pack_text, unpack_cycles, unpack_scene

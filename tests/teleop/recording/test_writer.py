@@ -17,20 +17,20 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from otwarp import teleop as c
 from otwarp.errors import InputError
+from otwarp.haptics.core import CYCLE, ServoFrame
 from otwarp.haptics.core.config import HapticsConfig, LowPass
 from otwarp.haptics.core.fields import from_dict
-from otwarp.haptics.core.types import CYCLE, ServoFrame
 from otwarp.haptics.force.law import IsotropicLaw, SplitLaw
 from otwarp.haptics.recording import McapFile, part_of
 from otwarp.haptics.servo.link import Cycles, Start
 from otwarp.simulation.frame import SHAPES
-from otwarp.teleop import core as c
-from otwarp.teleop.core import HandFrame
-from otwarp.teleop.recording import writer as writer_module
+from otwarp.teleop import HandFrame
+from otwarp.teleop import recording as writer_module
+from otwarp.teleop.recording import FRAMES, RecordingWriter
 from otwarp.teleop.recording.file import laws_from_dict, laws_to_dict
 from otwarp.teleop.recording.replay import replay_recording
-from otwarp.teleop.recording.writer import FRAMES, RecordingWriter
 from tests.haptics.core.test_ring import record
 from tests.haptics.setups import RADIAL, hand_config
 from tests.teleop.recording.recorded import LAWS, live_frame, scene_now
@@ -81,8 +81,10 @@ def messages(path):
     return found
 
 
-def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
-    path = tmp_path / "take1.mcap"
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Frames of a short session, and what a reader finds of it: topic → (time, message) in order."""
+    path = tmp_path_factory.mktemp("recorded") / "take1.mcap"
     frames = [frame(n, warnings=("trap 1: lost",) if n in (2, 3) else ()) for n in range(1, 5)]
     with begin(path, settings={"seed": 4}) as recording:
         for live in frames:
@@ -97,8 +99,11 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
             time.sleep(0.005)
     assert not part_of(path).exists()
     assert (recording.complaint, recording.dropped) == ("", 0)
-    told = messages(path)
+    return frames, messages(path)
 
+
+def test_the_configuration_is_in_the_file_for_anybody_with_a_reader(recorded):
+    _, told = recorded
     (_, text), *_ = told["/otwarp/config"]
     about = json.loads(text.data)
     assert from_dict(HapticsConfig, about["haptics"]) == CONFIG
@@ -108,6 +113,10 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
     assert len(about["scene"]["digest"]) == 64
     assert laws_from_dict(about) == {0: (LAWS["table"],)}
 
+
+def test_poses_and_forces_are_in_the_file_with_their_frames(recorded):
+    frames, told = recorded
+    about = json.loads(told["/otwarp/config"][0][1].data)
     at, tf = told["/tf"][2]
     assert at == about["clock"]["epoch"] + round((frames[1].wall - 5.0) * 1e9)
     assert [t.child_frame_id for t in tf.transforms][:2] == ["World/bead_left", "World/bead_right"]
@@ -123,6 +132,10 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
     assert (pose.pose.position.x, pose.header.frame_id) == (0.01, "left_device")
     assert (force.wrench.force.x, force.wrench.force.y, force.wrench.torque.z) == (0.5, -0.25, 0.0)
     assert "/hand/right/pose" not in told  # nothing was heard of it
+
+
+def test_arrays_and_texts_are_in_the_file(recorded):
+    frames, told = recorded
     array = told["/trap/force"][4][1]
     assert [(d.label, d.size, d.stride) for d in array.layout.dim] == [("trap", 3, 9), ("axis", 3, 3)]
     assert array.data.tolist() == frames[2].frame.trap_force[0].ravel().tolist()
@@ -134,6 +147,9 @@ def test_what_was_told_is_in_the_file_for_anybody_with_a_reader(tmp_path):
     assert json.loads(told["/otwarp/pace"][0][1].data)["simulated"] == frames[0].frame.time
     assert json.loads(told["/otwarp/end"][0][1].data) == {"dropped": 0, "lost": {"left": 0}}
 
+
+def test_states_and_cycles_are_in_the_file_bit_for_bit(recorded):
+    _, told = recorded
     states = [state for _, state in told["/otwarp/scene"]]
     assert [state.beat for state in states] == [1, 2, 3, 4, 9]
     now = scene_now(9)

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from otwarp.teleop import core as c
-from otwarp.teleop.operators.trap_commands import GENTLE
+from otwarp import teleop as c
+from otwarp.teleop.operators.hands import GENTLE
 from tests.teleop.scenes import PLACES
-from tests.teleop.session.test_live import RATE, Stage, place
+from tests.teleop.session.stage import RATE, Stage, place
 
 FLICK = (PLACES["left"][0] + 4.0, *PLACES["left"][1:])
 ROUNDING = 1e-5

@@ -1,87 +1,26 @@
-"""The live loop with real hands, chains and simulation, all on one virtual clock."""
+"""The live loop with hands, pages and recordings."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from otwarp import teleop as c
 from otwarp.errors import InputError, SimulationError
-from otwarp.teleop import core as c
-from otwarp.teleop.core import LiveFrame
-from otwarp.teleop.operators.hands import plan_hands
-from otwarp.teleop.operators.virtual_servo import LinkedClock, VirtualServo
+from otwarp.haptics.core.config import FACING_USER, HandConfig, HapticsConfig
 from otwarp.teleop.session.live import LiveLoop
 from tests.teleop.scenes import PLACES, three_beads
+from tests.teleop.session.stage import RATE, Stage, place
 
-RATE = 120.0
 SLEW = 1000.0
 """The Touch preset's [N/s]."""
-
-
-class Watcher:
-    """An sink that keeps all frames and asks what it is told to."""
-
-    interval = 0.0
-
-    def __init__(self) -> None:
-        self.frames: list[LiveFrame] = []
-        self.asked: list[c.Command] = []
-        self.lines: list[str] = []
-        self.closed = False
-
-    def publish(self, live: LiveFrame) -> None:
-        self.frames.append(live)
-
-    def commands(self) -> Sequence[c.Command]:
-        asked, self.asked = self.asked, []
-        return asked
-
-    def complain(self, line: str) -> None:
-        self.lines.append(line)
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class Stage:
-    """A loop, its servo and a watcher."""
-
-    def __init__(self, scene=None, *, watch: bool = True, device: str = "cpu", **devices: str):
-        scene = scene or three_beads()
-        self.clock, self.watcher = LinkedClock(), Watcher()
-        self.plans = plan_hands(scene, devices, force_gain=0.02)
-        self.servo: VirtualServo | None = None
-        self.news: list[str] = []
-
-        def make_servo(plans, local):
-            self.servo = VirtualServo(self.clock, plans, local, len(scene.traps))
-            return self.servo
-
-        self.loop = LiveLoop(
-            scene,
-            self.plans,
-            sinks=(self.watcher,) if watch else (),
-            make_servo=make_servo,
-            notice=self.news.append,
-            clock=self.clock,
-            rate=RATE,
-            device=device,
-        )
-
-    def run(self, seconds: float) -> LiveFrame:
-        """Ticks for so long; the last frame."""
-        live = None
-        for _ in range(round(seconds * RATE)):
-            live = self.loop.tick()
-            self.clock.sleep_until(self.clock.now() + 1.0 / RATE)
-        assert live is not None
-        return live
+TAKING_HOLD = 0.0081
+"""Micrometres: a hand that is under way takes hold one or two servo periods late, 0.004 µm each."""
 
 
 @pytest.fixture
@@ -95,10 +34,6 @@ def stage(request):
     yield make
     for one in made:
         one.loop.close()
-
-
-def place(live: LiveFrame, body: int) -> np.ndarray:
-    return live.frame.position[0, body]
 
 
 def test_a_hand_carries_its_bead_and_feels_the_drag(stage):
@@ -116,6 +51,32 @@ def test_a_hand_carries_its_bead_and_feels_the_drag(stage):
     # the hand is pulled back by what it would be pulled with if the sphere were seen at once
     assert hand.force[0] == pytest.approx(-0.02 * drag, rel=0.2)
     assert abs(hand.force[1]) < 1e-6 and not live.warnings
+
+
+def test_each_hand_moves_its_own_traps_by_its_own_axes(stage):
+    turned = ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))  # scene x is the device's y, scene y its −x
+    hands = (HandConfig(name="left", axis_map=turned), HandConfig(name="right", axis_map=FACING_USER))
+    along_x = "virtual:line,from=0/0/0,to=0.02/0/0,duration=0.5,mass=0"
+    s = stage(config=HapticsConfig(hands=hands), left=along_x, right=along_x)
+    s.loop.start()
+    moved = s.run(1.0).frame.trap_position[0] - np.array(list(PLACES.values()))
+    # 0.02 m along the device's x at 100 µm/m: the right hand's x, the left hand's −y, and no other trap
+    assert moved == pytest.approx(np.array([[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), abs=TAKING_HOLD)
+
+
+def test_the_speed_follows_what_steers_it(stage):
+    asked = []
+
+    def steer(now, pace):
+        asked.append((now, pace.speed))
+        return 0.5 if len(asked) == 10 else None
+
+    s = stage(options={"steer": steer})
+    s.loop.start()
+    live = s.run(20.0 / RATE)
+    assert live.pace.speed == 0.5
+    assert [speed for _, speed in asked] == [1.0] * 10 + [0.5] * 10
+    assert [now for now, _ in asked] == sorted(now for now, _ in asked)
 
 
 def test_gizmos_move_what_no_hand_holds(stage):
@@ -375,7 +336,7 @@ class SlowRecording:
     complaint = ""
 
     def __init__(self, looks: int = 5, fails: str = ""):
-        self.file, self.looks, self.fails, self.closed = Path("a.mcap"), looks, fails, False
+        self.file, self.begun, self.looks, self.fails, self.closed = Path("a.mcap"), True, looks, fails, False
 
     def frame(self, live, scene) -> None: ...
 

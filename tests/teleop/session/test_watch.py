@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from otwarp.scene import Scene
+from otwarp.teleop import PaceNow
 from otwarp.teleop.budget import CHANGED, reduce_scene
 from otwarp.teleop.budget.report import BudgetReport, SceneCost
-from otwarp.teleop.budget.watch import HOLD, BudgetWatch
-from otwarp.teleop.core import PaceNow
+from otwarp.teleop.session.pace import HOLD, BudgetWatch
 from tests.teleop.budget.test_reduce import Machine, line_of_cells
 
 

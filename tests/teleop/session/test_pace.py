@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from otwarp.errors import InputError
-from otwarp.teleop.core.pace import LONGEST_DEBT, Pace
+from otwarp.teleop.session.pace import LONGEST_DEBT, Pace
 
 STEP = 1e-3
 ROUNDING = 1e-9

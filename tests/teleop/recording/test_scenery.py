@@ -11,17 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from otwarp import teleop as c
 from otwarp.haptics.core.config import FACING_USER
-from otwarp.haptics.recording import McapFile, unpack_text
+from otwarp.haptics.recording import SCHEMAS, START, McapFile, unpack_text
 from otwarp.scene import Body, Goal, Obstacle, Rod, Sphere, Track
 from otwarp.scene.transforms import rotation_matrix
-from otwarp.teleop import core as c
-from otwarp.teleop.recording.markers import COLOURS, device_rotation, shapes
-from otwarp.teleop.recording.schemas import JSON, SCHEMAS, schema_of
+from otwarp.teleop.recording.scenery import COLOURS, JSON, device_rotation, shapes
 from tests.teleop.recording.test_writer import SCENE, begin, cycles, frame, messages, scene_now
 
 QUARTER = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 """About y: +z to +x."""
+
+
+def schema_of(topic: str):
+    """Of its messages; None if they are not JSON."""
+    return JSON[START] if topic.startswith(START) else JSON.get(topic)
 
 
 def obstacle(shape: str, size=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), **more) -> Obstacle:
