@@ -16,7 +16,7 @@ from otwarp.ros.motion import centroid
 from otwarp.scene import Obstacle, Scene, Trap
 from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import conjugate, rotate
-from otwarp.teleop import HANDS, LiveFrame
+from otwarp.teleop import HANDS, LiveFrame, vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,17 +90,17 @@ class Roles:
         """
         frame, cell = live.frame, self.cell
         place, turn, load = frame.position[0], frame.orientation[0], frame.contact_load[0]
-        first, second = (tuple(_vector(frame.trap_position[0, t]) for t in group) for group in self.groups)
+        first, second = (tuple(vec3(frame.trap_position[0, t]) for t in group) for group in self.groups)
         rests = [
-            _vector(frame.trap_position[0, list(some)].mean(axis=0) + pushed)
+            vec3(frame.trap_position[0, list(some)].mean(axis=0) + pushed)
             for some, pushed in zip(self.holds, self.pushed, strict=True)
         ]
         one, two = (
-            (_vector(place[b] + rotate(turn[b], np.array(centre))), _quat(turn[b]))
+            (vec3(place[b] + rotate(turn[b], np.array(centre))), _quat(turn[b]))
             for b, centre in zip(self.robots, self.centres, strict=True)
         )
         obstacles = tuple(
-            (_vector(o.position.at(frame.time)), _quat(o.orientation.at(frame.time))) for o in self.obstacles
+            (vec3(o.position.at(frame.time)), _quat(o.orientation.at(frame.time))) for o in self.obstacles
         )
         hits = tuple(self._hit(o, at, place, turn, load) for o, at in zip(self.obstacles, obstacles, strict=True))
         return TopicState(
@@ -108,7 +108,7 @@ class Roles:
             traps=(first, second),
             rests=(rests[0], rests[1]),
             robots=(one, two),
-            cell=None if cell is None else _vector(place[cell]),
+            cell=None if cell is None else vec3(place[cell]),
             obstacles=obstacles,
             contact_force=0.0 if cell is None else float(load[cell]),
             cell_lost=self._cell_lost(place),
@@ -141,7 +141,7 @@ class Roles:
 
 def _pushed(trap: Trap) -> Vec3:
     """From a focus to where it holds a sphere [µm]: light pushes along the beam until the gradient pulls back."""
-    return _vector(rotate(np.array(trap.orientation), np.array([0.0, 0.0, trap.equilibrium])))
+    return vec3(rotate(np.array(trap.orientation), np.array([0.0, 0.0, trap.equilibrium])))
 
 
 def surface_distance(obstacle: Obstacle, pose: Pose, points: np.ndarray) -> np.ndarray:
@@ -167,11 +167,6 @@ def _cell(scene: Scene, robots: tuple[int, int]) -> int | None:
             return named[0]
     middle = np.mean([scene.bodies[b].position for b in robots], axis=0)
     return min(cells, key=lambda n: float(np.linalg.norm(middle - scene.bodies[n].position)), default=None)
-
-
-def _vector(values: np.ndarray) -> Vec3:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
 
 
 def _quat(values: np.ndarray) -> Quat:

@@ -14,6 +14,7 @@ A device fulfils `core.Device`: metres, buttons as bits and newtons in its own f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -188,3 +189,20 @@ def parse_parameters(where: str, text: str, allowed: Sequence[str]) -> tuple[str
             raise InputError(f"{where}: {word!r} must be one of {', '.join(allowed)} with '=value', each once")
         found[key] = value
     return name, found
+
+
+def parse_number(where: str, key: str, text: str | None, default: float, low: float, high: float) -> float:
+    """A parameter within its range, or its default where it was not given.
+
+    Raises:
+        InputError: No number, or out of range.
+    """
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise InputError(f"{where}: {key} = {text} must be a number from {low:g} to {high:g}")
+    return value

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from otwarp.errors import InputError
 from otwarp.haptics.core import ZERO, Vec3
-from otwarp.haptics.devices import DeviceSpec, parse_parameters
+from otwarp.haptics.devices import DeviceSpec, parse_number, parse_parameters
 
 RULES = "/etc/udev/rules.d/70-otwarp-hid.rules"
 """Where the rule goes that lets the user at the desk open a device; it must sort before 73-seat-late.rules."""
@@ -214,7 +214,7 @@ def parse_argument(
     if "=" in text.split(",")[0]:
         text = f",{text}"  # parameters without a serial before them
     which, given = parse_parameters(where, text, (*ranges, *words))
-    numbers = {key: _number(where, key, given.get(key), *limits) for key, limits in ranges.items()}
+    numbers = {key: parse_number(where, key, given.get(key), *limits) for key, limits in ranges.items()}
     chosen = {key: given.get(key, choices[0]) for key, choices in words.items()}
     for key, word in chosen.items():
         if word not in words[key]:
@@ -224,18 +224,6 @@ def parse_argument(
     if not (which[1:].isascii() and which[1:].isdigit() and len(which) <= 3) or not 1 <= int(which[1:]) <= 99:
         raise InputError(f"{where}: {which!r} must be # and a number from 1 to 99")
     return None, int(which[1:]) - 1, numbers, chosen
-
-
-def _number(where: str, key: str, text: str | None, default: float, low: float, high: float) -> float:
-    if text is None:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        raise InputError(f"{where}: {key} = {text} must be a number from {low:g} to {high:g}") from None
-    if not low <= value <= high:
-        raise InputError(f"{where}: {key} = {text} must be a number from {low:g} to {high:g}")
-    return value
 
 
 class RateHand:

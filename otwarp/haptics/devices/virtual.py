@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from otwarp.errors import InputError
 from otwarp.haptics.core import ZERO, DeviceInfo, DeviceLost, DeviceSample, Vec3
-from otwarp.haptics.devices import DeviceSpec, parse_parameters
+from otwarp.haptics.devices import DeviceSpec, parse_number, parse_parameters
 
 Path3 = Callable[[float], Vec3]
 
@@ -178,7 +178,7 @@ def create(spec: DeviceSpec) -> VirtualDevice:
     word = WORDS.get(script)
     allowed = (*POINTS[script], *NUMBERS[script], *((word[0],) if word else ()), *HAND)
     _, found = parse_parameters(where, argument, allowed)
-    numbers = {key: _number(where, key, found.get(key), *ranges[key]) for key in ranges}
+    numbers = {key: parse_number(where, key, found.get(key), *ranges[key]) for key in ranges}
     points = [_point(where, key, found.get(key)) for key in POINTS[script]]
     choice = found.get(word[0], word[1][0]) if word else ""
     if word and choice not in word[1]:
@@ -226,18 +226,6 @@ def _path(script: str, numbers: dict[str, float], points: list[Vec3], choice: st
         return (at[0], at[1], at[2])
 
     return sine
-
-
-def _number(where: str, key: str, text: str | None, default: float, low: float, high: float) -> float:
-    if text is None:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise InputError(f"{where}: {key} = {text} must be a number from {low:g} to {high:g}")
-    return value
 
 
 def _point(where: str, key: str, text: str | None) -> Vec3:

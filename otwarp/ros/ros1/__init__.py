@@ -7,7 +7,7 @@ bounded queue per subscriber. Open `node` first.
 - `bridge`: what a live loop publishes, and how far the hands' twists move its traps.
 - `node`: registers with a master, publishes, subscribes, and comes back after restarts.
 - `publisher`, `subscriber`: the two ends of a topic, with a link per peer.
-- `rpc`, `slave`: XML-RPC calls to a master or node, and the server for theirs.
+- `rpc`: XML-RPC calls to a master or node, and the server for theirs.
 - `wire`: bytes of TCPROS.
 - `messages`: types, md5 sums and bytes, by `rosbags`.
 - `names`: of nodes, topics, master and host, from the environment.

@@ -23,8 +23,7 @@ from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.messages import message_type
 from otwarp.ros.ros1.names import MASTER, global_name, own_host
 from otwarp.ros.ros1.publisher import QUEUE, Publisher, TopicServer
-from otwarp.ros.ros1.rpc import NoAnswer, Refused, call
-from otwarp.ros.ros1.slave import SlaveServer
+from otwarp.ros.ros1.rpc import NoAnswer, Refused, SlaveServer, call
 from otwarp.ros.ros1.subscriber import Callback, SubscribedTopic, Subscription
 from otwarp.ros.ros1.wire import MOST_MESSAGE
 

@@ -6,14 +6,14 @@ first.
 - `bridge`: what a live loop publishes, and what a controller and two hands ask of it.
 - `node`: publishers and subscriptions that never block.
 - `messages`: the types, as `rosidl` would generate them.
-- `qos`, `discovery`, `names`: what policies, environment variables and names of ROS 2 mean to DDS.
+- `dds`: what names, environment variables and policies of ROS 2 mean to DDS.
 """
 
 from __future__ import annotations
 
 from otwarp.ros.ros2.bridge import Ros2Bridge, Ros2Commands, Ros2Config
+from otwarp.ros.ros2.dds import RELIABLE, SENSOR_DATA, QoS
 from otwarp.ros.ros2.node import Publisher, Ros2Node, Subscription, load_messages
-from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA, QoS
 
 __all__ = [
     "RELIABLE",

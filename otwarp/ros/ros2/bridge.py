@@ -32,9 +32,8 @@ from otwarp.ros.contract import (
     TopicState,
 )
 from otwarp.ros.motion import VelocityHold, midpoint
-from otwarp.ros.ros2.names import resolve_topic
+from otwarp.ros.ros2.dds import RELIABLE, SENSOR_DATA, resolve_topic
 from otwarp.ros.ros2.node import Ros2Node, load_messages
-from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA
 
 FEWEST_PERIODS = 1.0
 """A timeout below one period of control would stop the pair between any two commands."""

@@ -15,9 +15,17 @@ from types import ModuleType
 from typing import Any
 
 from otwarp.errors import InputError
-from otwarp.ros.ros2.discovery import cyclone_config
-from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id, resolve_topic
-from otwarp.ros.ros2.qos import RELIABLE, SENSOR_DATA, QoS, cyclone_qos
+from otwarp.ros.ros2.dds import (
+    RELIABLE,
+    SENSOR_DATA,
+    QoS,
+    check_node_name,
+    cyclone_config,
+    cyclone_qos,
+    dds_topic,
+    domain_id,
+    resolve_topic,
+)
 
 ENCLAVE = b"enclave=/;"
 """User data of a participant of ROS 2; `rmw_fastrtps_cpp` ignores participants without it in its graph."""

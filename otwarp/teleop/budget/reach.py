@@ -22,9 +22,9 @@ from itertools import pairwise
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene import IDENTITY, Body, Obstacle, Quat, Rod, Scene, Sphere, Track, Trap
+from otwarp.scene import IDENTITY, Body, Obstacle, Rod, Scene, Sphere, Track, Trap
 from otwarp.scene.flow_profile import flow_velocity
-from otwarp.scene.transforms import rotate
+from otwarp.scene.transforms import align_z, rotate
 from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
 
@@ -189,23 +189,14 @@ def frozen_body(body: Body) -> tuple[Obstacle, ...]:
         else:
             ends = place + rotate(turn, np.array([part.start, part.end]))
             centre, along, shape = ends.mean(axis=0), ends[1] - ends[0], "capsule"
-            axis, size = _turn_to(along), (part.radius, 0.5 * float(np.linalg.norm(along)), 0.0)
+            length = float(np.linalg.norm(along))
+            axis, size = align_z(along / max(length, 1e-300)), (part.radius, 0.5 * length, 0.0)
         found.append(
             Obstacle(
                 prim=name, shape=shape, position=Track.constant(centre), orientation=Track.constant(axis), size=size
             )
         )
     return tuple(found)
-
-
-def _turn_to(axis: np.ndarray) -> Quat:
-    """A rotation that takes +Z to `axis`."""
-    x, y, z = axis / max(float(np.linalg.norm(axis)), 1e-300)
-    if z < -1.0 + 1e-12:
-        return 1.0, 0.0, 0.0, 0.0
-    w = 1.0 + z
-    length = math.sqrt(x * x + y * y + w * w)
-    return -y / length, x / length, 0.0, w / length
 
 
 def thin_out(scene: Scene, keep: Iterable[int], reach: Reach, *, freeze: bool = True) -> Thinned:

@@ -37,8 +37,6 @@ MOST_CURVES = 8
 """Traps or bodies that get a curve each; above that the largest of them makes one."""
 HAND_COLOURS = {"left": "#ff7a5c", "right": "#45d0ff"}
 CURVES = ("#ff7a5c", "#ffb35c", "#ffe27a", "#45d0ff", "#5c9dff", "#b18cff", "#6ee7a8", "#f28cc8")
-WARNING = "#ff405c"
-CAUTION = "#ffc24a"
 
 
 def banner(warnings: Sequence[str], pace: PaceNow, recording: str | None, task: str = "") -> str:
@@ -235,7 +233,7 @@ def _contact(drawing: Drawing) -> Panel | None:
         return None
     many = len(drawing.names)
     lowest = float(np.min(drawing.warning_force))
-    lines = ((f"warning {lowest:g} pN", lowest, WARNING),) if math.isfinite(lowest) else ()
+    lines = ((f"warning {lowest:g} pN", lowest, _RED),) if math.isfinite(lowest) else ()
     if many <= MOST_CURVES:
         curves = tuple(zip(drawing.names, CURVES, strict=False))
         return Panel("Contact load [pN]", curves, lines, lambda f: f.contact_load.tolist())
@@ -255,9 +253,9 @@ def _distance(drawing: Drawing) -> Panel | None:
     if not traps:
         return None
     reach = min(drawing.traps[k].reach for k in traps)
-    lines = [(f"reach {reach:.3g} µm", reach, WARNING)] if math.isfinite(reach) else []
+    lines = [(f"reach {reach:.3g} µm", reach, _RED)] if math.isfinite(reach) else []
     if math.isfinite(drawing.distance_warning):
-        lines.append((f"warning {drawing.distance_warning:g} µm", drawing.distance_warning, CAUTION))
+        lines.append((f"warning {drawing.distance_warning:g} µm", drawing.distance_warning, _AMBER))
     if len(traps) <= MOST_CURVES:
         curves = tuple((drawing.traps[k].name, CURVES[i]) for i, k in enumerate(traps))
         return Panel("Trap to sphere [µm]", curves, tuple(lines), lambda f: f.trap_distance[traps].tolist())

@@ -91,8 +91,7 @@ def _unit(q: np.ndarray) -> np.ndarray:
 
 def wxyz(q: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) in (x, y, z, w) → viser's (w, x, y, z), of length 1."""
-    q = np.asarray(q, dtype=float)
-    q = q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-12)
+    q = _unit(q)
     return np.concatenate([q[..., 3:], q[..., :3]], axis=-1)
 
 

@@ -10,8 +10,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, QoS, Ros2Node, load_messages
-from otwarp.ros.ros2.discovery import cyclone_config, discovery_range
-from otwarp.ros.ros2.names import check_node_name, dds_topic, domain_id
+from otwarp.ros.ros2.dds import check_node_name, cyclone_config, dds_topic, discovery_range, domain_id
 
 
 def refusal(call, *arguments) -> str:
