@@ -8,7 +8,7 @@ import pytest
 
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.state import Control
-from otwarp.teleop import budget
+from otwarp.teleop import session
 from otwarp.teleop.budget.report import BATCHES, measure_scene
 from otwarp.teleop.session import Session, SessionOptions
 from otwarp.teleop.session.live import GLIDE
@@ -53,8 +53,8 @@ def test_a_scene_with_hands_is_measured_with_traps_that_move(calls):
 @pytest.mark.parametrize("devices", [{}, {"left": "virtual:hold,at=0/0/0"}])
 def test_a_session_asks_for_it_if_it_has_hands(monkeypatch, devices):
     asked = []
-    reduce = budget.reduce_scene
-    monkeypatch.setattr(budget, "reduce_scene", lambda *a, **k: asked.append(k["measure"]) or reduce(*a, **k))
+    reduce = session.reduce_scene
+    monkeypatch.setattr(session, "reduce_scene", lambda *a, **k: asked.append(k["measure"]) or reduce(*a, **k))
     options = SessionOptions(devices=devices, budget="1.0", duration=0.1, device="cpu")
     Session(three_beads(), options, say=lambda line: None).loop.close()
     assert asked[0].keywords == {"glide": GLIDE if devices else None}
