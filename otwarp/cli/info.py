@@ -215,4 +215,10 @@ def _print(about: dict[str, Any]) -> None:
         console.print(_flow_line(about["flow"]))
     console.print(_scales_table(about))
     console.print(_terms_table(about))
-    console.print(f"Memory for {about['worlds']} world(s) on {about['device']}: {about['memory'] / 1024:,.1f} KiB")
+    each = about["memory_per_world"]
+    scratch = about["worlds"] * each["scratch"]
+    console.print(
+        f"Memory of arrays for {about['worlds']} world(s) on {about['device']}: "
+        f"{(about['memory'] + scratch) / 1024:,.1f} KiB, of it each world {each['state'] / 1024:,.2f} KiB"
+        + (f" and {each['scratch'] / 1024:,.1f} KiB of scratch" if scratch else "")
+    )

@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.kernels.terms import terms
 from otwarp.scene import Scene
+from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import mobilities
@@ -36,6 +37,24 @@ def device_bytes(model: Model, *groups: Any) -> int:
         arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
     arrays.append(data.traps.tables.node)
     return sum(a.capacity for a in arrays)
+
+
+def struct_bytes(data: Any) -> int:
+    """Bytes of the arrays of a struct, and of the structs in it."""
+    size = 0
+    for name in data._cls.vars:
+        value = getattr(data, name)
+        size += value.capacity if isinstance(value, wp.array) else struct_bytes(value) if hasattr(value, "_cls") else 0
+    return size
+
+
+def _bytes_per_world(model: Model, groups: tuple[State, Control, Readout]) -> dict[str, int]:
+    """Bytes that each further world takes: of state, command and readout, and of the body driver's scratch."""
+    held = sum(v.capacity for g in groups for v in vars(g).values() if isinstance(v, wp.array))
+    scratch = 0
+    if model.features.driver == "grid":
+        scratch = struct_bytes(allocate_grid(model, groups[0])) + 2 * struct_bytes(allocate_push(model))
+    return {"state": held // model.worlds, "scratch": scratch // model.worlds}
 
 
 def _finite(value: float | None) -> float | None:
@@ -241,4 +260,5 @@ def describe(
         "integrator_reason": _integrator_reason(model),
         "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in terms(model.features)],
         "memory": device_bytes(model, *groups),
+        "memory_per_world": _bytes_per_world(model, groups),
     }

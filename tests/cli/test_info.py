@@ -39,3 +39,13 @@ def test_info_refuses_what_the_run_would(device: str, capfd: pytest.CaptureFixtu
         error = capfd.readouterr().err
         assert "precision is 'float64'; allowed: float32 in a scene of" in error and error.count("\n") == 1
     assert not Path("never-made").exists()
+
+
+def test_info_says_what_a_world_takes(device: str, capfd: pytest.CaptureFixture[str]) -> None:
+    few, many = (ask(capfd, device, "--worlds", n) for n in ("100", "1100"))
+    assert many["memory"] - few["memory"] == 1000 * few["memory_per_world"]["state"] > 0
+    assert few["memory_per_world"]["scratch"] == 0
+    assert main(["info", CROWD, "--device", device, "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["memory_per_world"]["scratch"] > 1e6
+    assert main(["info", CROWD, "--device", device]) == 0
+    assert "of scratch" in capfd.readouterr().out
