@@ -22,6 +22,9 @@ INSIDE = 1.9
 _BEADS = 0.5
 """Distance, relative to its radius, of the spheres that stand for a rod: 3 % of the radius is the most they miss."""
 
+_MOST = 10_000
+"""Spheres that stand for one rod: a thinner one has gaps between them, and does not fill the memory."""
+
 _LARGE = 4.0
 """Spheres larger than this times the median are compared with all others instead of through the grid."""
 
@@ -91,7 +94,7 @@ def _beads(element: Sphere | Rod) -> np.ndarray:
     if isinstance(element, Sphere):
         return np.array([element.offset])
     start, end = np.array(element.start), np.array(element.end)
-    count = 2 + int(np.linalg.norm(end - start) / (_BEADS * element.radius))
+    count = 2 + int(min(float(np.linalg.norm(end - start)) / (_BEADS * element.radius), _MOST))
     return start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
 
 

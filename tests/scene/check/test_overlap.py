@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene import Body, Obstacle, Sphere, Track
-from otwarp.scene.check.overlap import candidate_pairs, check_overlaps, mesh_distance, signed_distance
+from otwarp.scene import Body, Obstacle, Rod, Sphere, Track
+from otwarp.scene.check.overlap import _beads, candidate_pairs, check_overlaps, mesh_distance, signed_distance
 from otwarp.scene.transforms import rotation_matrix
 
 TURN = np.array([0.1, -0.2, 0.3, np.sqrt(1 - 0.14)])
@@ -191,3 +191,10 @@ def test_a_mesh_that_faces_inwards_or_is_open_has_room_inside() -> None:
     touching_face = dataclasses.replace(bead, position=tuple(rotation_matrix(TURN) @ (4.5, 0.0, 0.0)))
     with pytest.raises(InputError, match=r"overlap with /M = 0\.5 µm"):
         check_overlaps("scene", [touching_face], [block((0.0, 0.0, 0.0), inward=True)])
+
+
+@pytest.mark.parametrize("radius", [1e-9, 5e-315])
+def test_a_rod_as_thin_as_nothing_takes_no_memory(radius):
+    """Found by the long fuzz: the number of spheres that stand for it overflowed."""
+    rod = Rod(prim="/World/B/R", start=(0.0, 0.0, 0.0), end=(1.0, 0.0, 0.0), radius=radius)
+    assert len(_beads(rod)) < 20_000
