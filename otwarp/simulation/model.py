@@ -23,6 +23,7 @@ from otwarp.scene import Scene
 from otwarp.scene.period import in_cell
 from otwarp.scene.plausibility import judge
 from otwarp.scene.plausibility.ranges import unusual_parameters
+from otwarp.simulation.body_space import body_space
 from otwarp.simulation.composition import check_settings
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
@@ -261,7 +262,8 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device)
     in_turn = device.is_cpu and not soft and takes_turns(scene, moves, values, features, time_step)
     how = {"brownian": features.brownian, "precision": features.precision}
     warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
-    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn)
+    space = body_space(scene, moves, values, features, time_step)
+    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn, body_space=space)
 
 
 def _pack(

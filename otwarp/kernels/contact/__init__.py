@@ -1,6 +1,7 @@
 """Contact: who touches whom, and the forces that keep bodies apart.
 
 detect finds touching pairs with obstacles, segments, curvature and excursion; contact holds the law of one pair; solve
-settles all contacts of a world in one direct solve, coupled_solve those of hydrodynamically coupled bodies; travel
-keeps fast bodies from passing through each other. Open solve first.
+settles all contacts of a world in one direct solve, coupled_solve those of hydrodynamically coupled bodies; body_solve
+settles soft ones for what they move the bodies, by the laws of implicit_law and the factors of blocks; travel keeps
+fast bodies from passing through each other. Open solve first.
 """

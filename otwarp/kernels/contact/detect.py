@@ -14,12 +14,11 @@ from otwarp.kernels.contact.contact import (
     along,
     pair_law,
     pair_reach,
-    rigid_response,
-    sphere_response,
 )
 from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relative_radius_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.response import give_term, response_term
 from otwarp.kernels.contact.segments import (
     MERGE,
     Segment,
@@ -38,47 +37,14 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
-from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
-from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
-
-
-def response_term(f: Features) -> wp.Function:
-    """`(model, b, pose, scale, arm, force) -> Move`: what a force at a point moves in one step; `scale` = dt/η."""
-
-    @wp.func
-    def free_sphere(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Displacement [µm] of a lone sphere away from hydrodynamic walls by `force` [pN] acting for one step."""
-        return sphere_response(model.body, b, scale, arm, force)
-
-    @wp.func
-    def free_rigid(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Move [µm, rad] of a rigid body away from hydrodynamic walls by `force` [pN] acting at `arm` for one step."""
-        return rigid_response(model.body, b, pose.rotation, scale, arm, force)
-
-    of_sphere = walled_sphere_response_term(f) if f.walls else free_sphere
-    of_rigid = walled_rigid_response_term(f) if f.walls else free_rigid
-
-    @wp.func
-    def response(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
-        """Move [µm, rad] of body b by `force` [pN] acting at `arm` [µm] for one step."""
-        move = Move(wp.vec3(0.0), wp.vec3(0.0))
-        if wp.static(f.rigid and f.spheres):
-            if model.body.rigid[b] != 0:
-                move = of_rigid(model, b, pose, scale, arm, force)
-            else:
-                move = of_sphere(model, b, pose, scale, arm, force)
-        elif wp.static(f.rigid):
-            move = of_rigid(model, b, pose, scale, arm, force)
-        else:
-            move = of_sphere(model, b, pose, scale, arm, force)
-        return move
-
-    return response
 
 
 def new_contact_term(f: Features) -> wp.Function:
-    """Fill in what the solver needs of a contact: forces, and how far each body gives way."""
-    response = response_term(f)
+    """Fill in what the solvers need of a contact: forces, and how far each body gives way.
+
+    Where contacts may be solved for moves, `respond_term` fills in the responses of those that are not.
+    """
+    response, give_of = response_term(f), give_term(f)
 
     @wp.func
     def new_contact(
@@ -101,11 +67,16 @@ def new_contact_term(f: Features) -> wp.Function:
         # the adhesion across a gap stays what it is until the gap is closed
         c.floor = wp.where(overlap > 0.0, law.floor, law.force)
         c.stiffness = law.stiffness
-        c.response_a = response(model, a, pose_a, scale, arm_a, normal)
-        c.give = along(c.response_a, arm_a, normal)
-        if b >= 0:
-            c.response_b = response(model, b, pose_b, scale, arm_b, -normal)
-            c.give -= along(c.response_b, arm_b, normal)
+        if wp.static(bool(f.body_space)):
+            c.give = give_of(model, a, pose_a, scale, arm_a, normal)
+            if b >= 0:
+                c.give += give_of(model, b, pose_b, scale, arm_b, normal)
+        else:
+            c.response_a = response(model, a, pose_a, scale, arm_a, normal)
+            c.give = along(c.response_a, arm_a, normal)
+            if b >= 0:
+                c.response_b = response(model, b, pose_b, scale, arm_b, -normal)
+                c.give -= along(c.response_b, arm_b, normal)
         return c
 
     return new_contact

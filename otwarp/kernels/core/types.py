@@ -148,6 +148,7 @@ class BodyData:
     translation: wp.array(dtype=wp.float32)  # (shapes) mobility of a lone sphere at unit viscosity [1/µm]
     mobility: wp.array(dtype=mat66)  # (shapes) at unit viscosity, body frame
     cholesky: wp.array(dtype=mat66)  # (shapes) lower factor of `mobility`
+    resistance: wp.array(dtype=mat66)  # (shapes) inverse of `mobility`
     weight: wp.array(dtype=wp.float32)  # (B) weight minus buoyancy [pN]
     weight_arm: wp.array(dtype=wp.vec3)  # (B) centroid, where it acts [µm]; (0) when no body rotates
     bound: wp.array(dtype=wp.float32)  # (B) radius of the bounding sphere [µm]
@@ -216,7 +217,6 @@ class WallData:
     start: wp.array(dtype=wp.int32)  # (B + 1)
     sphere: wp.array(dtype=wp.vec4)  # offset from the reference point, body frame, and radius [µm]
     turned_back: wp.array(dtype=wp.int32)  # 1: the wall stops it, because no contact does
-    resistance: wp.array(dtype=mat66)  # (shapes) of the free body at unit viscosity, body frame; (0) without rotation
 
 
 @wp.struct

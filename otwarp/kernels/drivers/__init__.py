@@ -2,8 +2,8 @@
 
 solo: bodies that cannot touch, one thread per (world, body), many steps per launch; lanes and lanes_rigid are its form
     for CPUs, with noise in blocks (lane_groups says how many lanes).
-world: up to 24 bodies that touch, one thread per world (world_room: the memory of a thread; coupled_world: with
-    hydrodynamic coupling).
+world: up to 24 bodies that touch, one thread per world (world_room: the memory of a thread; world_contacts: finding
+    and settling contacts; coupled_world: with hydrodynamic coupling).
 grid: many bodies, one thread per body and step; grid_data and grid_store hold its arrays, neighbours and grid_lists
     find who is near, grid_contacts, on CPUs grid_turns, and soft push, grid_move moves.
 

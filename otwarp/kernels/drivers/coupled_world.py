@@ -12,7 +12,8 @@ from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
-from otwarp.kernels.drivers.world import Stages, bounded, find_contacts_term, make_step_of
+from otwarp.kernels.drivers.world import Stages, make_step_of
+from otwarp.kernels.drivers.world_contacts import bounded, find_contacts_term
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
 from otwarp.kernels.hydrodynamics.coupling import coupled_drift_term, fill_root_term, shake_term
 from otwarp.kernels.integrate.integrators import INTEGRATORS
@@ -107,18 +108,21 @@ def settle_coupled_term(f: Features) -> wp.Function:
 
     @wp.func
     def settle_coupled(
-        readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
-        step: wp.int64,
-    ):  # fmt: skip
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
+        count: int, again: bool, step: wp.int64,
+    ) -> bool:  # fmt: skip
         """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
+        if count == 0:
+            return False
         bodies = int(wp.static(f.bodies))
         sane = bounded(bodies, body)
         error = solve_coupled_contacts(
-            room.contacts, count, bodies, carry.pair, body.linear, body.angular, room.matrix, room.gap, room.right,
-            room.pivot, room.order, room.on,
+            room.contacts, count, bodies, carry.pair, body.linear, body.angular, room.solve.matrix, room.solve.gap,
+            room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
         )  # fmt: skip
         if error > UNSETTLED * room.contacts[0].radius and sane:
             raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+        return False
 
     return settle_coupled
 

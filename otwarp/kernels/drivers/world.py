@@ -5,109 +5,30 @@ from dataclasses import dataclass
 import warp as wp
 
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
-from otwarp.kernels.contact.contact import UNSETTLED, Contact
-from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
-from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
-from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
+from otwarp.kernels.contact.blocks import block_count
+from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.contact.solve import lift_gaps
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.periodic import image_shift, kept_in_cell
+from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.rotation import rotate_by
-from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, ReadoutData, StateData, vec6
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
-from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom, load_bodies_term, store_bodies_term
-from otwarp.kernels.hydrodynamics.coupling import block_count
+from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts, settle_term
+from otwarp.kernels.drivers.world_room import (
+    BodyRoom,
+    CarryRoom,
+    ContactRoom,
+    SolveRoom,
+    load_bodies_term,
+    store_bodies_term,
+)
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.kernels.optics.escapes import escape_term
 from otwarp.kernels.optics.trap_wrench import move_trap_term
-
-PUSHED = wp.constant(0.1)
-"""How far one body pushes another beyond its own free move in one step at most, relative to its bounding sphere."""
-
-
-@wp.func
-def bounded(bodies: int, body: BodyRoom) -> bool:
-    """Whether all free moves [µm, rad] are finite and of a size that a scene can have."""
-    good = bool(True)
-    for b in range(bodies):
-        good = good and finite(body.linear[b]) and finite(body.angular[b])
-    return good
-
-
-def find_contacts_term(f: Features) -> wp.Function:
-    """`find` of `Stages`.
-
-    A gap is a contact if the free moves of its bodies may close it, others pushing as far as the farthest of them, or
-    if its path may touch in between.
-    """
-    pair_contacts = pair_contacts_term(f) if f.pairs else None
-    obstacle_contacts = obstacle_contacts_term(f) if f.obstacles else None
-
-    @wp.func
-    def find_contacts(
-        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
-        step: wp.int64, time: wp.float64,
-    ) -> int:  # fmt: skip
-        """Number of contacts of all bodies with obstacles and with each other, listed in `room`."""
-        position = body.position
-        rotation = body.rotation
-        linear = body.linear
-        angular = body.angular
-        bodies = int(wp.static(f.bodies))
-        count = int(0)
-        farthest = float(0.0)
-        if wp.static(f.brownian):
-            wander = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
-        for a in range(bodies):
-            farthest = wp.max(farthest, free_travel(model, a, Move(linear[a], angular[a])))
-            if wp.static(f.brownian):
-                wander[a] = wander_of(model, world, a)
-        for a in range(bodies):
-            pose_a = Pose(position[a], rotation[a])
-            move_a = Move(linear[a], angular[a])
-            pushed = wp.min(farthest, PUSHED * model.body.bound[a])
-            if wp.static(bool(f.obstacles)):
-                near = pushed
-                if wp.static(f.brownian):
-                    near = wp.max(near, thermal_reach(wander[a]))
-                count = obstacle_contacts(
-                    model, readout, world, a, pose_a, move_a, near, room.contacts, count, step, time
-                )
-            if wp.static(f.pairs):
-                for b in range(a):
-                    pose_b = Pose(position[b], rotation[b])
-                    if wp.static(f.periodic):
-                        pose_b.position += image_shift(model.period, pose_b.position - pose_a.position)
-                    move_b = Move(linear[b], angular[b])
-                    near = pushed
-                    if wp.static(f.brownian):
-                        near = wp.max(near, thermal_reach(wander[a] + wander[b]))
-                    count = pair_contacts(
-                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, room.contacts, count, step
-                    )  # fmt: skip
-        return count
-
-    return find_contacts
-
-
-@wp.func
-def report_contacts(readout: ReadoutData, world: int, bodies: int, contacts: wp.array(dtype=Contact), count: int):
-    """Write net contact force and sum of |normal forces| [pN] of every body from the solved contacts."""
-    for b in range(bodies):
-        force = wp.vec3(0.0)
-        load = float(0.0)
-        for i in range(count):
-            c = contacts[i]
-            if c.a == b:
-                force += c.load * c.normal
-                load += wp.abs(c.load)
-            if c.b == b:
-                force -= c.load * c.normal
-                load += wp.abs(c.load)
-        readout.contact_force[world, b] = force
-        readout.contact_load[world, b] = load
 
 
 @wp.func
@@ -183,27 +104,6 @@ def move_traps_term(f: Features) -> wp.Function:
             move_trap(model, control, state, world, trap, time)
 
     return move_traps
-
-
-def settle_term(f: Features) -> wp.Function:
-    """`settle` of `Stages`, for bodies that move by their own contacts alone."""
-
-    @wp.func
-    def settle(
-        readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom, count: int,
-        step: wp.int64,
-    ):  # fmt: skip
-        """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
-        # a free move without bound is the fault that `all_good` reports
-        sane = bounded(int(wp.static(f.bodies)), body)
-        error = solve_contacts(
-            room.contacts, count, body.linear, body.angular, room.matrix, room.gap, room.right, room.pivot,
-            room.order, room.on,
-        )  # fmt: skip
-        if error > UNSETTLED * room.contacts[0].radius and sane:
-            raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
-
-    return settle
 
 
 def predict_all_term(f: Features) -> wp.Function:
@@ -305,11 +205,45 @@ def make_world_step(f: Features) -> wp.Kernel:
     )
 
 
-def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
-    """One thread per world, state in local arrays for all `steps`."""
+def take_step_term(f: Features, stages: Stages) -> wp.Function:
+    """`(model, control, state, readout, world, body, room, carry, step, report) -> bool`: one step of one world."""
     predict, correct, find_contacts, settle = stages.predict, stages.correct, stages.find, stages.settle
     move_traps = move_traps_term(f) if f.speed_limits else None
-    load_bodies, store_bodies, finish = load_bodies_term(f), store_bodies_term(f), finish_term(f)
+    finish = finish_term(f)
+
+    @wp.func
+    def take_step(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
+        room: ContactRoom, carry: CarryRoom, step: wp.int64, report: bool,
+    ) -> bool:  # fmt: skip
+        """Take a step, and write the contact forces if they are wanted; false, and nothing moved, after a fault."""
+        time = wp.float64(step) * model.time_step
+        predict(model, control, state, world, body, carry, step, time)
+        if wp.static(f.speed_limits):
+            move_traps(model, control, state, world, time)
+        if wp.static(f.contacts):
+            count = find_contacts(model, readout, world, body, room, carry, step, time)
+            if wp.static(f.bends and f.brownian):
+                lift_gaps(room.contacts, count, body.free, body.drift)
+            soft = settle(model, readout, world, body, room, carry, count, False, step)
+        if wp.static(correct is not None):
+            correct(model, control, state, world, body, carry, step, time)
+            if wp.static(f.bends):
+                lift_gaps(room.contacts, count, body.free, body.drift)
+            if wp.static(f.contacts):
+                soft = settle(model, readout, world, body, room, carry, count, soft, step)
+        if wp.static(f.contacts):
+            if report:
+                report_contacts(readout, world, wp.static(f.bodies), room.contacts, count)
+        return finish(model, control, state, readout, world, body, step)
+
+    return take_step
+
+
+def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
+    """One thread per world, state in local arrays for all `steps`."""
+    take_step = take_step_term(f, stages)
+    load_bodies, store_bodies = load_bodies_term(f), store_bodies_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def world_step(
@@ -340,37 +274,34 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
             turned = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)
             later = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
             carry = CarryRoom(pair, root, force, there, turned, later)
+        room = ContactRoom()
         if wp.static(f.contacts):
             contacts = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
-            matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
-            gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-            right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-            pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-            order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
-            on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
-            room = ContactRoom(contacts, matrix, gap, right, pivot, order, on)
+            solve = SolveRoom()
+            space = SpaceRoom()
+            if wp.static(bool(f.body_space)):
+                node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
+                base = wp.zeros(shape=(wp.static(3 * f.bodies),), dtype=wp.mat33)
+                block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
+                filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
+                side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
+                moved = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
+                opening = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                depth = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                space = SpaceRoom(node, base, block, filled, side, moved, opening, depth)
+            if wp.static(f.body_space != "all"):
+                matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
+                gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+                on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+                solve = SolveRoom(matrix, gap, right, pivot, order, on)
+            room = ContactRoom(contacts, solve, space)
         load_bodies(state, world, body)
         for i in range(steps):
             step = start + wp.int64(i)
-            time = wp.float64(step) * model.time_step
-            predict(model, control, state, world, body, carry, step, time)
-            if wp.static(f.speed_limits):
-                move_traps(model, control, state, world, time)
-            if wp.static(f.contacts):
-                count = find_contacts(model, readout, world, body, room, carry, step, time)
-                if wp.static(f.bends and f.brownian):
-                    lift_gaps(contacts, count, free, drift)
-                settle(readout, world, body, room, carry, count, step)
-            if wp.static(correct is not None):
-                correct(model, control, state, world, body, carry, step, time)
-                if wp.static(f.bends):
-                    lift_gaps(contacts, count, free, drift)
-                if wp.static(f.contacts):
-                    settle(readout, world, body, room, carry, count, step)
-            if wp.static(f.contacts):
-                if i == steps - 1:
-                    report_contacts(readout, world, wp.static(f.bodies), contacts, count)
-            if not finish(model, control, state, readout, world, body, step):
+            if not take_step(model, control, state, readout, world, body, room, carry, step, i == steps - 1):
                 break
         store_bodies(state, world, body)
 

@@ -5,6 +5,7 @@ Local arrays live as long as the function that makes them, so the kernel makes t
 
 import warp as wp
 
+from otwarp.kernels.contact.body_solve import SpaceRoom
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import StateData, vec6
@@ -23,16 +24,24 @@ class BodyRoom:
 
 
 @wp.struct
-class ContactRoom:
-    """(contacts) of a world, and what it takes to solve them; see `solve_contacts`."""
+class SolveRoom:
+    """What `solve_contacts` takes."""
 
-    contacts: wp.array(dtype=Contact)
     matrix: wp.array(dtype=float)  # (contacts²)
-    gap: wp.array(dtype=float)
+    gap: wp.array(dtype=float)  # (contacts), as all that follow
     right: wp.array(dtype=float)
     pivot: wp.array(dtype=float)
     order: wp.array(dtype=int)
     on: wp.array(dtype=int)
+
+
+@wp.struct
+class ContactRoom:
+    """(contacts) of a world, and what it takes to solve them, one way or the other."""
+
+    contacts: wp.array(dtype=Contact)
+    solve: SolveRoom
+    space: SpaceRoom
 
 
 @wp.struct

@@ -164,12 +164,15 @@ def lower_times(m: mat66, v: vec6) -> vec6:
 
 
 def body_root_term(f: Features) -> wp.Function:
-    """`(walls, shape, b, pose) -> L⁻¹` of a body's resistance at its present place, body axes, unit viscosity."""
+    """`(free, walls, b, pose) -> L⁻¹` of a body's resistance at its present place, body axes, unit viscosity.
+
+    `free` is its resistance far from walls.
+    """
 
     @wp.func
-    def body_root(walls: WallData, shape: int, b: int, pose: Pose) -> mat66:
+    def body_root(free: mat66, walls: WallData, b: int, pose: Pose) -> mat66:
         """R_free + Σ KᵀΔRK, multiplied out; its lower triangle is all that the factorisation reads."""
-        r = walls.resistance[shape]
+        r = free
         one = wp.identity(n=3, dtype=float)
         for wall in range(walls.normal.shape[0]):
             n = wp.quat_rotate_inv(pose.rotation, walls.normal[wall])
@@ -252,7 +255,7 @@ def body_flow_term(f: Features) -> wp.Function:
         free = free_velocity(model, world, b, pose)
         v = wp.quat_rotate_inv(pose.rotation, linear_part(free))
         w = wp.quat_rotate_inv(pose.rotation, angular_part(free))
-        pull = model.walls.resistance[model.body.shape[b]] * twist(v, w)
+        pull = model.body.resistance[model.body.shape[b]] * twist(v, w)
         for wall in range(model.walls.normal.shape[0]):
             n = model.walls.normal[wall]
             height = wp.dot(n, pose.position) - model.walls.offset[wall]
@@ -288,7 +291,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
         time: wp.float64,
     ) -> vec6:  # fmt: skip
         """M(x) (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
-        root = root_of(model.walls, model.body.shape[b], b, pose)
+        root = root_of(model.body.resistance[model.body.shape[b]], model.walls, b, pose)
         load = wrench(model, control, state, body, world, b, pose, time)
         force = wp.quat_rotate_inv(pose.rotation, load.force)
         torque = wp.quat_rotate_inv(pose.rotation, load.torque)
@@ -307,7 +310,7 @@ def walled_rigid_dynamics(f: Features) -> Dynamics:
             xi, seventh = seven_deviates(model.seed, step, number(model, world), b)
             energy = thermal_energy_of(model, world)
             spread = wp.sqrt(2.0 * energy * step_over_viscosity(model, world))
-            root = root_of(model.walls, model.body.shape[b], b, pose)
+            root = root_of(model.body.resistance[model.body.shape[b]], model.walls, b, pose)
             move = noise_of(model.walls, b, pose, root, spread, xi, seventh)
             kick = twist(
                 wp.quat_rotate(pose.rotation, linear_part(move)), wp.quat_rotate(pose.rotation, angular_part(move))
@@ -325,7 +328,7 @@ def walled_rigid_response_term(f: Features) -> wp.Function:
     @wp.func
     def walled_rigid_response(model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3) -> Move:
         """Move [µm, rad] of the body by `force` [pN] at `arm` [µm] for one step against the hindered mobility."""
-        root = root_of(model.walls, model.body.shape[b], b, pose)
+        root = root_of(model.body.resistance[model.body.shape[b]], model.walls, b, pose)
         f_body = wp.quat_rotate_inv(pose.rotation, force)
         t_body = wp.quat_rotate_inv(pose.rotation, wp.cross(arm, force))
         move = scale * upper_product(root, lower_times(root, twist(f_body, t_body)))

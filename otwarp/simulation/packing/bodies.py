@@ -124,6 +124,7 @@ def pack_bodies(scene: Scene, moves: list[BodyMobility], optics: TrapOptics, dev
     full = distinct if any(rigid) else []
     data.mobility = device_array([m.mobility for m in full], mat66, device)
     data.cholesky = device_array([m.cholesky for m in full], mat66, device)
+    data.resistance = device_array([m.resistance for m in full], mat66, device)
     heavy = [weight(scene, b) for b in scene.bodies] if scene.settings.gravity else []
     data.weight = device_array(heavy, wp.float32, device)
     # weight and buoyancy both act at the centroid, for the density of a body is uniform

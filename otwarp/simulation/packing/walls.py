@@ -11,13 +11,13 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.covering import outermost_spheres
 from otwarp.hydrodynamics.rigid import BodyMobility
-from otwarp.kernels.core.types import WallData, mat66
+from otwarp.kernels.core.types import WallData
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Flow, Obstacle, Scene
 from otwarp.scene.flow_grid import FlowGrid
 from otwarp.scene.flow_profile import flow_velocity
 from otwarp.simulation.packing.arrays import Place, device_array
-from otwarp.simulation.packing.bodies import drag_spheres, is_rigid
+from otwarp.simulation.packing.bodies import drag_spheres
 from otwarp.simulation.packing.flow import flows
 from otwarp.simulation.packing.traps import rotate
 from otwarp.units import BOLTZMANN
@@ -146,7 +146,7 @@ def wall_time(scene: Scene, values: Mapping[str, np.ndarray], loads: list[Load])
 def pack_walls(
     scene: Scene, moves: list[BodyMobility], walls: tuple[Obstacle, ...], device: Place
 ) -> Annotated[Any, WallData]:
-    """Planes, spheres and free resistances; all empty without hydrodynamic walls."""
+    """Planes and spheres; all empty without hydrodynamic walls."""
     planes = [plane_of(wall) for wall in walls]
     bodies = list(zip(scene.bodies, moves, strict=True)) if walls else []
     start, spheres, turned_back = [0], [np.zeros((0, 4))], []
@@ -155,13 +155,10 @@ def pack_walls(
         spheres.append(rows - np.append(move.reference, 0.0))
         turned_back += list(~collides)
         start.append(start[-1] + len(rows))
-    distinct = list({id(m): m for _, m in bodies}.values())
-    full = distinct if any(is_rigid(body) for body, _ in bodies) else []
     data = device.typed(WallData)()
     data.normal = device_array([n for n, _ in planes], wp.vec3, device)
     data.offset = device_array([o for _, o in planes], wp.float32, device)
     data.start = device_array(start, wp.int32, device)
     data.sphere = device_array(np.concatenate(spheres), wp.vec4, device)
     data.turned_back = device_array(turned_back, wp.int32, device)
-    data.resistance = device_array([m.resistance for m in full], mat66, device)
     return data

@@ -25,6 +25,7 @@ SWITCHED = {
     "hydrodynamic coupling": {"coupling": True},
     "moving obstacles": {"moving_obstacles": True},
     "rods in contact": {"rods": True},
+    "contacts solved for moves": {"body_space": "all"},
     "escape detection": {"escapes": True},
     "worlds that end": {"episodes": True},
 }

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import WallData, mat66
+from otwarp.kernels.core.types import WallData
 from otwarp.kernels.hydrodynamics.walls import (
     entrained_excess,
     normal_excess,
@@ -62,7 +62,7 @@ PLACE = np.array([0.3, 0.2, 0.35])
 TURN = np.array([0.2, -0.3, 0.1, 0.9]) / np.linalg.norm([0.2, -0.3, 0.1, 0.9])
 
 
-def walls_on(device: str, walls: reference.Walls, spheres: np.ndarray, resistance: np.ndarray) -> WallData:
+def walls_on(device: str, walls: reference.Walls, spheres: np.ndarray) -> WallData:
     """One body near `walls`."""
     data = WallData()
     data.normal = device_array(walls[0], wp.vec3, device)
@@ -70,7 +70,6 @@ def walls_on(device: str, walls: reference.Walls, spheres: np.ndarray, resistanc
     data.start = device_array([0, len(spheres)], wp.int32, device)
     data.sphere = device_array(spheres, wp.vec4, device)
     data.turned_back = device_array([0] * len(spheres), wp.int32, device)
-    data.resistance = device_array(resistance, mat66, device)
     return data
 
 
@@ -133,7 +132,7 @@ def sphere_kernel(walls: int) -> Any:
 
 
 def evaluate_spheres(walls: reference.Walls, place, kick, fourth, device: str) -> list[np.ndarray]:
-    data = walls_on(device, walls, np.array([[0.0, 0.0, 0.0, 0.8]]), np.zeros((0, 6, 6)))
+    data = walls_on(device, walls, np.array([[0.0, 0.0, 0.0, 0.8]]))
     arrays = [device_array(v, t, device) for v, t in ((place, wp.vec3), (kick, wp.vec3), (fourth, wp.float32))]
     kernel = sphere_kernel(min(len(walls[0]), 2))
     return launch(kernel, len(place), [data, *arrays], [wp.mat33, wp.vec3, wp.vec3], device)

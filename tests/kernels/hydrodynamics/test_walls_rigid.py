@@ -34,6 +34,7 @@ def body_kernel() -> Any:
 
     @wp.kernel(module="unique", enable_backward=False)
     def evaluate_body(
+        free: wp.array(dtype=mat66),
         data: WallData,
         position: wp.array(dtype=wp.vec3),
         rotation: wp.array(dtype=wp.quat),
@@ -44,7 +45,7 @@ def body_kernel() -> Any:
     ):
         i = wp.tid()
         pose = Pose(position[i], rotation[i])
-        root = root_of(data, 0, 0, pose)
+        root = root_of(free[0], data, 0, pose)
         mobility[i] = wp.transpose(root) * root
         move[i] = noise_of(data, 0, pose, root, 0.1, kick[i], seventh[i])
 
@@ -61,8 +62,10 @@ def test_rigid_body(walls, body, body_kernel, device):
     kicks = np.sqrt(6.0) * np.concatenate([np.eye(6), -np.eye(6)])
     rows = [(np.tile(PLACE, (12, 1)), wp.vec3), (np.tile(TURN, (12, 1)), wp.quat), (kicks, vec6)]
     inputs = [device_array(v, t, device) for v, t in [*rows, (np.ones(12), wp.float32)]]
-    data = walls_on(device, walls, spheres, free[None])
-    mobility, move = launch(body_kernel, 12, [data, *inputs], [mat66, vec6], device)
+    data = walls_on(device, walls, spheres)
+    mobility, move = launch(
+        body_kernel, 12, [device_array(free[None], mat66, device), data, *inputs], [mat66, vec6], device
+    )
     expected = reference.body_mobility(free, spheres, PLACE, TURN, walls)
     largest = np.abs(expected).max()
     np.testing.assert_allclose(mobility[0], expected, atol=ROUNDING * largest)
@@ -82,8 +85,8 @@ def test_a_body_of_one_sphere_is_a_sphere(body_kernel, device):
     place = np.array([[0.0, 0.0, -1.5 + radius * (1.0 + gap)]])
     rows = [(place, wp.vec3), (TURN[None], wp.quat), (np.zeros((1, 6)), vec6), (np.array([np.sqrt(2.0)]), wp.float32)]
     inputs = [device_array(v, t, device) for v, t in rows]
-    data = walls_on(device, FLOOR, np.array([[0.0, 0.0, 0.0, radius]]), free[None])
-    _, move = launch(body_kernel, 1, [data, *inputs], [mat66, vec6], device)
+    data = walls_on(device, FLOOR, np.array([[0.0, 0.0, 0.0, radius]]))
+    _, move = launch(body_kernel, 1, [device_array(free[None], mat66, device), data, *inputs], [mat66, vec6], device)
     divergence = reference.sphere_divergence(place[0], radius, FLOOR) / (6.0 * np.pi * radius)
     # in the body's axes; ξ = 0 and ζ² = 2 have the mean factor
     normal = reference.matrix(TURN).T @ np.array([0.0, 0.0, 1.0])
