@@ -38,8 +38,7 @@ ROUNDING = 1e-9
 """Relative, and in metres: sums of a thousand steps in double precision are good to 1e-13."""
 DUST = 1e-14
 """Metres: what rounding of places of up to 10 m leaves of a step."""
-QUIET = (0, 0, trigger_effect(0), trigger_effect(0))
-SPEED, FORCE = RANGES["speed"][0], RANGES["force"][0]
+QUIET, SPEED, FORCE = (0, 0, trigger_effect(0), trigger_effect(0)), RANGES["speed"][0], RANGES["force"][0]
 
 
 def pad(bluetooth=False, number=0, serial="aa:bb:cc:dd:ee:ff", product=0x0CE6):
