@@ -293,7 +293,7 @@ def test_a_stopped_run_leaves_finite_numbers_on_disk(device, tmp_path: Path):
     assert len(numbers["position"]) >= frames
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=6, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**31), cold=st.booleans())
 def test_random_scenes_are_never_silently_wrong(effort, seed, cold):
     # a robot of two spheres has fewer contacts, and a step with less room for them that would be compiled for it alone

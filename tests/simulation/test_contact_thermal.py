@@ -159,7 +159,12 @@ def test_a_hard_bead_on_what_is_curved(shape, stiffness, device):
 
 
 @pytest.mark.parametrize(
-    ("driver", "worlds", "stiffness"), [("world", 4096, 0.0), ("body", 8192, 0.0), ("world", 4096, 0.02)]
+    ("driver", "worlds", "stiffness"),
+    [
+        ("world", 4096, 0.0),
+        pytest.param("body", 8192, 0.0, marks=pytest.mark.validate),
+        pytest.param("world", 4096, 0.02, marks=pytest.mark.validate),
+    ],
 )
 def test_eight_hard_beads_in_a_box(driver, worlds, stiffness, device):
     """Gaps below a ninth of the step's spread, to walls and between beads, at the chosen step.
@@ -228,7 +233,9 @@ REACH = 1.1
 """Centres of the dimer's spheres from its own [µm]."""
 
 
-@pytest.mark.parametrize(("others", "worlds"), [(0, 2000), (24, 80)], ids=["world", "grid"])
+@pytest.mark.parametrize(
+    ("others", "worlds"), [(0, 2000), pytest.param(24, 80, marks=pytest.mark.validate)], ids=["world", "grid"]
+)
 def test_a_body_that_lies_on_two_contacts_is_lifted_once(others, worlds, device):
     """Height of its lower sphere and its tilt u, Boltzmann's ∝ exp(−(gap + REACH·|u|)/length), at the chosen step.
 

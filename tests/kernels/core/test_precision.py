@@ -128,7 +128,11 @@ def places(sim: Simulation) -> np.ndarray:
     return sim.state.position.numpy().astype(float)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    # two coupled bodies are coupled as well
+    "name",
+    [pytest.param(n, marks=pytest.mark.validate) if n == "coupled" else n for n in SCENES],
+)
 def test_paths_agree_to_rounding(name, device):
     """300 steps of the same noise, in three worlds; forces of traps and contact too."""
     sims = [start(SCENES[name](), p, device, worlds=3) for p in kernels.PRECISIONS]
