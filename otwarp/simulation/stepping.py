@@ -31,7 +31,9 @@ class FusedStepper:
         self.views: tuple = ()
         self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
         # once, before threads may race for it
+        assert step.fused is not None
         load_kernels([step.fused], model.device)
+        self.block = 1 if model.device.is_cpu else step.fused.module.options["block_dim"]
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
 
     def _launch(self, span: tuple[int, int], first_step: int, steps: int) -> None:
@@ -42,7 +44,7 @@ class FusedStepper:
         if features.lanes:
             threads = threads_for(threads)
             inputs.append(worlds)
-        wp.launch(self.step.fused, dim=threads, inputs=inputs, device=self.model.device)
+        wp.launch(self.step.fused, dim=threads, inputs=inputs, device=self.model.device, block_dim=self.block)
 
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""

@@ -17,6 +17,12 @@ MAX_BODY_CONTACTS = 24
 FEW_TRAPS = 2
 """Up to this many traps a lone sphere carries their constants along; beyond, they are read at the point of use."""
 
+BLOCK = 256
+"""Threads of a block on CUDA."""
+
+WORLD_BLOCK = 64
+"""The same where a thread steps a world: few worlds are spread over more multiprocessors, many lose nothing."""
+
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
 """How a CPU's step is compiled: with every function in its place. Warp passes structs by value, and a call that the
 compiler does not inline copies the 4 kB of a model: with the default thresholds that made steps with contact, moving
@@ -106,7 +112,8 @@ class Features:
     @property
     def module_options(self) -> dict[str, Any]:
         """How Warp compiles the step."""
-        return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS}
+        block = WORLD_BLOCK if self.driver == "world" else BLOCK
+        return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property
     def contacts(self) -> bool:
