@@ -10,6 +10,7 @@ import pytest
 
 import otwarp.simulation.model as model
 from otwarp.scene import Scene
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -20,8 +21,8 @@ SAME = 6e-4
 WORLDS, STEPS = 8, 120
 
 
-def space_of(scene: Scene, **how) -> str:
-    return Simulation(scene, device="cpu", **how).model.features.body_space
+def space_of(scene: Scene, device: str, **how) -> str:
+    return model.Model.build(scene, device=device, options=StepOptions(**how)).features.body_space
 
 
 def of_modulus(scene: Scene, modulus: float) -> Scene:
@@ -31,14 +32,14 @@ def of_modulus(scene: Scene, modulus: float) -> Scene:
     return dataclasses.replace(scene, bodies=tuple(bodies))
 
 
-def test_the_scene_says_which_contacts_are_soft():
+def test_the_scene_says_which_contacts_are_soft(device):
     """Cells of 1 kPa among robots of 1 MPa: some. All of 300 Pa: all. All of 1 MPa: none."""
     delivery = Scene.load(SCENES / "cell_delivery.usda")
-    assert space_of(delivery) == "some"
-    assert space_of(of_modulus(delivery, 300.0)) == "all"
-    assert space_of(of_modulus(delivery, 1e6)) == ""
+    assert space_of(delivery, device) == "some"
+    assert space_of(of_modulus(delivery, 300.0), device) == "all"
+    assert space_of(of_modulus(delivery, 1e6), device) == ""
     # a contact is the softer, the shorter the step
-    assert space_of(of_modulus(delivery, 1e6), time_step=1e-8) == "all"
+    assert space_of(of_modulus(delivery, 1e6), device, time_step=1e-8) == "all"
 
 
 @pytest.fixture(scope="module")
