@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test validate debian lint scenes schema figures clean help
+.PHONY: demo test thorough validate debian lint scenes schema figures clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -23,8 +23,11 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 test: $(READY)  ## run the tests (ten minutes on two cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-validate: $(READY)  ## run the long statistical tests as well
-	$(BIN)/python -m pytest -n 2 --dist loadfile --validate
+thorough: $(READY)  ## run the files of tests that take longest, which `make test` leaves out
+	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough -m thorough
+
+validate: $(READY)  ## run all tests, the long statistical ones as well
+	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough --validate
 
 debian:  ## as root: ROS 1, Fast DDS and Chromium, for the tests that need them
 	bash .ci/debian

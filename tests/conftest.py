@@ -6,6 +6,7 @@ import itertools
 import os
 from collections import defaultdict
 from collections.abc import Generator
+from pathlib import Path
 
 # before NumPy loads: on two shared cores the threads of its matrix products wait for each other ten times longer than
 # they work
@@ -16,19 +17,36 @@ import pytest
 from otwarp.device import start_warp
 
 
+THOROUGH = (
+    "bench/",
+    "benchmarks/",
+    "cli/test_bench.py",
+    "extending/",
+    "kernels/core/test_precision.py",
+    "simulation/test_contact_chains.py",
+    "simulation/test_contact_stiff.py",
+    "simulation/test_contact_thermal.py",
+    "simulation/test_contact_thin.py",
+    "teleop/page/test_end_to_end.py",
+    "test_installed.py",
+)
+"""Files that compile most and run longest, a third of all: CI runs them after the others, with --thorough."""
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--thorough", action="store_true", help="also run the files of THOROUGH (tests/conftest.py)")
     parser.addoption("--validate", action="store_true", help="also run the long statistical tests")
     parser.addoption("--costs", type=int, default=0, metavar="N", help="list the N tests that take most CPU time")
     parser.addoption("--device", default="cpu", help="device of the tests that step: cpu (default), cuda:0, …")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--validate"):
-        return
-    skip = pytest.mark.skip(reason="long statistical test: run with --validate")
     for item in items:
-        if "validate" in item.keywords:
-            item.add_marker(skip)
+        if item.path.relative_to(Path(__file__).parent).as_posix().startswith(THOROUGH):
+            item.add_marker("thorough")
+        for mark, what in (("thorough", "one of the files that run longest"), ("validate", "long statistical test")):
+            if mark in item.keywords and not config.getoption(f"--{mark}"):
+                item.add_marker(pytest.mark.skip(reason=f"{what}: run with --{mark}"))
 
 
 @pytest.fixture(scope="session")

@@ -159,7 +159,8 @@ def test_a_pair_of_scenes_differs_by_its_term(case: Comparison):
         feature = FEATURE_OF[case.term]
         assert feature in changed and bool(b[feature])
         # what follows from a term: where bodies are stepped, and how
-        assert changed <= {feature, "driver", "spheres", "max_contacts", "integrator", "lanes", "soft_contacts"}
+        how = {"driver", "spheres", "max_contacts", "integrator", "lanes", "soft_contacts", "body_space", "in_turn"}
+        assert changed <= how | {feature}
     else:
         assert changed
 
@@ -217,7 +218,7 @@ def test_sections_are_written_to_their_pages_or_none_is(term_section: Section, t
 def test_the_short_page_states_what_the_pages_under_it_hold():
     text = headlines.SUMMARY.read_text()
     assert text.split(headlines.BEGIN)[1].split(headlines.END)[0].strip() == headlines.summary().strip()
-    assert len(text.splitlines()) <= 120
+    assert len(text.splitlines()) <= 125
     assert all((f"(benchmarks/{name}.md)") in text for name in BENCHMARKS)
 
 
