@@ -27,7 +27,7 @@ thorough: $(READY)  ## run the files of tests that take longest, which `make tes
 	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough -m thorough
 
 validate: $(READY)  ## run all tests, the long statistical ones as well
-	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough --validate
+	$(BIN)/python -m pytest -n 2 --dist loadfile --validate
 
 debian:  ## as root: ROS 1, Fast DDS and Chromium, for the tests that need them
 	bash .ci/debian

@@ -16,7 +16,6 @@ import pytest
 
 from otwarp.device import start_warp
 
-
 THOROUGH = (
     "bench/",
     "benchmarks/",
@@ -41,12 +40,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    left_out = {}
+    if not config.getoption("--validate"):
+        left_out["validate"] = pytest.mark.skip(reason="long statistical test: run with --validate")
+        if not config.getoption("--thorough"):
+            left_out["thorough"] = pytest.mark.skip(reason="one of the longest files: run with --thorough")
     for item in items:
         if item.path.relative_to(Path(__file__).parent).as_posix().startswith(THOROUGH):
             item.add_marker("thorough")
-        for mark, what in (("thorough", "one of the files that run longest"), ("validate", "long statistical test")):
-            if mark in item.keywords and not config.getoption(f"--{mark}"):
-                item.add_marker(pytest.mark.skip(reason=f"{what}: run with --{mark}"))
+        for mark, skip in left_out.items():
+            if mark in item.keywords:
+                item.add_marker(skip)
 
 
 @pytest.fixture(scope="session")
