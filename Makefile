@@ -20,7 +20,7 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 	$(BIN)/otwarp run scenes/cell_delivery.usda --forces --out out/cell_delivery
 	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
-test: $(READY)  ## run the tests (ten minutes on two cores)
+test: $(READY)  ## run the tests (eight to ten minutes on two cores, the first time)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 thorough: $(READY)  ## run the files of tests that take longest, which `make test` leaves out

@@ -22,14 +22,24 @@ THOROUGH = (
     "cli/test_bench.py",
     "extending/",
     "kernels/core/test_precision.py",
+    "kernels/cpu/test_table_block.py",
+    "kernels/drivers/test_grid_turns.py",
+    "kernels/drivers/test_lanes.py",
+    "kernels/drivers/test_lanes_rigid.py",
+    "kernels/drivers/test_soft.py",
     "simulation/test_contact_chains.py",
     "simulation/test_contact_stiff.py",
     "simulation/test_contact_thermal.py",
     "simulation/test_contact_thin.py",
+    "simulation/test_coupling.py",
+    "simulation/test_forces.py",
+    "simulation/test_optics.py",
+    "simulation/test_walls.py",
+    "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_installed.py",
 )
-"""Files that compile most and run longest, a third of all: CI runs them after the others, with --thorough."""
+"""Files that compile most and run longest, half of all the work: CI runs them after the others, with --thorough."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
