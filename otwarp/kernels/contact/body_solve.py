@@ -135,7 +135,7 @@ def start_matrix_term(f: Features) -> wp.Function:
 
     @wp.func
     def start_matrix(model: ModelData, space: SpaceRoom):
-        """Write (M dt)⁻¹ and zeros."""
+        """Write (M dt)⁻¹ [pN/µm, pN, pN·µm] as the matrix, and right-hand sides of zero [pN, pN·µm]."""
         bodies = int(wp.static(f.bodies))
         for i in range(space.node[bodies]):
             space.filled[i] = 0

@@ -47,13 +47,13 @@ def all_worlds(model: ModelData, first: int, worlds: int) -> int:
 
 @wp.func
 def common_step(model: ModelData, world: int, ahead: wp.int64) -> wp.int64:
-    """The step of all worlds."""
+    """Number of the step [1], which is the same in all worlds: none has started anew."""
     return ahead
 
 
 @wp.func
 def world_itself(model: ModelData, world: int) -> int:
-    """The index of the world."""
+    """Number of a world's trial [1]: its own index, where no world starts anew."""
     return world
 
 

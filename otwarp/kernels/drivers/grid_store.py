@@ -87,7 +87,7 @@ def peek_terms(f: Features) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def partner_of_contact(grid: GridData, row: int, k: int) -> int:
-        """Body b of a contact."""
+        """Index of the other body of contact k in a body's list, -1 where it is an obstacle."""
         return grid.contact[row, k].b
 
     @wp.func
@@ -97,7 +97,7 @@ def peek_terms(f: Features) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def partner_of_link(grid: GridData, row: int, k: int) -> int:
-        """Body b of a link."""
+        """Index of the other body of link k in a body's list, -1 where it is an obstacle."""
         return grid.link[row, k].b
 
     @wp.func

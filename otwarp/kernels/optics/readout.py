@@ -50,12 +50,10 @@ def per_hand(model: ModelData, out: TrapReadoutData):
     out.hand_force[world, hand] = total
 
 
-def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel]:
-    """Kernels over (world, trap or body, the traps first) and over (world, hand), to be launched in this order."""
-    trap_command = trap_command_term(f)
+def force_on_term(f: Features) -> wp.Function:
+    """`(model, state, world, b, i, trap, c) -> force` of a trap, c its focus and power, on one sphere [pN]."""
     prepare, trap_force = trap_force_term(f.trap_models)[1:3]
     sphere_position = sphere_position_term(f)
-    time_of = time_term(f)
 
     @wp.func
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
@@ -67,6 +65,14 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel]:
         if wp.static(f.periodic):
             away = nearest(model.period, away)
         return c[3] * trap_force(model.traps, law, away)
+
+    return force_on
+
+
+def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernels over (world, trap or body, the traps first) and over (world, hand), to be launched in this order."""
+    trap_command, time_of = trap_command_term(f), time_term(f)
+    sphere_position, force_on = sphere_position_term(f), force_on_term(f)
 
     @wp.kernel(module="unique", enable_backward=False)
     def per_trap_and_body(
