@@ -21,25 +21,34 @@ THOROUGH = (
     "benchmarks/",
     "cli/test_bench.py",
     "extending/",
+    "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
     "kernels/cpu/test_table_block.py",
     "kernels/drivers/test_grid_turns.py",
     "kernels/drivers/test_lanes.py",
     "kernels/drivers/test_lanes_rigid.py",
+    "kernels/drivers/test_neighbours.py",
     "kernels/drivers/test_soft.py",
+    "kernels/test_step.py",
+    "optics/test_table.py",
     "simulation/test_contact_chains.py",
     "simulation/test_contact_stiff.py",
     "simulation/test_contact_thermal.py",
     "simulation/test_contact_thin.py",
     "simulation/test_coupling.py",
+    "simulation/test_episodes.py",
     "simulation/test_forces.py",
     "simulation/test_optics.py",
+    "simulation/test_periodic.py",
     "simulation/test_walls.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_installed.py",
+    "validation/test_strong_order.py",
+    "validation/test_symmetry.py",
+    "validation/test_weak_order.py",
 )
-"""Files that compile most and run longest, half of all the work: CI runs them after the others, with --thorough."""
+"""Files that compile most and run longest, more than half of the work: CI runs them after the others, with --thorough."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
