@@ -20,6 +20,7 @@ THOROUGH = (
     "bench/",
     "benchmarks/",
     "cli/test_bench.py",
+    "cli/test_warnings.py",
     "extending/",
     "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
@@ -43,12 +44,13 @@ THOROUGH = (
     "simulation/test_walls.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
+    "test_examples.py",
     "test_installed.py",
     "validation/test_strong_order.py",
     "validation/test_symmetry.py",
     "validation/test_weak_order.py",
 )
-"""Files that compile most and run longest, more than half of the work: CI runs them after the others, with --thorough."""
+"""Files that compile most and run longest: CI runs them after the others, with --thorough."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
