@@ -1,30 +1,26 @@
-"""Reads a velocity field on a regular grid from a file: NumPy `.npz`, netCDF `.nc` or VTK image data `.vti`.
+"""Reads a velocity field on a regular grid from a file: NumPy `.npz`, netCDF `.nc`, VTK `.vti` or legacy VTK `.vtk`.
 
 Numbers are in SI units (m, m/s), but for netCDF variables whose `units` say µm or µm/s.
 
 - `.npz`: `x`, `y`, `z` (places of the nodes, evenly spaced), and `u`, `v`, `w` (nx, ny, nz) or `velocity`
   (nx, ny, nz, 3).
 - `.nc`: variables of the same names; those of the velocity with dimensions x, y, z in any order.
-- `.vti`: the first point array of three components; ascii, or base64 in place, compressed by zlib or not.
+- `.vti`, `.vtk`: the first point array of three components, see `vtk_file`.
 """
 
 from __future__ import annotations
 
-import base64
-import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene.flow_grid import FlowGrid
+from otwarp.scene.read.vtk_file import Field, read_image_data, read_legacy
 
 EVEN = 1e-4
 """Largest difference of spacings of nodes that count as evenly spaced, relative to the mean."""
-
-SUFFIXES = (".npz", ".nc", ".vti")
 
 
 def read_flow_grid(path: Path) -> FlowGrid:
@@ -33,9 +29,9 @@ def read_flow_grid(path: Path) -> FlowGrid:
     Raises:
         InputError: A file that cannot be read or is none of these, in one line.
     """
-    reader = {".npz": _npz, ".nc": _netcdf, ".vti": _vti}.get(path.suffix.lower())
+    reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: suffix {path.suffix!r}: must be one of {', '.join(SUFFIXES)}")
+        raise InputError(f"{path}: suffix {path.suffix!r}: must be one of {', '.join(READERS)}")
     try:
         return reader(path)
     except InputError as error:
@@ -95,52 +91,15 @@ def _netcdf(path: Path) -> FlowGrid:
     return _from_names(found)
 
 
-_ALONG = "1 0 0 0 1 0 0 0 1"
+def _vtk(read: Callable[[Path], Field]) -> Callable[[Path], FlowGrid]:
+    """A reader of a VTK format, whose numbers are in SI units."""
+
+    def reader(path: Path) -> FlowGrid:
+        axes, velocity = read(path)
+        return _grid({name: 1e6 * places for name, places in axes.items()}, 1e6 * velocity)
+
+    return reader
 
 
-def _vti(path: Path) -> FlowGrid:
-    root = ElementTree.parse(path).getroot()
-    image = root.find("ImageData")
-    if image is None or image.get("Direction", _ALONG).split() != _ALONG.split():
-        raise InputError("no ImageData along the axes: must be VTK image data without a Direction of its own")
-    piece = image.find("Piece")
-    arrays = [] if piece is None else [a for a in piece.iterfind("PointData/DataArray")]
-    array = next((a for a in arrays if a.get("NumberOfComponents") == "3"), None)
-    if piece is None or array is None:
-        raise InputError("no point array of three components: must hold one, the velocity")
-    extent = [int(n) for n in piece.get("Extent", image.get("WholeExtent", "")).split()]
-    count = [b - a + 1 for a, b in zip(extent[::2], extent[1::2], strict=True)]
-    spacing = [1e6 * float(v) for v in image.get("Spacing", "1 1 1").split()]
-    start = [
-        1e6 * float(v) + a * h
-        for v, a, h in zip(image.get("Origin", "0 0 0").split(), extent[::2], spacing, strict=True)
-    ]
-    values = 1e6 * _vtk_numbers(root, array).reshape(*count[::-1], 3).transpose(2, 1, 0, 3)
-    axes = {name: s + h * np.arange(n) for name, s, h, n in zip("xyz", start, spacing, count, strict=True)}
-    return _grid(axes, values)
-
-
-def _vtk_numbers(root: Any, array: Any) -> np.ndarray:
-    """The numbers of a DataArray, as float64."""
-    text = (array.text or "").split()
-    how = array.get("format", "ascii")
-    if how == "ascii":
-        return np.array(text, dtype=float)
-    if how != "binary":
-        raise InputError(f"DataArray format = {how}: must be ascii or binary")
-    order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-    head = np.dtype({"UInt64": "u8", "UInt32": "u4"}[root.get("header_type", "UInt32")]).newbyteorder(order)
-    kind = np.dtype({"Float32": "f4", "Float64": "f8"}[array.get("type", "Float32")]).newbyteorder(order)
-    packed = "".join(text)
-    if root.get("compressor") is None:
-        return np.frombuffer(base64.b64decode(packed), np.uint8)[head.itemsize :].view(kind).astype(float)
-    # the header, (blocks, size, size of the last, sizes compressed …), is encoded by itself
-    width = -(-head.itemsize // 3) * 4
-    blocks = int(np.frombuffer(base64.b64decode(packed[:width])[: head.itemsize], head)[0])
-    width = -(-(3 + blocks) * head.itemsize // 3) * 4
-    sizes = np.frombuffer(base64.b64decode(packed[:width]), head)[3:].astype(int)
-    body, at, raw = base64.b64decode(packed[width:]), 0, b""
-    for size in sizes:
-        raw += zlib.decompress(body[at : at + size])
-        at += size
-    return np.frombuffer(raw, kind).astype(float)
+READERS = {".npz": _npz, ".nc": _netcdf, ".vti": _vtk(read_image_data), ".vtk": _vtk(read_legacy)}
+"""Suffix → `(path) -> FlowGrid`."""

@@ -141,7 +141,7 @@ FLOW = Schema(
             "ot:flow:file",
             "",
             usd_type="asset",
-            doc="Velocity field of `grid`: a NumPy `.npz`, netCDF `.nc` or VTK `.vti` file.",
+            doc="Velocity field of `grid`: a NumPy `.npz`, netCDF `.nc`, VTK `.vti` or legacy VTK `.vtk` file.",
         ),
     ),
 )

@@ -114,9 +114,9 @@ def test_what_is_no_field_is_refused_in_one_line(case, tmp_path):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"suffix '.txt': must be one of .npz, .nc, .vti"):
+    with pytest.raises(InputError, match=r"suffix '.txt': must be one of .npz, .nc, .vti, .vtk"):
         read_flow_grid(tmp_path / "field.txt")
-    for name in ("none.npz", "none.nc", "none.vti"):
+    for name in ("none.npz", "none.nc", "none.vti", "none.vtk"):
         with pytest.raises(InputError, match="No such file"):
             read_flow_grid(tmp_path / name)
     (tmp_path / "broken.vti").write_text("<VTKFile>")
