@@ -1,7 +1,8 @@
 """Probe: from the start of this process to the first step of a recorded run, as one line of JSON.
 
 `python -m benchmarks.first_step SCENE DEVICE FOLDER` does what `otwarp run` does up to the first step and prints
-`{phase: monotonic time at its end, ...}`. The parent compares with the time at which it gave the command; the
+`{phase: monotonic time at its end, ...}`, and on a CUDA device the memory that is in use there and what the kernels
+reserve of it. The parent compares with the time at which it gave the command; the
 monotonic clock is one for all processes of a machine.
 """
 
@@ -13,16 +14,23 @@ MARKS = {"interpreter": time.monotonic()}
 
 
 def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
-    """Take the first step of a scene and return when each phase ended [s]; the recording is left unfinished."""
+    """Take the first step of a scene and return when each phase ended [s]; the recording is left unfinished.
+
+    On a CUDA device also `in use`, all memory of the device that is [bytes], and `reserved`, by its largest kernel.
+    """
     from pathlib import Path
+
+    import warp as wp
 
     import otwarp.cli.main
     import otwarp.cli.run
     import otwarp.scene.read.load  # noqa: F401 imported lazily by Scene.load; here it belongs to the imports
     from otwarp.device import pick_device
+    from otwarp.kernels.step import make_step
     from otwarp.record.recorder import Recorder
     from otwarp.scene import Scene
     from otwarp.simulation.frame import capture_frame
+    from otwarp.simulation.kernel_memory import kernel_memory
     from otwarp.simulation.model import Model
     from otwarp.simulation.simulation import Simulation
 
@@ -52,7 +60,13 @@ def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
     recorder.write(capture_frame(sim))
     MARKS["first frame"] = time.monotonic()
     sim.step()
+    wp.synchronize_device(place)
     MARKS["first step"] = time.monotonic()
+    if place.is_cuda:
+        MARKS["in use"] = place.total_memory - place.free_memory
+        MARKS["reserved"] = max(
+            row.reserved for row in kernel_memory(make_step(sim.model.features).kernels, place, load=True)
+        )
     return MARKS
 
 

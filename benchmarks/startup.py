@@ -46,13 +46,16 @@ def _run(arguments: list[str], cache: Path | None = None) -> tuple[float, float,
 
 
 def first_step(scene: str, device: str, cache: Path) -> dict[str, float]:
-    """Seconds of each phase, and of all together, from the command to the first step in a fresh process."""
+    """Seconds of each phase, and of all together, from the command to the first step in a fresh process.
+
+    And what else `benchmarks.first_step` tells.
+    """
     with tempfile.TemporaryDirectory(prefix="otwarp-run-") as folder:
         start, _, text = _run(["-m", "benchmarks.first_step", f"scenes/{scene}.usda", device, folder], cache)
     marks = json.loads(text.splitlines()[-1])
-    ends = [start, *(marks[phase] for phase in PHASES)]
+    ends = [start, *(marks.pop(phase) for phase in PHASES)]
     seconds = {phase: b - a for phase, a, b in zip(PHASES, ends[:-1], ends[1:], strict=True)}
-    return {**seconds, "total": ends[-1] - start}
+    return {**seconds, "total": ends[-1] - start, **marks}
 
 
 def measure_commands(rounds: int) -> dict[str, Quartiles]:
@@ -69,7 +72,17 @@ def measure_scene(scene: str, device: str, rounds: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="otwarp-cold-") as folder:
         cold = first_step(scene, device, Path(folder))
         warm = [first_step(scene, device, Path(folder)) for _ in range(rounds)]
-    return {"cold": cold, "warm": {phase: Quartiles.of([run[phase] for run in warm]) for phase in (*PHASES, "total")}}
+    return {"cold": cold, "warm": {name: Quartiles.of([run[name] for run in warm]) for name in cold}}
+
+
+def memory_table(found: dict[str, Any]) -> Table:
+    """Memory of the device after the first step, of fresh processes that were alone on it."""
+    rows = [
+        (f"`{scene}`", *(f"{f['warm'][name].median / 2**30:.3f}" for name in ("in use", "reserved")))
+        for scene, f in found.items()
+    ]
+    head = ("scene", "in use", "of it reserved by the largest kernel")
+    return Table(title="Device memory after the first step of one world [GiB]", head=head, rows=rows)
 
 
 def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int = 3) -> Section:
@@ -101,6 +114,8 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
         ),
         Table(title="The warm wait by phases, medians [s]", head=("scene", *PHASES), rows=phases),
     ]
+    if place.is_cuda:
+        tables.append(memory_table(found))
     data = {
         "commands": {name: vars(spread) for name, spread in commands.items()},
         "scenes": {
@@ -113,8 +128,10 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
 
 def main() -> None:
     """Command line."""
-    arguments = options("Time from a command to its first step.", rounds=3).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
+    parser = options("Time from a command to its first step.", rounds=3)
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES, help="scenes that are started")
+    arguments = parser.parse_args()
+    section = measure(arguments.device, scenes=arguments.scenes, rounds=arguments.rounds)
     print(section.markdown())
     if arguments.out:
         save_json(arguments.out, [section])

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
 @worlds_option
 @step_options
 @device_option
+@click.option("--kernels", is_flag=True, help="Compile the kernels, and say what a CUDA device keeps for them.")
 @json_option
 def info(
     scene: Path,
     worlds: int,
     options: dict[str, Any],
     device: str | None,
+    kernels: bool,
     as_json: bool,
 ) -> None:
     """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
@@ -36,7 +38,7 @@ def info(
     loaded = Scene.load(scene)
     chosen = StepOptions(**options)
     check_worlds(loaded, worlds, device, chosen.precision)
-    about = describe(loaded, worlds=worlds, device=device, options=chosen)
+    about = describe(loaded, worlds=worlds, device=device, options=chosen, kernels=kernels)
     if as_json:
         click.echo(json_text(about))
     else:
@@ -200,6 +202,17 @@ def _flow_line(flow: dict[str, Any]) -> str:
     )
 
 
+def _kernels_line(kernels: list[dict[str, Any]] | None) -> str:
+    if kernels is None:
+        return "Memory that the device keeps for the kernels: known once they are compiled (--kernels compiles them)"
+    largest = kernels[0]
+    return (
+        f"Memory that the device keeps for the kernels: {largest['reserved'] / 2**20:,.1f} MiB, for"
+        f" {largest['local']:,} bytes of local memory in each thread of {largest['kernel']}"
+        f" ({largest['registers']} registers)"
+    )
+
+
 def _print(about: dict[str, Any]) -> None:
     console = tables_console(140)
     root = about["root"].rstrip("/") + "/"
@@ -222,3 +235,5 @@ def _print(about: dict[str, Any]) -> None:
         f"{(about['memory'] + scratch) / 1024:,.1f} KiB, of it each world {each['state'] / 1024:,.2f} KiB"
         + (f" and {each['scratch'] / 1024:,.1f} KiB of scratch" if scratch else "")
     )
+    if about["device"] != "cpu":
+        console.print(_kernels_line(about["kernels"]))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.terms import terms
 from otwarp.scene import Scene
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.kernel_memory import kernel_memory
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import mobilities
@@ -55,6 +58,13 @@ def _bytes_per_world(model: Model, groups: tuple[State, Control, Readout]) -> di
     if model.features.driver == "grid":
         scratch = struct_bytes(allocate_grid(model, groups[0])) + 2 * struct_bytes(allocate_push(model))
     return {"state": held // model.worlds, "scratch": scratch // model.worlds}
+
+
+def _kernels(model: Model, *, compiled: bool) -> list[dict[str, Any]] | None:
+    """Registers and local memory of the kernels of the step."""
+    step = kernel_module("step", model.features.precision).make_step(model.features)
+    rows = kernel_memory(step.kernels, model.device, load=compiled)
+    return None if rows is None else [dataclasses.asdict(row) for row in rows]
 
 
 def _finite(value: float | None) -> float | None:
@@ -224,11 +234,13 @@ def describe(
     worlds: int = 1,
     device: str | None = None,
     options: StepOptions | None = None,
+    kernels: bool = False,
 ) -> dict[str, Any]:
-    """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON; nothing is compiled.
+    """Bodies, traps, time scales, step, terms in and out, and memory of a scene, ready for JSON.
 
-    Arguments as for `Model.build`; a force that states no bounds is measured, and compiled for that. Units are the
-    internal ones (µm, s, pN, mW); None stands for infinite or absent.
+    Arguments as for `Model.build`; a force that states no bounds is measured, and compiled for that. `kernels` compiles
+    those of the step too, where they are not yet, and tells what a CUDA device keeps for them. Units are the internal
+    ones (µm, s, pN, mW); None stands for infinite, absent, or not compiled yet.
     """
     model = Model.build(scene, worlds=worlds, device=device, options=options)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
@@ -261,4 +273,5 @@ def describe(
         "terms": [{"term": t, "compiled": on, "why": why} for t, on, why in terms(model.features)],
         "memory": device_bytes(model, *groups),
         "memory_per_world": _bytes_per_world(model, groups),
+        "kernels": _kernels(model, compiled=kernels),
     }

@@ -6,8 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
+import warp as wp
 
 from otwarp.cli.main import main
+from otwarp.simulation.kernel_memory import resident_threads
 
 SCENES = Path(__file__).parents[2] / "scenes"
 BEAD, CROWD = str(SCENES / "single_bead.usda"), str(SCENES / "ten_thousand_cells.usda")
@@ -49,3 +51,13 @@ def test_info_says_what_a_world_takes(device: str, capfd: pytest.CaptureFixture[
     assert json.loads(capfd.readouterr().out)["memory_per_world"]["scratch"] > 1e6
     assert main(["info", CROWD, "--device", device]) == 0
     assert "of scratch" in capfd.readouterr().out
+
+
+def test_info_says_what_the_device_keeps_for_the_kernels(device: str, capfd: pytest.CaptureFixture[str]) -> None:
+    rows = ask(capfd, device, "--kernels")["kernels"]
+    assert main(["info", BEAD, "--device", device, "--kernels"]) == 0
+    said = "Memory that the device keeps for the kernels" in capfd.readouterr().out
+    # threads of a CPU use the stack
+    assert said == bool(rows) == (device != "cpu")
+    for row in rows:
+        assert 0 < row["registers"] <= 255 and row["reserved"] == row["local"] * resident_threads(wp.get_device(device))
