@@ -121,6 +121,7 @@ COUPLED = values("World", ot_scene_hydrodynamicCoupling=True)
 RODS = tuple(applied(f"/World/dimer/{name}", "OtRodAPI", ot_rod_collides=True, ot_rod_drag=True) for name in ("rod",))
 LOOSE = values("bead", ot_sphere_collides=False)
 SOFT = values("Cells", ot_cell_youngsModulus=2.0)
+STIFF = values("cell", ot_cell_youngsModulus=1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,6 +204,13 @@ CASES: dict[str, Case] = {
     ),
     "dimer, rod": Case(
         scene="two_trap_dimer", edits=(*RODS, obstacle("Sphere", (0.1, 0.3, 7.92), radius=1.5)), integrators=HEUN
+    ),
+    # contacts as stiff as polymer, which are solved for their forces
+    "delivery, stiff": Case(scene="cell_delivery", edits=(STIFF,), integrators=("heun", "eulerMaruyama")),
+    "teleop, stiff": Case(
+        scene="teleop_small",
+        edits=(STIFF, obstacle("Sphere", (-14.0, -12.0, 1.0), radius=4.05)),
+        integrators=("heun", "exponential"),
     ),
     # hydrodynamic walls and coupling
     "bead, wall": Case(scene="single_bead", edits=(LOOSE, plate(1.5)), integrators=("heun", "eulerMaruyama")),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,21 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.types import WorldNow
 from otwarp.kernels.drivers import predicates
 from otwarp.kernels.drivers.episodes import EndLaw
-from otwarp.simulation.packing.parameters import Parameter, expand
+from otwarp.scene.check.numbers import FARTHEST
+from otwarp.simulation.packing.arguments import numbers, several
+from otwarp.simulation.packing.parameters import Parameter, check_range, expand
 
-_KINDS = (float, int, wp.vec3)
+_MOST = float(np.finfo(np.float32).max)
+
+KINDS: dict[type, Parameter] = {
+    float: Parameter(low=-_MOST, high=_MOST),
+    int: Parameter(low=-1e7, high=1e7, whole=True),
+    wp.vec3: Parameter(width=3, low=-_MOST, high=_MOST),
+}
+"""What the parameters of ends may be: numbers that single precision holds, whole ones exactly."""
+
+BODY = Parameter(low=0.0, whole=True)
+"""Index of a body; how many there are is the scene's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,35 +42,45 @@ class End:
         name: Of the function.
         law: The function, and the types of its parameters.
         values: By name, what was given or is the default; None where somebody must give one.
+        ranges: By name, what is allowed, where that is less than `KINDS` of its type.
     """
 
     name: str
-    law: EndLaw
+    law: EndLaw = field(repr=False)
     values: Mapping[str, Any]
+    ranges: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
 
     def __call__(self, **values: ArrayLike) -> End:
         """The same end with these parameters.
 
         Raises:
-            InputError: A name that is no parameter of it.
+            InputError: A name that is no parameter of it, or a value out of range.
         """
-        for name in values:
-            if name not in self.values:
-                allowed = ", ".join(self.values) or "none, it has no parameters"
-                raise InputError(f"end {self.name}: parameter {name!r} is unknown; allowed: {allowed}")
-        return End(self.name, self.law, {**self.values, **values})
+        allowed = self._allowed()
+        for name, value in values.items():
+            if name not in allowed:
+                known = ", ".join(allowed) or "none, it has no parameters"
+                raise InputError(f"end {self.name}: parameter {name!r} is unknown; allowed: {known}")
+            called = f"{name} of end {self.name}"
+            check_range(called, allowed[name], numbers(f"parameter {called}", value))
+        return replace(self, values={**self.values, **values})
 
-    def rows(self, worlds: int) -> np.ndarray:
+    def _allowed(self) -> dict[str, Parameter]:
+        """By name, what each parameter may be."""
+        return {n: self.ranges.get(n, KINDS[kind]) for n, kind in zip(self.values, self.law.kinds, strict=True)}
+
+    def rows(self, worlds: int, bodies: int) -> np.ndarray:
         """(1|W, P) its parameters as numbers.
 
         Raises:
-            InputError: One without a value, of a wrong shape, or not finite.
+            InputError: One without a value, of a wrong shape, or out of range.
         """
         columns = [np.zeros((1, 0))]
-        for (name, value), kind in zip(self.values.items(), self.law.kinds, strict=True):
+        for name, spec in self._allowed().items():
+            value = self.values[name]
             if value is None:
                 raise InputError(f"end {self.name}: parameter {name} has no value; allowed: {self.name}({name}=…)")
-            spec = Parameter(width=3 if kind is wp.vec3 else 1)
+            spec = replace(spec, high=bodies - 1.0) if spec is BODY else spec
             column = expand(f"{name} of end {self.name}", value, worlds=worlds, traps=0, spec=spec)
             columns.append(column.reshape(len(column), -1))
         rows = max(len(c) for c in columns)
@@ -69,7 +91,8 @@ def end(function: Callable[..., Any]) -> End:
     """Make an end of a function: a world whose task it says is over stops at the end of a call of `step`.
 
     The function is Warp code (compiled, for CPU and CUDA, in float32 and float64) with the signature
-    `(now: otwarp.WorldNow, *parameters) -> bool`. A parameter is annotated as `float`, `int` or `wp.vec3`.
+    `(now: otwarp.WorldNow, *parameters) -> bool`. A parameter is annotated as `float`, `int` or `wp.vec3`; its values
+    are finite, whole numbers within ±10⁷.
 
     Raises:
         InputError: The function is no such function.
@@ -90,33 +113,33 @@ def end(function: Callable[..., Any]) -> End:
     if first is None or first.annotation is not WorldNow:
         raise InputError(f"end {name}: its first argument must be annotated as otwarp.WorldNow")
     for p in rest:
-        if p.annotation not in _KINDS:
+        if p.annotation not in KINDS:
             raise InputError(f"end {name}: argument {p.name} is annotated as {p.annotation!r}; "
                              "allowed: float, int, wp.vec3")  # fmt: skip
     values = {p.name: None if p.default is inspect.Parameter.empty else p.default for p in rest}
     return End(name, EndLaw(function, tuple(p.annotation for p in rest)), values)
 
 
-def check_ends(ends: Sequence[End]) -> tuple[End, ...]:
+def check_ends(ends: Any) -> tuple[End, ...]:
     """The ends of a simulation.
 
     Raises:
-        InputError: One of them is none.
+        InputError: No list, or one of them is none.
     """
-    for item in ends:
-        if not isinstance(item, End):
-            raise InputError(f"ends has {item!r}; allowed: functions decorated with otwarp.end")
-    return tuple(ends)
+    return several("ends", ends, End, "functions decorated with otwarp.end")
 
+
+_RADIUS = Parameter(low=0.0, high=FARTHEST, unit="µm")
+_PLACE = Parameter(width=3, longest=FARTHEST, unit="µm")
 
 escaped = end(predicates.escaped)
 """Some trap has lost the sphere that it held; `readout.escape_step` says which and when, to a step."""
 
-reached = end(predicates.reached)
+reached = replace(end(predicates.reached), ranges={"goal": _PLACE, "radius": _RADIUS, "body": BODY})
 """The centre of diffusion of `body` (its index, 0 if not given) is within `radius` of `goal` [µm]."""
 
-strayed = end(predicates.strayed)
+strayed = replace(end(predicates.strayed), ranges={"origin": _PLACE, "radius": _RADIUS, "body": BODY})
 """The centre of diffusion of `body` (its index, 0 if not given) is farther than `radius` from `origin` [µm]."""
 
-timed_out = end(predicates.timed_out)
+timed_out = replace(end(predicates.timed_out), ranges={"after": Parameter(low=0.0, high=_MOST, unit="s")})
 """A world has run for `after` seconds since it was started or reset."""

@@ -64,7 +64,7 @@ class Episodes(Bound):
             raise InputError(f"{where}: end escaped: no trap with a finite reach holds a sphere; allowed: other ends")
         data = model.episode_data[0]
         w = model.all_worlds
-        rows = [model.rows(end.rows(w)) for end in ends] or [np.zeros((1, 0))]
+        rows = [model.rows(end.rows(w, model.data.bodies)) for end in ends] or [np.zeros((1, 0))]
         most = max(len(r) for r in rows)
         values = np.hstack([np.broadcast_to(r, (most, r.shape[1])) for r in rows])
         arrays = {name: getattr(data, name) for name in ("done", "step", "number", "living", "count")}

@@ -211,13 +211,16 @@ def _rows(part: tuple[int, int] | None, worlds: int) -> slice:
     """The worlds of a part.
 
     Raises:
-        InputError: It is empty, or not within all worlds.
+        InputError: It is no pair of numbers, empty, or not within all worlds.
     """
     if part is None:
         return slice(0, worlds)
-    first, stop = (whole("part", n, 0, worlds) for n in part)
+    try:
+        first, stop = (whole("part", n, 0, worlds) for n in part)
+    except (TypeError, ValueError):  # no pair, or not of such numbers
+        first = stop = 0
     if first >= stop:
-        raise InputError(f"part is {part}; allowed: two numbers from 0 to {worlds}, the first of them smaller")
+        raise InputError(f"part is {part!r}; allowed: two whole numbers from 0 to {worlds}, the first of them smaller")
     return slice(first, stop)
 
 

@@ -18,6 +18,7 @@ from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import device_view
 from otwarp.simulation.packing.parameters import expand
 from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.starts import host_flags
 
 
 class Gathered:
@@ -59,7 +60,7 @@ class ShardedSimulation:
     """
 
     def __init__(self, scene: Scene, *, devices: Sequence[str | wp.Device], worlds: int, **options: Any):
-        if isinstance(devices, str) or not len(devices):
+        if isinstance(devices, str) or not isinstance(devices, Sequence) or not len(devices):
             raise InputError(f"devices is {devices!r}; allowed: a list of one or more, such as ['cuda:0', 'cuda:1']")
         self.worlds = whole("worlds", worlds, len(devices))
         edges = [self.worlds * n // len(devices) for n in range(len(devices) + 1)]
@@ -126,7 +127,7 @@ class ShardedSimulation:
         for name, values in {"worlds": worlds, "number": number, **poses}.items():
             if device_view(values) is not None:
                 raise InputError(f"{name} is on a device; allowed: the host, or shards[n].reset(…) there")
-        flags = np.ones(self.worlds, dtype=bool) if worlds is None else _flags(worlds, self.worlds)
+        flags = np.ones(self.worlds, dtype=bool) if worlds is None else host_flags(worlds, self.worlds)
         given = {"number": number, **poses}
         self._each(
             lambda s, part: s.reset(
@@ -146,12 +147,3 @@ class ShardedSimulation:
         """The rows of a part in what has one per world; the whole of what serves all."""
         array = np.asarray(values)
         return array[part] if array.ndim == (1 if name == "number" else 3) else array
-
-
-def _flags(worlds: Any, count: int) -> np.ndarray:
-    """(W) bool of flags or of indices; what is neither is refused by `Simulation.reset`."""
-    given = np.atleast_1d(np.asarray(worlds))
-    if given.shape == (count,) and given.dtype in (bool, np.int32):
-        return given != 0
-    whole_numbers = [whole("worlds", w, 0, count - 1) for w in given.ravel().tolist()]
-    return np.isin(np.arange(count), whole_numbers)

@@ -27,7 +27,7 @@ from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.stepping import FusedStepper
-from otwarp.simulation.user_forces import Force
+from otwarp.simulation.user_forces import Force, check_forces
 
 
 class Simulation:
@@ -99,7 +99,7 @@ class Simulation:
             fast_math=fast_math,
             crossings=crossings,
             precision=precision,
-            forces=tuple(forces),
+            forces=check_forces(forces),
             allow_large_step=allow_large_step,
             ends=None if ends is None else check_ends(ends),
         )
@@ -220,8 +220,8 @@ class Simulation:
         """Start worlds anew, each in its next trial and with its clock at 0; what is on the device stays there.
 
         Args:
-            worlds: Which: flags (W) as a Warp array or a tensor of torch, bool or int32, such as `episodes.done`, read
-                on the device; or on the host flags (W) or indices. None: all of them.
+            worlds: Which: flags (W), bool or int32, such as `episodes.done`, as a Warp array or a tensor of torch, read
+                on the device, or on the host; or indices on the host, each once. None: all of them.
             position: Reference points where they start, (B, 3) or (W, B, 3) [µm], of which the rows of the chosen
                 worlds count; on the host, a Warp array (1|W, B) of vec3, or a tensor. None: the scene's.
             orientation: Quaternions, likewise.

@@ -123,27 +123,31 @@ def _flags(model: Model, worlds: Any) -> wp.array:
         return flags
     if view is not None:
         return _on_device(model, "worlds", view, wp.int32, [(w,)])
-    return device_array(_host_flags(worlds, w), wp.int32, model.device)
+    return device_array(host_flags(worlds, w), wp.int32, model.device)
 
 
-def _host_flags(worlds: Any, count: int) -> np.ndarray:
-    """(W) of flags or of indices.
+def host_flags(worlds: Any, count: int) -> np.ndarray:
+    """(W) bool of flags, which are of type bool or int32 as on the device, or of indices.
 
     Raises:
-        InputError: Flags of another length, or an index of no world.
+        InputError: Flags of another length, an index of no world, or one that stands there twice, as in flags of
+            another type.
     """
-    given = np.atleast_1d(np.asarray(worlds))
-    if given.dtype == bool:
-        if given.shape != (count,):
-            raise InputError(f"worlds has shape {given.shape}; allowed: ({count},) flags, or indices")
-        return given
-    indices = numbers("worlds", given)
-    bad = (indices < 0) | (indices >= count) | (indices != np.floor(indices))
-    if given.ndim > 1 or np.any(bad):
-        raise InputError(f"worlds is {indices[bad].tolist() or given.shape}; allowed: indices from 0 to {count - 1}")
-    flags = np.zeros(count, dtype=bool)
-    flags[indices.astype(int)] = True
-    return flags
+    allowed = f"allowed: ({count},) flags of type bool or int32, or indices from 0 to {count - 1}, each once"
+    try:
+        given = np.atleast_1d(np.asarray(worlds))
+    except ValueError:  # rows of unequal length
+        given = np.array([None])
+    if given.shape == (count,) and given.dtype in (bool, np.int32):
+        return given != 0
+    if given.size and (given.ndim > 1 or given.dtype.kind not in "iu"):
+        raise InputError(f"worlds has shape {given.shape} and type {given.dtype}; {allowed}")
+    outside = (given < 0) | (given >= count)
+    if np.any(outside):
+        raise InputError(f"worlds has the index {given[outside][0]}; {allowed}")
+    if len(np.unique(given)) < given.size:
+        raise InputError(f"worlds has an index twice; {allowed}")
+    return np.isin(np.arange(count), given)
 
 
 def _numbers(model: Model, number: Any) -> wp.array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce, Bound
+from otwarp.simulation.packing.arguments import several
 from otwarp.simulation.packing.parameters import PARAMETERS, Parameter
 
 
@@ -81,15 +82,22 @@ def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | No
     return made
 
 
+def check_forces(forces: Any) -> tuple[Force, ...]:
+    """The forces that a user gives to a simulation.
+
+    Raises:
+        InputError: No list, or one of them is none.
+    """
+    return several("forces", forces, Force, "functions decorated with otwarp.force")
+
+
 def user_parameters(forces: Sequence[Force]) -> dict[str, Parameter]:
     """What `Simulation(parameters=...)` accepts for the user's forces, by full name.
 
     Raises:
         InputError: Not a force, or two parameters would have one name, or one that the scene's vocabulary has.
     """
-    for item in forces:
-        if not isinstance(item, Force):
-            raise InputError(f"forces has {item!r}; allowed: functions decorated with otwarp.force")
+    check_forces(forces)
     known: dict[str, Parameter] = {}
     for law in {f.law.name: f.law for f in forces}.values():
         for p in law.parameters:

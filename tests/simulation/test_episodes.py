@@ -197,7 +197,7 @@ def test_each_world_has_its_own_time(device):
     assert sim.readout.trap_position.numpy()[:, 0, 0] == pytest.approx(100.0 * time, rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["flags", "int32", "bool", "host flags", "indices", "one"])
+@pytest.mark.parametrize("kind", ["flags", "int32", "bool", "host flags", "host int32", "indices", "one"])
 def test_which_worlds_are_reset(kind, device):
     sim = simulate(lossy_scene(), device)
     sim.step(5)
@@ -207,6 +207,7 @@ def test_which_worlds_are_reset(kind, device):
         "bool": lambda: flags,
         "int32": lambda: wp.array(3 * flags.astype(np.int32), dtype=wp.int32, device=device),
         "host flags": lambda: flags.tolist(),
+        "host int32": lambda: 3 * flags.astype(np.int32),
         "indices": lambda: ENDED,
         "one": lambda: 6,
     }[kind]()
@@ -227,8 +228,11 @@ def test_poses_on_the_device_are_read_in_place(device):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ({"worlds": [8]}, r"worlds is \[8.0\]; allowed: indices from 0 to 7"),
-        ({"worlds": [True, False]}, r"worlds has shape \(2,\); allowed: \(8,\) flags, or indices"),
+        ({"worlds": [8]}, "worlds has the index 8; allowed: .* indices from 0 to 7, each once"),
+        ({"worlds": [True, False]}, r"worlds has shape \(2,\) and type bool; allowed: \(8,\) flags"),
+        ({"worlds": np.ones(8)}, r"worlds has shape \(8,\) and type float64; allowed: \(8,\) flags of type bool"),
+        ({"worlds": np.arange(8) % 2}, r"worlds has an index twice; allowed: \(8,\) flags of type bool or int32"),
+        ({"worlds": [[1], [2, 3]]}, "worlds has .* type object; allowed"),
         ({"number": [1, 2]}, r"number is \(2,\); allowed: \(8,\) whole numbers, 0 to 2³² − 1"),
         ({"number": [-1] * 8}, r"number is \[-1.0\]; allowed"),
         ({"position": np.zeros((3, 1, 3))}, r"state position has shape \(3, 1, 3\); allowed: \(1, 3\) or \(8, 1, 3\)"),
@@ -246,17 +250,3 @@ def test_what_a_reset_refuses_of_arrays_on_the_device(device):
         sim.reset(wp.zeros(WORLDS, dtype=wp.float32, device=device))
     with pytest.raises(ot.InputError, match=r"state position has shape \(3, 1\); allowed: \(1, 1\) or \(8, 1\)"):
         sim.reset(position=wp.zeros((3, 1), dtype=wp.vec3, device=device))
-
-
-def test_what_is_no_end(device):
-    for wrong, says in (
-        (lambda: simulate(bead_scene(), device, ends=[abs]), "ends has <built-in function abs>; allowed: functions"),
-        (lambda: simulate(bead_scene(), device, ends=[above]), "end above: parameter height has no value; allowed"),
-        (lambda: simulate(bead_scene(), device, ends=[ot.escaped]), "no trap with a finite reach holds a sphere"),
-        (lambda: above(depth=1.0), "end above: parameter 'depth' is unknown; allowed: height, axis"),
-        (lambda: ot.end(lambda x: True), "first argument must be annotated as otwarp.WorldNow"),
-        (lambda: simulate(bead_scene(), device, ends=None).episodes, "has no episodes; allowed: Simulation"),
-        (lambda: simulate(bead_scene(), device, ends=None).reset(), "has no episodes; allowed: Simulation"),
-    ):
-        with pytest.raises(ot.InputError, match=says):
-            wrong()

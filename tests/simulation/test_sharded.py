@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,7 @@ def test_a_fault_in_a_part_names_its_world(device):
     [
         ({"devices": "cpu"}, r"devices is 'cpu'; allowed: a list"),
         ({"devices": []}, r"devices is \[\]; allowed: a list"),
+        ({"devices": None}, "devices is None; allowed: a list"),
         ({"worlds": 1}, "worlds is 1; allowed: 2 or more"),
     ],
 )
@@ -95,7 +98,8 @@ def test_what_cannot_be_shared_out(change, says, device):
         ot.ShardedSimulation(lossy_scene(), **named)
 
 
-@pytest.mark.parametrize("part", [(3, 3), (-1, 2), (0, 9)])
+@pytest.mark.parametrize("part", [(3, 3), (-1, 2), (0, 9), (5, 2), (9, 2), ("a", 2), (1, 2, 3), 3])
 def test_a_part_is_within_the_whole(part, device):
-    with pytest.raises(ot.InputError, match="part is"):
+    says = f"part is {part!r}; allowed: two whole numbers from 0 to {WORLDS}, the first of them smaller"
+    with pytest.raises(ot.InputError, match=re.escape(says)):
         ot.Simulation(lossy_scene(), worlds=WORLDS, part=part, device=device)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+
+T = TypeVar("T")
 
 
 def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
@@ -30,6 +33,21 @@ def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
     return number
 
 
+def several(name: str, values: Any, kind: type[T], what: str) -> tuple[T, ...]:
+    """Any number of objects of one type, which messages call `what`.
+
+    Raises:
+        InputError: No list, or one of another type in it.
+    """
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise InputError(f"{name} is {_shown(values)}; allowed: a list of {what}")
+    given = tuple(values)
+    for item in given:
+        if not isinstance(item, kind):
+            raise InputError(f"{name} has {_shown(item)}; allowed: {what}")
+    return given
+
+
 def numbers(name: str, values: ArrayLike) -> np.ndarray:
     """Real numbers as a float64 array of their own shape.
 
@@ -41,8 +59,7 @@ def numbers(name: str, values: ArrayLike) -> np.ndarray:
     except ValueError:
         raise InputError(f"{name} has rows of unequal length; allowed: an array of numbers") from None
     if given.dtype.kind not in "iuf":
-        shown = repr(values) if len(repr(values)) < 60 else f"{repr(values)[:57]}…"
-        raise InputError(f"{name} is {shown} of type {given.dtype}; allowed: numbers")
+        raise InputError(f"{name} is {_shown(values)} of type {given.dtype}; allowed: numbers")
     return given.astype(float)
 
 
@@ -68,3 +85,9 @@ def seconds(name: str, value: Any) -> float:
     if not (math.isfinite(time) and time >= 0.0):
         raise InputError(f"{name} is {time:g} s; allowed: a finite time, 0 or more")
     return time
+
+
+def _shown(value: Any) -> str:
+    """A value as messages show it: its start, if it is long."""
+    text = repr(value)
+    return text if len(text) < 60 else f"{text[:57]}…"

@@ -31,6 +31,7 @@ class Parameter:
         infinite: Whether inf is a value: no limit.
         unit: Internal unit, for messages and help.
         longest: Greatest length of a vector, in its internal unit.
+        whole: Whether values are whole numbers.
     """
 
     of: Of = ""
@@ -41,14 +42,16 @@ class Parameter:
     infinite: bool = False
     unit: str = ""
     longest: float = np.inf
+    whole: bool = False
 
     @property
     def allowed(self) -> str:
         """What it allows, as messages say it."""
+        kind = "whole numbers " if self.whole else ""
         if np.isfinite(self.high):
-            return f"in {'(' if self.strict else '['}{self.low:g}, {self.high:g}] {self.unit}"
+            return f"{kind}in {'(' if self.strict else '['}{self.low:g}, {self.high:g}] {self.unit}".rstrip()
         bound = f"{'>' if self.strict else '≥'} {self.low:g}" if np.isfinite(self.low) else "finite"
-        return f"{bound}{'' if self.infinite or bound == 'finite' else ', finite'} {self.unit}"
+        return f"{kind}{bound}{'' if self.infinite or bound == 'finite' else ', finite'} {self.unit}".rstrip()
 
 
 def _parameter(schema: Schema, row: Attribute) -> Parameter:
@@ -114,15 +117,22 @@ def expand(
         wanted = f"scalar, ({spec.of},), (worlds, 1) or (worlds, {spec.of})" if spec.of else "scalar or (worlds,)"
         raise InputError(
             f"parameter {name} has shape {array.shape}; allowed: {wanted}{' followed by 3' if tail else ''} "
-            f"with worlds = {worlds}, {spec.of or 'traps'} = {count}"
+            f"with worlds = {worlds}{f', {spec.of} = {count}' if spec.of else ''}"
         )
-    _check_range(name, spec, array)
+    check_range(name, spec, array)
     return np.ascontiguousarray(np.broadcast_to(array.reshape(array.shape or (1,)), (*shape, *tail)))
 
 
-def _check_range(name: str, spec: Parameter, array: np.ndarray) -> None:
+def check_range(name: str, spec: Parameter, array: np.ndarray) -> None:
+    """Refuse numbers that a parameter does not allow.
+
+    Raises:
+        InputError: One is not finite or out of range.
+    """
     outside = (array <= spec.low) if spec.strict else (array < spec.low)
     outside |= np.isnan(array) | (array > spec.high) | (np.isinf(array) & (not spec.infinite))
+    if spec.whole:
+        outside |= array != np.floor(array)
     if np.any(outside):
         raise InputError(f"parameter {name} has the value {array[outside].ravel()[0]:g}; allowed: {spec.allowed}")
     if not np.isfinite(spec.longest):
