@@ -101,7 +101,7 @@ def _started(
     if resume is not None:
         return Simulation.restore(resume, scene, device=device, threads=threads, forces=options.forces)
     check_worlds(scene, about["worlds"], device, options.precision)
-    return Simulation(scene, device=device, threads=threads, **about, **vars(options))
+    return Simulation(scene, device=device, threads=threads, readout=True, **about, **vars(options))
 
 
 def _check_step(sim: Simulation, rate: float) -> None:

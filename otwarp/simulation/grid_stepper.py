@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
@@ -31,10 +32,18 @@ SHARED = (start_clock, tick, next_sweeps, resume_sweeps, clear_cells, bound_cell
 class GridStepper:
     """Launches the body driver: one captured graph, on CPU and CUDA alike.
 
-    On the CPU the loop over the steps of a call is part of the graph.
+    On the CPU the loop over the steps of a call is part of the graph. The kernels `beside` are loaded along with it.
     """
 
-    def __init__(self, step: Step, model: Model, state: State, control: Control, readout: Readout):
+    def __init__(
+        self,
+        step: Step,
+        model: Model,
+        state: State,
+        control: Control,
+        readout: Readout,
+        beside: Sequence[wp.Kernel] = (),
+    ):
         assert step.grid is not None
         self.kernels, self.model = step.grid, model
         self.state, self.control, self.readout = state, control, readout
@@ -44,7 +53,7 @@ class GridStepper:
         self.elements = model.worlds * self.scratch.near.elements
         # the conditional parts of a graph need CUDA 12.4; without them they are taken in every step
         self.branches = model.device.is_cpu or wp.is_conditional_graph_supported()
-        load_kernels((*step.grid.all, *SHARED), model.device)
+        load_kernels((*step.grid.all, *SHARED, *beside), model.device)
         if self.features.soft_contacts or self.features.lanes:
             self._share(fill_slots, self.features.bodies, model.data, self.scratch)
         self.place()

@@ -59,6 +59,8 @@ class Simulation:
             until `reset`; see `episodes`. An empty list leaves that to the user; None: all worlds go on for good.
         part: First of the worlds that this object steps, and the one after its last, of `worlds`: the same bits as in
             the whole, for several devices or processes.
+        readout: Compile the kernels of the readout beside those of the step, for whoever will look at it; else they are
+            compiled when it is first asked for.
 
     Raises:
         InputError: An argument out of range.
@@ -91,6 +93,7 @@ class Simulation:
         allow_large_step: bool = False,
         ends: Sequence[End] | None = None,
         part: tuple[int, int] | None = None,
+        readout: bool = False,
     ):
         options = StepOptions(
             time_step=time_step,
@@ -114,11 +117,12 @@ class Simulation:
             self._episodes = Episodes.start(self.model, options.ends or (), self.state, self._readout)
         self._ends = options.ends
         self._measured_at: tuple[int, int] | None = None
-        self._measures = False  # whether the kernels that measure are loaded: many simulations never need them
+        self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
         grid = self.model.features.driver == "grid"
-        self._stepper = GridStepper(*parts) if grid else FusedStepper(*parts, threads)
+        beside = self._step.measuring if readout else ()
+        self._stepper = GridStepper(*parts, beside) if grid else FusedStepper(*parts, threads, beside)
 
     @property
     def scene(self) -> Scene:

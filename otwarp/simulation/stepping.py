@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -21,10 +22,20 @@ STEPS_PER_LAUNCH = 20_000
 class FusedStepper:
     """Launches the `solo` or `world` kernel; on the CPU the worlds are shared out over threads.
 
-    A world's result depends on its index, seed and step alone, so any split gives the same bits.
+    A world's result depends on its index, seed and step alone, so any split gives the same bits. The kernels `beside`
+    are loaded along with it.
     """
 
-    def __init__(self, step: Step, model: Model, state: State, control: Control, readout: Readout, threads: int | None):
+    def __init__(
+        self,
+        step: Step,
+        model: Model,
+        state: State,
+        control: Control,
+        readout: Readout,
+        threads: int | None,
+        beside: Sequence[wp.Kernel] = (),
+    ):
         self.step, self.model = step, model
         self.parts = (state, control, readout)
         self.layout = -1
@@ -32,7 +43,7 @@ class FusedStepper:
         self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
         # once, before threads may race for it
         assert step.fused is not None
-        load_kernels([step.fused], model.device)
+        load_kernels([step.fused, *beside], model.device)
         self.block = 1 if model.device.is_cpu else step.fused.module.options["block_dim"]
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
 

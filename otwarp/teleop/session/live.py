@@ -101,7 +101,7 @@ class LiveLoop:
                 f"rate is {rate!r}; allowed with hands: above {slowest:g} frames per second, or forces fall between"
             )
         self.plans = tuple(plans)
-        self._make_sim = lambda: Simulation(scene, seed=seed, device=device)
+        self._make_sim = lambda: Simulation(scene, seed=seed, device=device, readout=True)
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
         self._sinks: list[Sink] = []
         self._due: list[float] = []

@@ -1,0 +1,64 @@
+"""Kernels are loaded together before the first step, and whoever waits for the compiler is told."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import warp as wp
+
+from otwarp.scene import Scene
+from otwarp.simulation import stepping
+from otwarp.simulation.compilation import is_compiled, load_kernels
+from otwarp.simulation.simulation import Simulation
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def tiny_kernels() -> tuple[wp.Kernel, wp.Kernel]:
+    """Two kernels of a module each."""
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def first(values: wp.array(dtype=float)):  # pyright: ignore[reportInvalidTypeForm]
+        values[wp.tid()] = 1.25
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def second(values: wp.array(dtype=float)):  # pyright: ignore[reportInvalidTypeForm]
+        values[wp.tid()] = 2.25
+
+    return first, second
+
+
+def test_compiling_is_told_once(
+    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+    place, kernels = wp.get_device(device), tiny_kernels()
+    assert not any(is_compiled(kernel.module, place) for kernel in kernels)
+    with caplog.at_level(logging.INFO, logger="otwarp"):
+        load_kernels(kernels, place)
+        said = [record.getMessage() for record in caplog.records]
+        load_kernels(kernels, place)
+    assert said[0].startswith(f"compiling 2 of 2 kernel modules for {place.alias}") and str(tmp_path) in said[0]
+    assert said[1:] == ["compiled 1 of 2", "compiled 2 of 2"]
+    assert len(caplog.records) == len(said)
+    assert all(is_compiled(kernel.module, place) for kernel in kernels)
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_the_kernels_of_a_readout_that_will_be_used_load_beside_the_step(
+    device: str, monkeypatch: pytest.MonkeyPatch, asked: bool
+) -> None:
+    loads: list[int] = []
+
+    def noted(kernels: Sequence[Any], place: wp.Device) -> None:
+        loads.append(len(kernels))
+        load_kernels(kernels, place)
+
+    monkeypatch.setattr(stepping, "load_kernels", noted)
+    sim = Simulation(Scene.load(SCENES / "single_bead.usda"), device=device, readout=asked)
+    assert loads == [3 if asked else 1]
+    assert sim.readout.trap_force.numpy().shape == (1, 1, 3)
