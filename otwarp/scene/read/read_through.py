@@ -1,9 +1,11 @@
 """Reads all that a USD file says. An interpreter of its own runs this text (see `crate`): `-c` text, PATH, BYTES.
 
 Exits with `NO_MEMORY` where that takes more address space than BYTES, and with `BROKEN` where not even all prims and
-properties can be listed. It imports nothing of otwarp.
+properties can be listed. On stdout it names the files of all layers, each ended by a zero byte. It imports nothing of
+otwarp.
 """
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -56,3 +58,5 @@ if __name__ == "__main__":
         sys.exit(NO_MEMORY)
     except Exception:
         sys.exit(BROKEN)
+    for layer in opened.GetUsedLayers(includeClipLayers=True):
+        sys.stdout.buffer.write(os.fsencode(layer.realPath) + b"\0")

@@ -11,6 +11,7 @@ from pxr import Sdf
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.scene.read import crate
+from otwarp.scene.read.source import open_stage
 from tests.scene.conftest import StageFile
 
 ENDS = {
@@ -49,6 +50,69 @@ def test_a_whole_file_is_read_through_once(binary: Path, monkeypatch: pytest.Mon
     os.utime(binary, (0, 0))
     Scene.load(binary)
     assert len(calls) == 2
+
+
+OVER = """#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 1e-6
+    upAxis = "Z"
+    {0}
+)
+over "World" ({1})
+{{
+}}
+"""
+
+ARCS = {
+    "sublayer": ("subLayers = [@scene.usdc@]", ""),
+    "reference": ("", "references = @scene.usdc@</World>"),
+    "payload": ("", "payload = @./scene.usdc@</World>"),
+    "expression": ('expressionVariables = {string NAME = "scene"}', 'references = @`"${NAME}.usdc"`@'),
+    "quoted": ("", "payload = @@@scene.usdc@@@</World>"),
+    "clips": (
+        "",
+        "references = @whole.usda@</World>\n    clips = {dictionary default = {asset[] assetPaths = [@scene.usdc@]; "
+        'string primPath = "/World"; double2[] active = [(0, 0)]; double2[] times = [(0, 0)]}}',
+    ),
+}
+
+
+@pytest.mark.parametrize("arc", ARCS)
+def test_a_binary_layer_of_a_text_file_is_read_through_too(
+    arc: str, binary: Path, stage_file: StageFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also one layer further on; the process that reads it is as ever, and says what it had to read."""
+    stage_file.write().rename(binary.with_name("whole.usda"))
+    layer, top = binary.with_name("layer.usda"), binary.with_name("top.usda")
+    layer.write_text(OVER.format(*ARCS[arc]), encoding="utf-8")
+    top.write_text(OVER.format("subLayers = [@layer.usda@]", ""), encoding="utf-8")
+    problem, layers = crate._read_through(layer)
+    assert not problem
+    assert {Path(name).name for name in layers} >= {"layer.usda", "scene.usdc"}
+    monkeypatch.setattr(crate, "_read_through", lambda _: ("crashes on it", []))
+    for path in (layer, top):
+        with pytest.raises(InputError, match=f"{path.name}: contents = USD crashes on it: must be a USD file"):
+            open_stage(path)
+
+
+def test_text_alone_is_not_read_twice(stage_file: StageFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = stage_file.write()
+    above = whole.with_name("above.usda")
+    above.write_text(OVER.format(f"subLayers = [@{whole.name}@]", ""), encoding="utf-8")
+    monkeypatch.setattr(crate, "_read_through", lambda _: pytest.fail("it is text alone"))
+    assert len(Scene.load(above).bodies) == 2
+
+
+def test_a_layer_that_changes_is_read_through_again(binary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    above = binary.with_name("above.usda")
+    above.write_text(OVER.format("subLayers = [@scene.usdc@]", ""), encoding="utf-8")
+    assert len(Scene.load(above).bodies) == 2
+    monkeypatch.setattr(crate, "_read_through", lambda _: ("crashes on it", []))
+    assert len(Scene.load(above).bodies) == 2
+    os.utime(binary, (0, 0))
+    with pytest.raises(InputError, match=r"above\.usda: contents = USD crashes on it"):
+        Scene.load(above)
 
 
 def test_without_an_interpreter_files_are_read_as_they_are(binary: Path, monkeypatch: pytest.MonkeyPatch) -> None:

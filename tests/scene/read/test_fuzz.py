@@ -112,13 +112,22 @@ def flipped_bytes(data: bytes, edits: list[tuple[int, int]]) -> bytes:
 EDITS = st.lists(st.tuples(st.integers(0, 2**20), st.integers(0, 255)), min_size=1, max_size=8)
 
 
-def damaged(base: Path, suffix: str, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]]) -> None:
+OVER = '#usda 1.0\n(\n    defaultPrim = "{0}"\n    subLayers = [@{1}@]\n)\n'
+
+
+def damaged(
+    base: Path, suffix: str, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]], *, under: bool = False
+) -> None:
+    """A damaged file is judged, or a text file of which it is a layer."""
     whole = base.with_name(f"whole{suffix}")
     if not whole.exists():
         Sdf.Layer.FindOrOpen(str(base)).Export(str(whole))
     path = base.with_name(f"damaged{suffix}")
     path.write_bytes(flipped_bytes(whole.read_bytes(), edits))
-    judged(path, capfd)
+    if under:
+        above = base.with_name("over.usda")
+        above.write_text(OVER.format(Sdf.Layer.FindOrOpen(str(base)).defaultPrim, path.name), encoding="utf-8")
+    judged(above if under else path, capfd)
 
 
 def test_everything_is_good(base: Path) -> None:
@@ -154,8 +163,8 @@ def test_crates_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str]
 
 @pytest.mark.validate
 @fuzzed(600)
-@given(edits=EDITS, suffix=st.sampled_from([".usda", ".usdc"]))
+@given(edits=EDITS, suffix=st.sampled_from([".usda", ".usdc"]), under=st.booleans())
 def test_damaged_bytes_for_long(
-    base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]], suffix: str
+    base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]], suffix: str, under: bool
 ) -> None:
-    damaged(base, suffix, capfd, edits)
+    damaged(base, suffix, capfd, edits, under=under)
