@@ -13,6 +13,7 @@ from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.drivers import predicates
 from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.ends import End
+from otwarp.simulation.launches import RecordedLaunch
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.starts import Starts
@@ -38,6 +39,7 @@ class Episodes(Bound):
         at_most: Bound of the worlds in motion, known to the host.
         origin: How a reset world starts where nothing else is said.
         views: What the kernels see: model, state and readout.
+        launches: What a segment launches.
     """
 
     done: wp.array
@@ -51,6 +53,7 @@ class Episodes(Bound):
     at_most: int
     origin: Starts
     views: tuple[Any, ...]
+    launches: dict[str, RecordedLaunch]
 
     @classmethod
     def start(cls, model: Model, ends: tuple[End, ...], state: State, readout: Readout) -> Episodes:
@@ -67,15 +70,24 @@ class Episodes(Bound):
         rows = [model.rows(end.rows(w, model.data.bodies)) for end in ends] or [np.zeros((1, 0))]
         most = max(len(r) for r in rows)
         values = np.hstack([np.broadcast_to(r, (most, r.shape[1])) for r in rows])
+        values = device_array(values, wp.float32, model.place, ndim=2)
+        views, device = (model.data, state.data(), readout.data()), model.device
+        kernels = kernel_module("drivers.episodes", model.features.precision)
+        settle = kernels.settle_kernel(tuple(end.law for end in ends))
         arrays = {name: getattr(data, name) for name in ("done", "step", "number", "living", "count")}
         return cls(
             **arrays,
-            values=device_array(values, wp.float32, model.place, ndim=2),
+            values=values,
             model=model,
             ends=ends,
             at_most=model.worlds,
             origin=Starts.of_scene(model),
-            views=(model.data, state.data(), readout.data()),
+            views=views,
+            launches={
+                "list": RecordedLaunch(kernels.list_living, device, [model.data]),
+                "settle": RecordedLaunch(settle, device, [*views, values]),
+                "restart": RecordedLaunch(kernels.restart, device, views),
+            },
         )
 
     @property
@@ -90,9 +102,8 @@ class Episodes(Bound):
 
     def load(self) -> None:
         """Compile and load the kernels, so that none is while a graph is captured."""
-        k = self._kernels
-        settle = k.settle_kernel(tuple(end.law for end in self.ends))
-        load_kernels((k.list_living, k.restart, k.flag_worlds, settle), self.model.device)
+        flags = kernel_module("drivers.episodes", self.model.features.precision).flag_worlds
+        load_kernels((flags, *(launch.kernel for launch in self.launches.values())), self.model.device)
 
     def list(self) -> int:
         """List the worlds in motion anew; no more than so many are.
@@ -101,20 +112,14 @@ class Episodes(Bound):
         """
         device = self.model.device
         self.count.zero_()
-        wp.launch(self._kernels.list_living, dim=self.model.worlds, inputs=[self.model.data], device=device)
+        self.launches["list"](self.model.worlds)
         if device.is_capturing:
             return self.model.worlds
         return int(self.count.numpy()[0]) if device.is_cpu else self.at_most
 
     def settle(self, steps: int, places: int) -> None:
         """After `steps` steps: turn the clocks of the worlds in `places` of the list, and end what is over."""
-        inputs = [*self.views, self.values, steps]
-        kernel = self._kernels.settle_kernel(tuple(end.law for end in self.ends))
-        wp.launch(kernel, dim=places, inputs=inputs, device=self.model.device)
-
-    @property
-    def _kernels(self) -> Any:
-        return kernel_module("drivers.episodes", self.model.features.precision)
+        self.launches["settle"](places, steps)
 
     def look(self) -> None:
         """Learn how many worlds are still in motion: the one number that a segment brings to the host."""
@@ -123,7 +128,5 @@ class Episodes(Bound):
     def restart(self, start: Starts) -> None:
         """Start chosen worlds anew; see `Simulation.reset`."""
         model = self.model
-        inputs = [*self.views, start.chosen, start.state, start.number]
-        stride = wp.uint32(model.all_worlds)
-        wp.launch(self._kernels.restart, dim=model.worlds, inputs=[*inputs, stride], device=model.device)
+        self.launches["restart"](model.worlds, start.chosen, start.state, start.number, wp.uint32(model.all_worlds))
         self.at_most = model.worlds

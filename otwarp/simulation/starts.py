@@ -70,6 +70,10 @@ def starts_of(
     Raises:
         InputError: A wrong shape, type, device or value.
     """
+    chosen = origin.chosen if worlds is None else _flags(model, worlds)
+    trials = origin.number if number is None else _numbers(model, number)
+    if all(given is None for given in poses.values()):
+        return Starts(chosen, origin.state, trials)
     state = model.place.typed(StateData)()
     state.trap_position, state.image = origin.state.trap_position, origin.state.image
     if poses["position"] is not None:
@@ -78,11 +82,7 @@ def starts_of(
         given = poses[name]
         rows = getattr(origin.state, name) if given is None else _pose(model, name, given, checked)
         setattr(state, name, rows)
-    return Starts(
-        origin.chosen if worlds is None else _flags(model, worlds),
-        state,
-        origin.number if number is None else _numbers(model, number),
-    )
+    return Starts(chosen, state, trials)
 
 
 def _pose(model: Model, name: str, values: Any, checked: Callable[[str, np.ndarray, int], np.ndarray]) -> wp.array:

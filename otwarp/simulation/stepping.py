@@ -12,6 +12,7 @@ import warp as wp
 from otwarp.kernels.drivers.lane_groups import threads_for
 from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels, usable_cores
+from otwarp.simulation.launches import RecordedLaunch
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
 
@@ -39,29 +40,34 @@ class FusedStepper:
         self.step, self.model = step, model
         self.parts = (state, control, readout)
         self.layout = -1
-        self.views: tuple = ()
+        self.launches: list[RecordedLaunch] = []
         self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
         # once, before threads may race for it
         assert step.fused is not None
-        load_kernels([step.fused, *beside], model.device)
+        self.kernel = step.fused
+        load_kernels([self.kernel, *beside], model.device)
         self.block = 1 if model.device.is_cpu else step.fused.module.options["block_dim"]
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
 
-    def _launch(self, span: tuple[int, int], first_step: int, steps: int) -> None:
+    def _launch(self, chunk: int, span: tuple[int, int], first_step: int, steps: int) -> None:
         features = self.step.features
         worlds = span[1] - span[0]
-        inputs = [*self.views, span[0], wp.int64(first_step), steps]
         threads = worlds * features.bodies if features.driver == "solo" else worlds
+        last = (span[0], wp.int64(first_step), steps)
         if features.lanes:
-            threads = threads_for(threads)
-            inputs.append(worlds)
-        wp.launch(self.step.fused, dim=threads, inputs=inputs, device=self.model.device, block_dim=self.block)
+            self.launches[chunk](threads_for(threads), *last, worlds)
+        else:
+            self.launches[chunk](threads, *last)
 
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
         state, control, readout = self.parts
         if self.layout != control.layout:
-            self.views = (self.model.data, control.data(), state.data(), readout.data())
+            views = (self.model.data, control.data(), state.data(), readout.data())
+            # one for each thread, which changes its arguments
+            self.launches = [
+                RecordedLaunch(self.kernel, self.model.device, views, block_dim=self.block) for _ in range(self.chunks)
+            ]
             self.layout = control.layout
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
@@ -73,11 +79,11 @@ class FusedStepper:
         for start in range(first_step, first_step + steps, STEPS_PER_LAUNCH):
             count = min(STEPS_PER_LAUNCH, first_step + steps - start)
             if pool is None:
-                self._launch((0, worlds), start, count)
+                self._launch(0, (0, worlds), start, count)
             else:
                 edges = np.linspace(0, worlds, min(self.chunks, worlds) + 1).astype(int).tolist()
                 spans = itertools.pairwise(edges)
-                list(pool.map(lambda span, s=start, n=count: self._launch(span, s, n), spans))
+                list(pool.map(lambda c, span, s=start, n=count: self._launch(c, span, s, n), itertools.count(), spans))
 
     def extra_state(self) -> dict[str, wp.array]:
         """Arrays beyond State that a checkpoint must hold: none."""

@@ -250,10 +250,8 @@ def test_one_launch_per_call(device, monkeypatch):
         sim = Simulation(scene, worlds=4, device=device, threads=1)
         assert sim.model.features.driver == driver
         launched = []
-        launch = wp.launch
-        monkeypatch.setattr(
-            wp, "launch", lambda kernel, *a, to=launched, do=launch, **k: (to.append(kernel), do(kernel, *a, **k))
-        )
+        launch = wp.Launch.launch
+        monkeypatch.setattr(wp.Launch, "launch", lambda one, to=launched, do=launch: (to.append(one.kernel), do(one)))
         sim.step(500)
         monkeypatch.undo()
         assert launched == [sim._step.fused]

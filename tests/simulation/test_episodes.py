@@ -115,7 +115,7 @@ def test_only_worlds_in_motion_are_launched(scene, device, monkeypatch):
     sim = simulate(scene, device, threads=1)
     finish(sim, [w for w in range(WORLDS) if w != 6])
     spans, launch = [], sim._stepper._launch
-    monkeypatch.setattr(sim._stepper, "_launch", lambda span, *more: (spans.append(span), launch(span, *more)))
+    monkeypatch.setattr(sim._stepper, "_launch", lambda n, span, *more: (spans.append(span), launch(n, span, *more)))
     sim.step(10)
     sim.step(10)
     assert spans[-1] == (0, 1) and sim.episodes.running == 1
