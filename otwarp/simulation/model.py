@@ -130,13 +130,10 @@ class Model:
         Raises:
             InputError: Anything out of range or of another type, in the arguments and in the scene (`Scene.check`).
         """
-        if not isinstance(scene, Scene):
-            raise InputError(f"scene is {scene!r}; allowed: a Scene, such as Scene.load reads from a file")
         options = options or StepOptions()
         if part is not None and options.ends is None:
             options = dataclasses.replace(options, ends=())
-        asked = options.of(scene)
-        _check(scene, asked)
+        asked = _asked(scene, options)
         worlds, seed = whole("worlds", worlds, 1), whole("seed", seed, 0, 2**32 - 1)
         _warn_of_oddities(scene, () if scene.judged else (f"{f.prim}: {f.message}" for f in judge(scene)))
         rows = _rows(part, worlds)
@@ -148,30 +145,22 @@ class Model:
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
         features = dataclasses.replace(_stepped_features(known, scales.time_step, place), leaps=staged is not None)
         packed = Place(place, options.precision)
-        known = known.part(rows)
-        data, meshes, force_data = _pack(known, features, scales.time_step, seed, staged, packed)
+        known = dataclasses.replace(known.part(rows), features=features)
+        data, meshes, force_data = _pack(known, scales.time_step, seed, staged, packed)
         data.first_world = wp.int32(rows.start)
         count = rows.stop - rows.start
         data.worlds, episode_data = pack_worlds(count if features.episodes else 0, rows.start, packed)
+        resolved: dict[str, Any] = {
+            f.name: getattr(known, f.name) for f in dataclasses.fields(cls) if hasattr(known, f.name)
+        }
         return cls(
-            scene=known.scene,
+            **resolved,
             authored=scene,
             worlds=count,
             first_world=rows.start,
             all_worlds=worlds,
             seed=seed,
             device=place,
-            features=features,
-            values=known.values,
-            overrides=known.overrides,
-            reference=known.reference,
-            held=known.held,
-            held_range=known.held_range,
-            relaxation=known.relaxation,
-            steepest=known.steepest,
-            optics=known.optics,
-            forces=known.forces,
-            loads=known.loads,
             scales=scales,
             data=data,
             meshes=meshes,
@@ -224,13 +213,21 @@ def _rows(part: tuple[int, int] | None, worlds: int) -> slice:
     return slice(first, stop)
 
 
-def _check(scene: Scene, asked: Scene) -> None:
-    """Refuse what no model can be built from: as the reader does with files, and without a body."""
+def _asked(scene: Scene, options: StepOptions) -> Scene:
+    """The scene with the settings of the options.
+
+    Raises:
+        InputError: No model can be built from it: what the reader refuses in files, or no body.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is {scene!r}; allowed: a Scene, such as Scene.load reads from a file")
+    asked = options.of(scene)
     check_settings(asked)
     scene.check()
     if not scene.bodies:
         where = f"{scene.file}: {scene.root}" if scene.file else scene.root
         raise InputError(f"{where} has no body; allowed: at least one OtBodyAPI or OtCellAPI prim")
+    return asked
 
 
 def _warn_of_oddities(scene: Scene, texts: Iterable[str]) -> None:
@@ -270,10 +267,10 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device)
 
 
 def _pack(
-    known: ResolvedScene, features: Features, time_step: float, seed: int, staged: list[Samples] | None, place: Place
+    known: ResolvedScene, time_step: float, seed: int, staged: list[Samples] | None, place: Place
 ) -> tuple[Annotated[Any, ModelData], list[wp.Mesh], list[Any]]:
     """The kernels' view, and the meshes and parameters of forces that it refers to."""
-    scene, moves, values, optics = known.scene, known.moves, known.values, known.optics
+    scene, moves, values, optics, features = known.scene, known.moves, known.values, known.optics, known.features
     data = place.typed(ModelData)()
     data.bodies = len(scene.bodies)
     data.period = pack_period(scene, place)
