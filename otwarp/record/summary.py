@@ -150,7 +150,7 @@ def _text(s: dict[str, Any]) -> str:
         # beside the kernels, which take seconds to import
         from otwarp.simulation.time_step.observables import spelled
 
-        lines.append(f"time step {s['time_step_s']:.4g} s, estimated errors: {spelled(s['time_step_errors'])}")
+        lines.append(f"time step {s['time_step_s']:.4g} s, estimated errors: {spelled(s['time_step_errors'], 1e-4)}")
     if s["task"] is not None:
         ends = s["task"].get("worlds")
         if ends is not None and len(ends) == 1:

@@ -61,9 +61,13 @@ def errors(watched: Iterable[Observable], step: float) -> dict[str, float]:
     return {name: found[name] for name in OBSERVABLES if name in found}
 
 
-def spelled(errors: Mapping[str, float | None]) -> str:
-    """Errors in words, `stationary variances in traps −0.43 %, …`; empty for none."""
-    return ", ".join(f"{OBSERVABLES[name]} {percent(error)}" for name, error in errors.items())
+def spelled(errors: Mapping[str, float | None], least: float = 0.0) -> str:
+    """Errors in words, `stationary variances in traps −0.43 %, …`, those below `least` together; empty for none."""
+    small = [name for name, error in errors.items() if error is not None and abs(error) < least]
+    words = [f"{OBSERVABLES[name]} {percent(error)}" for name, error in errors.items() if name not in small]
+    if small:
+        words.append(f"{'the others' if words else 'all'} below {100.0 * least:g} %")
+    return ", ".join(words)
 
 
 def percent(error: float | None) -> str:

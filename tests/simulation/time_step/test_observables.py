@@ -68,5 +68,10 @@ def test_errors_are_spelled_by_known_names():
     assert spelled({"variance": -0.0042, "escape": 0.007}) == (
         "stationary variances in traps −0.42 %, escape times and survival in traps +0.7 %"
     )
+    small = {"variance": -0.0042, "displacement": 1e-9, "escape": None}
+    assert spelled(small, 1e-4) == (
+        "stationary variances in traps −0.42 %, escape times and survival in traps unstable, the others below 0.01 %"
+    )
+    assert spelled({"wall": 0.0}, 1e-4) == "all below 0.01 %"
     assert missed({"variance": -0.02, "wall": 0.01}, 0.01) == {"variance": -0.02}
     assert list(scales(0.1).errors) == [name for name in OBSERVABLES if name in scales(0.1).errors]
