@@ -11,7 +11,7 @@ from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Sta
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
-from otwarp.kernels.optics.traps import commanded_still, trap_force_term
+from otwarp.kernels.optics.traps import anchored, commanded_still, trap_force_term
 
 _PI = wp.constant(3.141592653589793)
 
@@ -44,11 +44,15 @@ def bead_constants_term(f: Features) -> wp.Function:
                 if wp.static(f.traps <= FEW_TRAPS):
                     bead.first = prepare(model.traps, world, 0, bead.radius, bead.kind)
                     if wp.static(f.still_traps):
-                        bead.first_command = commanded_still(model.traps, control, world, 0, wp.float64(0.0))
+                        bead.first_anchor = anchored(
+                            bead.first, commanded_still(model.traps, control, world, 0, wp.float64(0.0))
+                        )
                 if wp.static(f.traps == FEW_TRAPS):
                     bead.second = prepare(model.traps, world, 1, bead.radius, bead.kind)
                     if wp.static(f.still_traps):
-                        bead.second_command = commanded_still(model.traps, control, world, 1, wp.float64(0.0))
+                        bead.second_anchor = anchored(
+                            bead.second, commanded_still(model.traps, control, world, 1, wp.float64(0.0))
+                        )
         return bead
 
     return bead_constants
@@ -64,7 +68,7 @@ def bead_noise_term(f: Features) -> wp.Function:
         """Thermal displacement √(2 k_B T μ dt) ξ [µm], ξ three deviates; 0 without noise."""
         kick = wp.vec3(0.0)
         if wp.static(f.brownian and f.lanes):
-            kick = bead.spread * three_at(bead.deviates, int(step - bead.deviates_from))
+            kick = bead.spread * three_at(bead.deviates, step)
         if wp.static(f.brownian and not f.lanes):
             kick = bead.spread * three_deviates(model.seed, step, number(model, world), b)
         return kick

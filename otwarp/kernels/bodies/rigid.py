@@ -151,7 +151,7 @@ def rigid_noise_term(f: Features) -> wp.Function:
     def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
         """Thermal move [µm, rad] with ξ from a block of deviates, in the vector registers of a CPU."""
         turn = rotation_matrix(pose.rotation)
-        kick = kept_noise(body.kept, turn, body.deviates, int(step - body.deviates_from))
+        kick = kept_noise(body.kept, turn, body.deviates, step)
         w = angular_part(kick)
         return twist(turned_along(linear_part(kick), w), w)
 

@@ -102,11 +102,10 @@ class BeadConstants:
     # of the first two traps, where a scene has no more
     first: TrapConstants
     second: TrapConstants
-    first_command: wp.vec4  # focus [µm] and power [mW] of traps that stay where they are
-    second_command: wp.vec4
+    first_anchor: wp.vec4  # equilibrium point [µm] and power [mW] of traps that stay where they are
+    second_anchor: wp.vec4
     # of the `lanes` form
-    deviates: wp.uint64  # address of a block of noise
-    deviates_from: wp.int64  # its first step
+    deviates: wp.uint64  # where in a block of noise the deviates of step 0 would be
 
 
 @wp.struct
@@ -126,8 +125,7 @@ class RigidConstants:
     reaches: wp.vec4  # squared distance up to which they act [µm²]
     # of the `lanes` form
     kept: wp.uint64  # address of what `rigid_block` lays out
-    deviates: wp.uint64  # address of a block of noise
-    deviates_from: wp.int64  # its first step
+    deviates: wp.uint64  # where in a block of noise the deviates of step 0 would be
 
 
 @wp.struct

@@ -42,7 +42,7 @@ _PHILOX = """
         for (int k = 0; k < 16; k += 8) {
             LANE_NAMESwide8 step = LANE_STEP;
             wide8 c0 = step & low, c1 = step >> 32;
-            wide8 c2 = (unsigned long long)(unsigned int)world, c3 = LANE_BODY;
+            wide8 c2 = LANE_WORLD, c3 = LANE_BODY;
             unsigned int k0 = seed, k1 = stream;
 #pragma clang loop unroll(full)
             for (int round = 0; round < 10; ++round) {
@@ -150,6 +150,7 @@ _LANES = {
         "LANE_ROOM": "buffer.data + at",
         "LANE_NAMES": "",
         "LANE_STEP": "(unsigned long long)first + (unsigned long long)k + lane",
+        "LANE_WORLD": "(unsigned long long)(unsigned int)world + 0 * lane",
         "LANE_BODY": "(unsigned long long)(unsigned int)body",
     },
     "bodies": {
@@ -161,13 +162,21 @@ _LANES = {
             }
             """,
         "LANE_STEP": "(unsigned long long)first + 0 * lane",
+        "LANE_WORLD": "(unsigned long long)(unsigned int)world + 0 * lane",
         "LANE_BODY": "names",
     },
+    "worlds": {
+        "LANE_ROOM": "buffer.data + at",
+        "LANE_NAMES": "",
+        "LANE_STEP": "(unsigned long long)first + 0 * lane",
+        "LANE_WORLD": "((unsigned long long)(unsigned int)world + (unsigned long long)k + lane) & low",
+        "LANE_BODY": "0 * lane",
+    },
 }
-"""What the 16 lanes of a block are: steps of one body, or bodies in one step."""
+"""What the 16 lanes of a block are: steps of one body, or bodies in one step, or worlds."""
 
 
-def block_source(noise: str, count: int, lanes: Literal["steps", "bodies"] = "steps") -> str:
+def block_source(noise: str, count: int, lanes: Literal["steps", "bodies", "worlds"] = "steps") -> str:
     """C++ of the block function of `count` deviates per lane, a key of `_LANES`."""
     source = _CPU_ONLY + "    float* to = LANE_ROOM;\n" + _PHILOX
     if noise == "gaussian":
@@ -207,6 +216,24 @@ def noise_block_term(noise: str, count: int) -> wp.Function:
     return noise_block
 
 
+@functools.lru_cache(maxsize=4)
+def worlds_block_term(noise: str) -> wp.Function:
+    """`(buffer, at, seed, step, world)`: the deviates of body 0 of 16 worlds from `world` on, in one step.
+
+    Deviate c of world + k goes to `buffer[at + 16 c + k]`.
+
+    Args:
+        noise: One of `NOISES`.
+    """
+
+    @wp.func_native(block_source(noise, 3, "worlds"))
+    def worlds_block(buffer: wp.array(dtype=wp.float32), at: int, seed: wp.uint32, first: wp.int64, world: int):
+        """Write three deviates of mean 0 and variance 1 for each of 16 worlds, in a CPU's vector registers."""
+        ...
+
+    return worlds_block
+
+
 @wp.func_native("""
     return (wp::uint64)(buffer.data + at);
 """)
@@ -216,21 +243,29 @@ def address_of(buffer: wp.array(dtype=wp.float32), at: int) -> wp.uint64:
 
 
 @wp.func_native("""
-    const float* from = (const float*)address + k;
-    return wp::vec_t<3, wp::float32>(from[0], from[16], from[32]);
+    return address - 4ull * (unsigned long long)step;
 """)
-def three_at(address: wp.uint64, k: int) -> wp.vec3:
-    """The three deviates of mean 0 and variance 1 of step k of a block."""
+def before_step(address: wp.uint64, step: wp.int64) -> wp.uint64:
+    """Where the deviates of step 0 would be, by which a step finds its own in a block that begins with `step`."""
     ...
 
 
 @wp.func_native("""
-    const float* from = (const float*)address + k;
+    const float* from = (const float*)(address + 4ull * (unsigned long long)step);
+    return wp::vec_t<3, wp::float32>(from[0], from[16], from[32]);
+""")
+def three_at(address: wp.uint64, step: wp.int64) -> wp.vec3:
+    """The three deviates of mean 0 and variance 1 of a step, whose block `address` counts from step 0."""
+    ...
+
+
+@wp.func_native("""
+    const float* from = (const float*)(address + 4ull * (unsigned long long)step);
     wp::vec_t<6, wp::float32> deviates;
     for (int c = 0; c < 6; ++c)
         deviates[c] = from[16 * c];
     return deviates;
 """)
-def six_at(address: wp.uint64, k: int) -> vec6:
-    """The six deviates of mean 0 and variance 1 of step k of a block."""
+def six_at(address: wp.uint64, step: wp.int64) -> vec6:
+    """The six deviates of mean 0 and variance 1 of a step, as `three_at`."""
     ...

@@ -125,7 +125,7 @@ _MOBILITY = """
 
 _NOISE = """
     const float* columns = (const float*)address + 48;
-    const float* from = (const float*)deviates + k;
+    const float* from = (const float*)(deviates + 4ull * (unsigned long long)step);
     BODY
     floats8 v = (column(0) * from[0] + column(1) * from[16] + column(2) * from[32])
         + (column(3) * from[48] + column(4) * from[64] + column(5) * from[80]);
@@ -140,6 +140,6 @@ def kept_mobility_product(address: wp.uint64, turn: wp.mat33, load: vec6) -> vec
 
 
 @wp.func_native((VECTORS + _NOISE).replace("BODY", _OUT))
-def kept_noise(address: wp.uint64, turn: wp.mat33, deviates: wp.uint64, k: int) -> vec6:
-    """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, with the deviates of step k of a block."""
+def kept_noise(address: wp.uint64, turn: wp.mat33, deviates: wp.uint64, step: wp.int64) -> vec6:
+    """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, with the deviates of a step, as `six_at`."""
     ...

@@ -1,7 +1,7 @@
 """Drivers: the kernels that are launched. In: a feature set. Out: a kernel, or several, that step a scene.
 
 solo: bodies that cannot touch, one thread per (world, body), many steps per launch; lanes and lanes_rigid are its form
-    for CPUs, with noise in blocks (lane_groups says how many lanes).
+    for CPUs, with noise in blocks, and lanes_alike that of equal worlds in vectors (lane_groups says how many lanes).
 world: up to 24 bodies that touch, one thread per world (world_room: the memory of a thread; world_contacts: finding
     and settling contacts; coupled_world: with hydrodynamic coupling).
 grid: many bodies, one thread per body and step; grid_data and grid_store hold its arrays, neighbours and grid_lists

@@ -15,7 +15,7 @@ from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData
 from otwarp.kernels.core.worlds import number_term
-from otwarp.kernels.cpu.noise_block import BLOCK, block_source
+from otwarp.kernels.cpu.noise_block import BLOCK, before_step, block_source
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
 from otwarp.kernels.integrate.body import as_move, body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
@@ -97,8 +97,7 @@ def _move_in_block_term(f: Features) -> wp.Function:
         """Move of the first stage and its drift [µm] of the lone sphere b, with noise from place k of a block."""
         step = grid.clock[0]
         bead = bead_constants(model, control, world, b)
-        bead.deviates = block
-        bead.deviates_from = step - wp.int64(k)
+        bead.deviates = before_step(block, step - wp.int64(k))
         time = wp.float64(step) * model.time_step
         move, drift = predict(model, control, state, bead, world, b, pose.position, step, time)
         return Move(move, wp.vec3(0.0)), Move(drift, wp.vec3(0.0))

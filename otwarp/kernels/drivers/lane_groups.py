@@ -2,12 +2,26 @@
 
 import warp as wp
 
-from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.types import BeadConstants
 from otwarp.kernels.cpu.noise_block import BLOCK
 from otwarp.kernels.integrate.integrators import INTEGRATORS
+from otwarp.kernels.optics.escapes import EscapeMonitor
 
-GROUP = 8
-"""Bodies of one thread: enough to fill a processor's pipelines, few enough for what they need to stay near it."""
+GROUP = 16
+"""Bodies of one thread: enough to fill a processor's pipelines and the widest registers, few enough for what they need
+to stay near it."""
+
+
+@wp.struct
+class BeadLane:
+    """A lone sphere on its way; `until` is the step of the launch at which it stops."""
+
+    position: wp.vec3
+    until: wp.int32
+    bead: BeadConstants
+    first: EscapeMonitor
+    second: EscapeMonitor
 
 
 def threads_for(bodies: int) -> int:
@@ -25,6 +39,11 @@ def draws_blocks(f: Features) -> bool:
     return f.brownian and not f.walls
 
 
+def monitors_in_lane(f: Features) -> int:
+    """How many traps a sphere in a lane monitors itself: those whose constants it carries along."""
+    return f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
+
+
 def view_term(kind: type) -> wp.Function:
     """`(room) -> address` of a local array of structs.
 
@@ -40,6 +59,9 @@ def view_term(kind: type) -> wp.Function:
         ...
 
     return address
+
+
+bead_lanes_at = view_term(BeadLane)
 
 
 @wp.func_native("""

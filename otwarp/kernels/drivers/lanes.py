@@ -10,12 +10,21 @@ import warp as wp
 
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
-from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
-from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
-from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
+from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
+from otwarp.kernels.drivers.lane_groups import (
+    GROUP,
+    BeadLane,
+    bead_lanes_at,
+    draws_blocks,
+    fresh_steps,
+    from_start,
+    monitors_in_lane,
+)
+from otwarp.kernels.drivers.lanes_alike import WIDE, alike_term, go_together, step_together_term
 from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
@@ -29,29 +38,17 @@ def make_lanes_step(f: Features) -> wp.Kernel:
     return make_body_lanes(f) if f.rigid else make_bead_lanes(f)
 
 
-@wp.struct
-class BeadLane:
-    """A lone sphere on its way; `until` is the step of the launch at which it stops."""
-
-    position: wp.vec3
-    until: wp.int32
-    bead: BeadConstants
-    first: EscapeMonitor
-    second: EscapeMonitor
-
-
-bead_lanes_at = view_term(BeadLane)
-
-
 def make_bead_lanes(f: Features) -> wp.Kernel:
     """Step for lone spheres, as `make_bead_step`."""
     start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
+    alike, step_together = (alike_term(f), step_together_term(f)) if go_together(f) else (None, None)
+    options = {"cpu_compiler_flags": WIDE} if step_together else {}
     number = number_term(f)
     worlds_in, world_in, start_of = worlds_term(f), world_term(f), start_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=options)
     def bead_lanes(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
         first_step: wp.int64, steps: int, worlds: int,
@@ -68,44 +65,50 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
             b0 = (before + g0) % wp.static(f.bodies)
             lanes[g0] = start(model, control, state, readout, w0, b0)
             lanes[g0].until = steps
-            lanes[g0].bead.deviates = address_of(deviates, wp.static(3 * BLOCK) * g0)
+        together = bool(False)
+        if wp.static(step_together is not None):
+            together = alike(lanes, bodies)
         done = int(0)
         while done < steps:
-            if wp.static(draw is not None):
-                for g1 in range(bodies):
-                    w1 = world_in(model, first_world + (before + g1) // wp.static(f.bodies))
-                    b1 = (before + g1) % wp.static(f.bodies)
-                    now = start_of(model, w1, first_step) + wp.int64(done)
-                    draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, number(model, w1), b1)
-                    lanes[g1].bead.deviates_from = now
-            for k in range(done, wp.min(done + wp.static(fresh), steps)):
-                for g2 in range(bodies):
-                    w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
-                    b2 = (before + g2) % wp.static(f.bodies)
-                    advance(
-                        model,
-                        control,
-                        state,
-                        readout,
-                        lanes,
-                        from_start(g2),
-                        w2,
-                        b2,
-                        start_of(model, w2, first_step),
-                        k,
-                    )
-            done += wp.static(fresh)
+            count = wp.min(wp.static(fresh), steps - done)
+            stepped = bool(False)
+            if wp.static(step_together is not None):
+                if together:
+                    world = first_world + before
+                    stepped = step_together(
+                        model, control, state, lanes, deviates, world, first_step, done, count
+                    )  # fmt: skip
+            if not stepped:
+                if wp.static(draw is not None):
+                    for g1 in range(bodies):
+                        w1 = world_in(model, first_world + (before + g1) // wp.static(f.bodies))
+                        b1 = (before + g1) % wp.static(f.bodies)
+                        now = start_of(model, w1, first_step) + wp.int64(done)
+                        draw(deviates, wp.static(3 * BLOCK) * g1, model.seed, now, number(model, w1), b1)
+                        lanes[g1].bead.deviates = before_step(address_of(deviates, wp.static(3 * BLOCK) * g1), now)
+                for k in range(done, done + count):
+                    for g2 in range(bodies):
+                        w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
+                        b2 = (before + g2) % wp.static(f.bodies)
+                        advance(
+                            model,
+                            control,
+                            state,
+                            readout,
+                            lanes,
+                            from_start(g2),
+                            w2,
+                            b2,
+                            start_of(model, w2, first_step),
+                            k,
+                        )
+            done += count
         for g3 in range(bodies):
             w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))
             b3 = (before + g3) % wp.static(f.bodies)
             finish(model, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
 
     return bead_lanes
-
-
-def monitors_in_lane(f: Features) -> int:
-    """How many traps a sphere in a lane monitors itself: those whose constants it carries along."""
-    return f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
 
 
 def look_term(f: Features) -> wp.Function:
@@ -122,9 +125,9 @@ def look_term(f: Features) -> wp.Function:
         one = lane.first
         two = lane.second
         if wp.static(monitors > 0):
-            one = monitored(model, bead, one, bead.first, bead.first_command, world, 0, lane.position, first, taken)
+            one = monitored(model, bead, one, bead.first_anchor, world, 0, lane.position, first, taken)
         if wp.static(monitors > 1):
-            two = monitored(model, bead, two, bead.second, bead.second_command, world, 1, lane.position, first, taken)
+            two = monitored(model, bead, two, bead.second_anchor, world, 1, lane.position, first, taken)
         return one, two
 
     return look

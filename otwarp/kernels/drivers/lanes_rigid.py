@@ -20,7 +20,7 @@ from otwarp.kernels.core.types import (
     StateData,
 )
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
-from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term
+from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
 from otwarp.kernels.cpu.rigid_block import KEPT, keep
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.integrate.body import body_dynamics
@@ -61,8 +61,7 @@ def deviates_term(f: Features) -> wp.Function:
     ) -> RigidConstants:  # fmt: skip
         """The constants with the address of a freshly drawn block of six deviates per step."""
         draw_six(buffer, at, model.seed, first, number(model, world), b)
-        body.deviates = address_of(buffer, at)
-        body.deviates_from = first
+        body.deviates = before_step(address_of(buffer, at), first)
         return body
 
     @wp.func
@@ -73,12 +72,10 @@ def deviates_term(f: Features) -> wp.Function:
         """The constants with the address of a fresh block: six deviates per step for a rigid body, else three."""
         if body.turns != 0:
             draw_six(buffer, at, model.seed, first, number(model, world), b)
-            body.rigid.deviates = address_of(buffer, at)
-            body.rigid.deviates_from = first
+            body.rigid.deviates = before_step(address_of(buffer, at), first)
         else:
             draw_three(buffer, at, model.seed, first, number(model, world), b)
-            body.bead.deviates = address_of(buffer, at)
-            body.bead.deviates_from = first
+            body.bead.deviates = before_step(address_of(buffer, at), first)
         return body
 
     return of_either if kind is BodyConstants else of_rigid

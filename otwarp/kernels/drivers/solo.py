@@ -64,13 +64,9 @@ def look_term(f: Features) -> wp.Function:
     ) -> EscapeMonitors:  # fmt: skip
         """The monitors after `taken` steps with the sphere at `position` [µm]."""
         out = monitors
-        out.first = monitored(
-            model, bead, monitors.first, bead.first, bead.first_command, world, 0, position, first, taken
-        )
+        out.first = monitored(model, bead, monitors.first, bead.first_anchor, world, 0, position, first, taken)
         if wp.static(f.traps == FEW_TRAPS):
-            out.second = monitored(
-                model, bead, monitors.second, bead.second, bead.second_command, world, 1, position, first, taken
-            )
+            out.second = monitored(model, bead, monitors.second, bead.second_anchor, world, 1, position, first, taken)
         return out
 
     return look

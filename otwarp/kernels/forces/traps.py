@@ -7,7 +7,7 @@ from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_wrench import anchor_of, reach_term, trap_command_term
-from otwarp.kernels.optics.traps import trap_force_term
+from otwarp.kernels.optics.traps import anchored, trap_force_term
 
 
 def sum_over_traps_term(f: Features, what: str) -> wp.Function:
@@ -23,13 +23,12 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     reach_of = reach_term(f)
 
     @wp.func
-    def one_of_few(model: ModelData, law: TrapConstants, command: wp.vec4, position: wp.vec3) -> kind:
+    def one_of_few(model: ModelData, law: TrapConstants, anchor: wp.vec4, position: wp.vec3) -> kind:
         """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
-        anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
-        away = position - anchor
+        away = position - wp.vec3(anchor[0], anchor[1], anchor[2])
         if wp.static(f.periodic):
             away = nearest(model.period, away)
-        return command[3] * value_at(model.traps, law, away)
+        return anchor[3] * value_at(model.traps, law, away)
 
     @wp.func
     def of_few(
@@ -37,14 +36,14 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         position: wp.vec3, time: wp.float64,
     ) -> kind:  # fmt: skip
         """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
-        command = bead.first_command
+        anchor = bead.first_anchor
         if wp.static(not f.still_traps):
-            command = trap_command(model, control, state, world, 0, time)
-        total = one_of_few(model, bead.first, command, position)
+            anchor = anchored(bead.first, trap_command(model, control, state, world, 0, time))
+        total = one_of_few(model, bead.first, anchor, position)
         if wp.static(f.traps == FEW_TRAPS):
-            other = bead.second_command
+            other = bead.second_anchor
             if wp.static(not f.still_traps):
-                other = trap_command(model, control, state, world, 1, time)
+                other = anchored(bead.second, trap_command(model, control, state, world, 1, time))
             total += one_of_few(model, bead.second, other, position)
         return total
 

@@ -20,7 +20,6 @@ from otwarp.kernels.core.types import (
     Pose,
     ReadoutData,
     StateData,
-    TrapConstants,
     TrapData,
     world_row,
 )
@@ -134,21 +133,21 @@ def start_monitor(
 
 
 def monitor_term(f: Features) -> wp.Function:
-    """`(model, bead, monitor, law, command, world, trap, position, first, taken) -> monitor` after `taken` steps."""
+    """`(model, bead, monitor, anchor, world, trap, position, first, taken) -> monitor` after `taken` steps."""
     number = number_term(f)
 
     @wp.func
     def monitored(
-        model: ModelData, bead: BeadConstants, monitor: EscapeMonitor, law: TrapConstants, command: wp.vec4, world: int,
-        trap: int, position: wp.vec3, first: wp.int64, taken: int,
+        model: ModelData, bead: BeadConstants, monitor: EscapeMonitor, anchor: wp.vec4, world: int, trap: int,
+        position: wp.vec3, first: wp.int64, taken: int,
     ) -> EscapeMonitor:  # fmt: skip
         """The monitor after a look at `position` [µm]: lost if out of reach of a lit trap, now or in between."""
         # the same displacement as the force of the step needs, so that it is computed once
-        away = position - (wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis)
+        away = position - wp.vec3(anchor[0], anchor[1], anchor[2])
         if wp.static(f.periodic):
             away = nearest(model.period, away)
         away2 = wp.length_sq(away)
-        if wp.max(away2, monitor.last2) > monitor.near2 and command[3] > 0.0:
+        if wp.max(away2, monitor.last2) > monitor.near2 and anchor[3] > 0.0:
             lost = away2 > monitor.reach * monitor.reach
             if wp.static(f.brownian and f.crossings):
                 if taken > 0 and not lost:

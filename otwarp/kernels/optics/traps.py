@@ -239,6 +239,13 @@ def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int
 
 
 @wp.func
+def anchored(law: TrapConstants, command: wp.vec4) -> wp.vec4:
+    """Equilibrium point [µm] and power [mW] of a trap from its focus [µm] and power."""
+    anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
+    return wp.vec4(anchor[0], anchor[1], anchor[2], command[3])
+
+
+@wp.func
 def followed(
     command: wp.vec4, follow: int, times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int,
     last: int, time: wp.float64,

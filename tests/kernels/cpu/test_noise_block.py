@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.kernels.core.noise import NOISES, six_deviates_term, three_deviates_term
 from otwarp.kernels.core.types import vec6
-from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term, six_at, three_at
+from otwarp.kernels.cpu.noise_block import BLOCK, address_of, noise_block_term, six_at, three_at, worlds_block_term
 
 SEED = 4000000001
 """Above 2³¹, so that a sign would show."""
@@ -48,9 +48,29 @@ def block_kernel(noise: str, count: int) -> wp.Kernel:
         address = address_of(buffer, at)
         steps = int(BLOCK)
         for k in range(steps):
-            x = read(address, k)
+            x = read(address, wp.int64(k))
             for c in range(count):
                 out[i, k, c] = x[c]
+
+    return kernel
+
+
+@functools.lru_cache
+def worlds_kernel() -> wp.Kernel:
+    """Draws one step of the worlds of a block at once."""
+    block = worlds_block_term("gaussian")
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kernel(first: wp.int64, world: wp.array(dtype=int), body: int, out: wp.array3d(dtype=float)):
+        k = wp.tid()
+        buffer = wp.zeros(shape=(wp.static(BLOCK * 3),), dtype=wp.float32)
+        lanes = int(BLOCK)
+        for begin in range(0, world.shape[0], BLOCK):
+            block(buffer, 0, wp.uint32(SEED), first + wp.int64(k), world[begin])
+            for i in range(lanes):
+                x = three_at(address_of(buffer, 0), wp.int64(i))
+                for c in range(3):
+                    out[begin + i, k, c] = x[c]
 
     return kernel
 
@@ -87,6 +107,17 @@ def test_a_block_has_the_bits_of_the_scalar_functions(noise, count, device):
         for body in (0, 2**31 - 1):
             how = {"first": first, "world": world, "body": body}
             np.testing.assert_array_equal(run(block, count, device, **how), run(scalar, count, device, **how))
+
+
+def test_a_step_of_many_worlds_has_them_too(device):
+    for begin in (0, 2**31 - 64, -32):
+        world = np.arange(begin, begin + 3 * BLOCK).astype(np.int32)
+        for first in STARTS:
+            out = wp.empty((len(world), BLOCK, 3), dtype=float, device=device)
+            inputs = [wp.int64(first), wp.array(world, dtype=int, device=device), 0, out]
+            wp.launch(worlds_kernel(), dim=BLOCK, inputs=inputs, device=device)
+            alone = run(scalar_kernel("gaussian", 3), 3, device, first=first, world=world, body=0)
+            np.testing.assert_array_equal(out.numpy().view(np.uint32), alone)
 
 
 @pytest.mark.parametrize(("noise", "count"), FORMS)
@@ -130,8 +161,8 @@ def test_a_struct_can_hold_on_to_a_block(device):
     block = noise_block_term("gaussian", 6)
 
     @wp.func
-    def read(carrier: Carrier, k: int) -> vec6:
-        return six_at(carrier.noise, k)
+    def read(carrier: Carrier, step: wp.int64) -> vec6:
+        return six_at(carrier.noise, step)
 
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(out: wp.array(dtype=vec6)):
@@ -142,7 +173,7 @@ def test_a_struct_can_hold_on_to_a_block(device):
         for n in range(3):
             block(buffer, 0, wp.uint32(SEED), wp.int64(BLOCK * n), 11, 0)
             for k in range(steps):
-                out[BLOCK * n + k] = read(carrier, k)
+                out[BLOCK * n + k] = read(carrier, wp.int64(k))
 
     out = wp.empty(3 * BLOCK, dtype=vec6, device=device)
     wp.launch(kernel, dim=1, inputs=[out], device=device)

@@ -39,7 +39,7 @@ def probe(
     )  # fmt: skip
     rotation = wp.quat_to_matrix(turn[i])
     move[i] = kept_mobility_product(at, rotation, load[i])
-    noise[i] = kept_noise(at, rotation, wp.uint64(deviates.ptr), i)
+    noise[i] = kept_noise(at, rotation, wp.uint64(deviates.ptr), wp.int64(i))
 
 
 def test_products_are_those_of_numpy(device):
