@@ -18,7 +18,7 @@ from otwarp.simulation.simulation import Simulation
 SCENES = Path(__file__).parents[2] / "scenes"
 
 
-def tiny_kernels() -> tuple[wp.Kernel, wp.Kernel]:
+def tiny_kernels() -> tuple[Any, Any]:
     """Two kernels of a module each."""
 
     @wp.kernel(enable_backward=False, module="unique")
