@@ -28,6 +28,13 @@ def test_readme_quotes_the_printed_costs():
         assert (here, there) == (cpu[term], cuda[term]), term
 
 
+def test_readme_quotes_the_printed_real_time_factor():
+    page = (ROOT / "docs" / "benchmarks" / "realtime.md").read_text()
+    row = next(cells(line) for line in page.splitlines() if line.startswith("| `cell_delivery`"))
+    factor = float(row[4].split()[0])
+    assert f"The cell delivery steps at {factor:.0f} times real time" in (ROOT / "README.md").read_text()
+
+
 def test_the_list_of_scripts_is_whole():
     folder = ROOT / "benchmarks"
     text = (folder / "README.md").read_text()

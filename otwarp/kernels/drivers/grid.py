@@ -19,7 +19,7 @@ from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.rotation import rotate_by
-from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
@@ -124,9 +124,29 @@ def make_advance(f: Features) -> wp.Kernel:
     return advance
 
 
+def check_body_term(f: Features) -> wp.Function:
+    """`(model, grid, world, b, pose)`: ask for new neighbour lists if an element of a body has gone too far."""
+
+    @wp.func
+    def check_body(model: ModelData, grid: GridData, world: int, b: int, pose: Pose):
+        """Compare the place of each colliding element of body b with that for which the lists were made [µm]."""
+        for e in range(model.contact.start[b], model.contact.start[b + 1]):
+            centre = pose.position
+            if wp.static(f.rigid):
+                s = model.contact.sphere[e]
+                centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
+            away = centre - grid.near.reference[world * grid.near.elements + e]
+            if wp.static(f.periodic):
+                away = nearest(model.period, away)
+            check_moved(grid.near, away)
+
+    return check_body
+
+
 def make_commit(f: Features) -> wp.Kernel:
     """Kernel over (world, share of its bodies): move what has no fault, and check how far it has gone."""
     record_escapes = escape_term(f) if f.escapes else None
+    check_body = check_body_term(f) if f.contacts else None
     body_pose = body_pose_term(f)
 
     @wp.func
@@ -167,15 +187,7 @@ def make_commit(f: Features) -> wp.Kernel:
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
         if wp.static(f.contacts):
-            for e in range(model.contact.start[b], model.contact.start[b + 1]):
-                centre = pose.position
-                if wp.static(f.rigid):
-                    s = model.contact.sphere[e]
-                    centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
-                away = centre - grid.near.reference[world * grid.near.elements + e]
-                if wp.static(f.periodic):
-                    away = nearest(model.period, away)
-                check_moved(grid.near, away)
+            check_body(model, grid, world, b, pose)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def commit(

@@ -139,11 +139,19 @@ def gap_error(c: Contact, load: float, overlap: float) -> float:
 
 
 @wp.func
-def end_overlap(c: Contact, give: float, reach: float) -> float:
-    """Backward Euler of this contact alone, as if its whole world gave way by `give`: overlap at the end [µm]."""
+def end_overlap(c: Contact, opened: float, start: float, row_sum: float, reach: float) -> float:
+    """Overlap [µm] at which a contact ends whose gap a load of `start` [pN] leaves open by `opened` [µm].
+
+    Of what swept over `reach` [µm] it is that of the contact alone; else backward Euler's, as if the gap gave way by
+    row_sum·give.
+    """
     end = float(0.0)
+    give = row_sum * c.give
+    alone = c.overlap - opened + give * (start - c.floor)
     if reach > 0.0:
-        end = overlap_alone(c.hardness, give, reach)
+        end = overlap_alone(c.hardness, c.give, reach)
+    elif alone > 0.0:
+        end = overlap_alone(c.hardness, give, alone)
     return end
 
 
@@ -210,15 +218,9 @@ def relax_body_term(f: Features) -> wp.Function:
                     write_lift(grid, row, i, c.lift)
             start = scale * grid.ahead[row, i]
             row_sum = larger_row_sum(grid, world, c)
-            give = row_sum * c.give
             opened = opening(grid, before, world, c, scale)
-            overlap = c.overlap - opened
-            end = float(0.0)
             reach = swept_reach(c, opened, start, row_sum)
-            if reach > 0.0:
-                end = overlap_alone(c.hardness, c.give, reach)
-            else:
-                end = end_overlap(c, give, overlap + give * (start - c.floor))
+            end = end_overlap(c, opened, start, row_sum, reach)
             load = c.floor + c.hardness * end * wp.sqrt(end)
             if wp.abs(load - start) * c.give > wp.static(SETTLED) + path_tolerance(c, reach):
                 grid.moving[world, sweep] = 1
@@ -226,10 +228,10 @@ def relax_body_term(f: Features) -> wp.Function:
             ahead = load
             if last:
                 # a free move without bound is the fault that `commit` reports
-                if gap_error(c, start, overlap) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
+                if gap_error(c, start, c.overlap - opened) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
                     raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[0])
             else:
-                ahead += momentum_of(c, give, end, start, load, sweep)
+                ahead += momentum_of(c, row_sum * c.give, end, start, load, sweep)
             write_load(grid, row, i, load)
             grid.ahead[row, i] = ahead
             linear += ahead * c.response_a.linear

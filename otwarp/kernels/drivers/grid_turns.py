@@ -10,7 +10,7 @@ which it counts as settled, are those of the sweeps.
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, overlap_alone
+from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact
 from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
@@ -23,12 +23,7 @@ from otwarp.kernels.drivers.grid_store import contact_store_terms, peek_terms
 @wp.func
 def load_alone(c: Contact, opened: float) -> float:
     """Load λ [pN] that solves a contact whose gap is open by `opened` [µm] with its present load, all else at rest."""
-    end = float(0.0)
-    reach = swept_reach(c, opened, c.load, 1.0)
-    if reach > 0.0:
-        end = overlap_alone(c.hardness, c.give, reach)
-    else:
-        end = end_overlap(c, c.give, c.overlap - opened + c.give * (c.load - c.floor))
+    end = end_overlap(c, opened, c.load, 1.0, swept_reach(c, opened, c.load, 1.0))
     return c.floor + c.hardness * end * wp.sqrt(end)
 
 
