@@ -58,8 +58,8 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
         ("worlds that end", f.episodes, "Simulation(ends=…)", "Simulation without ends"),
         (
             "contacts solved for moves",
-            bool(f.body_space),
-            "all contacts are soft" if f.body_space == "all" else "steps whose contacts are soft",
+            f.body_space,
+            "some contacts are soft",
             "contacts are stiff, bodies coupled or near walls, or there are many",
         ),
         (

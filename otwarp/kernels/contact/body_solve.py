@@ -7,21 +7,22 @@ law (`implicit_law`), backward Euler asks for
 
 where ½ xᵀ(M dt)⁻¹x + Σ Φ_i(s_i) is least, −Φ' = λ: a convex energy, whose minimum Newton's method finds,
 
-    ((M dt)⁻¹ + Σ k_i J_iᵀJ_i) x = Σ J_iᵀ (λ_i + k_i (s_i − s_i⁰)),  k_i = −dλ_i/ds_i.
+    ((M dt)⁻¹ + Σ k_i J_iᵀJ_i) Δx = Σ J_iᵀ λ_i − (M dt)⁻¹ x,  k_i = −dλ_i/ds_i,
 
-The unknowns are as many as the bodies have ways to move, however many contacts there are; there is no set of pressed
-contacts to be found, and no matrix of contacts. A force on a sphere runs through its centre, so that all contacts of a
-lone sphere with one other body make one matrix of 3×3, Σ k nnᵀ, before they are spread over the unknowns.
+with each law by the line that stands for it, λ_i = force_i − k_i s_i. The unknowns are as many as the bodies have ways
+to move, however many contacts there are; there is no set of pressed contacts to be found, and no matrix of contacts. A
+force on a sphere runs through its centre, so that all contacts of a lone sphere with one other body make one matrix of
+3×3, Σ k nnᵀ, before they are spread over the unknowns.
 
-The laws are the same as in `solve`, to the same tolerance. That one stays for contacts so stiff that float32 cannot
-carry them here, and where bodies do not move by (M dt)⁻¹ of their own: near hydrodynamic walls, and coupled.
+The laws are the same as in `solve`, to the same tolerance. That one stays for scenes without a soft contact, and where
+bodies do not move by (M dt)⁻¹ of their own: near hydrodynamic walls, and coupled.
 """
 
 import warp as wp
 
 from otwarp.kernels.contact.blocks import block_at, factorise, solve_factorised
-from otwarp.kernels.contact.contact import FIRST_OVERLAP, Contact
-from otwarp.kernels.contact.implicit_law import depth_at, first_line, line_error
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.contact.implicit_law import PULL_TOLERANCE, depth_at, first_line, line_error
 from otwarp.kernels.contact.solve import opening_by_moves
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
@@ -30,11 +31,10 @@ from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.types import ModelData
 
 ROUNDS = wp.constant(24)
-"""Most of Newton's steps."""
+"""Most looks at the laws, one more than Newton's steps."""
 
 WHOLE_ROUNDS = wp.constant(8)
-"""Of these so many whole; then halves, which cannot go to and fro."""
-
+"""So many steps are whole; then halves, which cannot go to and fro."""
 
 MAX_NODES = 24
 """Nodes of a world up to which its contacts may be solved so: a row's blocks are bits of a word."""
@@ -42,10 +42,7 @@ MAX_NODES = 24
 SOFT = 10.0
 """Largest κ = 1.5·K·√δ·give, at an overlap of a hundredth of the effective radius, of a contact that counts as soft.
 
-Newton's tangents take 3 rounds at κ = 3, 9 at κ = 30, and at κ = 300 they do not always arrive; float32 has too few
-digits for loads from 3·10³ on."""
-
-_SOFT = wp.constant(SOFT)
+With one in a scene all its contacts are solved so: where all are stiffer, the few that press make a smaller system."""
 
 
 @wp.struct
@@ -61,20 +58,10 @@ class SpaceRoom:
     )  # (3·bodies) (M dt)⁻¹, world axes: force and torque by displacement, torque by rotation
     block: wp.array(dtype=wp.mat33)  # lower triangle of the matrix, and its factor
     filled: wp.array(dtype=int)  # (nodes) bit j of row i: block (i, j) is not zero
-    side: wp.array(dtype=wp.vec3)  # (nodes) right-hand sides, then the solution
+    side: wp.array(dtype=wp.vec3)  # (nodes) right-hand sides, then the solution Δx
     moved: wp.array(dtype=wp.vec3)  # (nodes) what contact forces move [µm, rad]
     opening: wp.array(dtype=float)  # (contacts) openings by the free moves [µm]
     depth: wp.array(dtype=float)  # (contacts) δ of each law where it was looked at last [µm]
-
-
-@wp.func
-def all_soft(contacts: wp.array(dtype=Contact), count: int) -> bool:
-    """Whether each contact gives way at most `SOFT` times as far as its own stiffness asks it to."""
-    soft = bool(True)
-    for i in range(count):
-        c = contacts[i]
-        soft = soft and 1.5 * c.hardness * wp.sqrt(FIRST_OVERLAP * c.radius) * c.give <= _SOFT
-    return soft
 
 
 def nodes_of(f: Features) -> int:
@@ -135,18 +122,22 @@ def start_matrix_term(f: Features) -> wp.Function:
 
     @wp.func
     def start_matrix(model: ModelData, space: SpaceRoom):
-        """Write (M dt)⁻¹ [pN/µm, pN, pN·µm] as the matrix, and right-hand sides of zero [pN, pN·µm]."""
+        """Write (M dt)⁻¹ [pN/µm, pN, pN·µm] as the matrix, and −(M dt)⁻¹x as right-hand sides [pN, pN·µm]."""
         bodies = int(wp.static(f.bodies))
-        for i in range(space.node[bodies]):
-            space.filled[i] = 0
-            space.side[i] = wp.vec3(0.0)
         for b in range(bodies):
             i = space.node[b]
-            space.block[block_at(i, i)] = space.base[3 * b]
+            push = space.base[3 * b]
+            space.block[block_at(i, i)] = push
+            space.filled[i] = 0
+            space.side[i] = -(push * space.moved[i])
             if turning(model, b):
-                space.block[block_at(i + 1, i)] = space.base[3 * b + 1]
-                space.block[block_at(i + 1, i + 1)] = space.base[3 * b + 2]
+                both = space.base[3 * b + 1]
+                twist = space.base[3 * b + 2]
+                space.block[block_at(i + 1, i)] = both
+                space.block[block_at(i + 1, i + 1)] = twist
                 space.filled[i + 1] = 1 << i
+                space.side[i] = space.side[i] - wp.transpose(both) * space.moved[i + 1]
+                space.side[i + 1] = -(both * space.moved[i] + twist * space.moved[i + 1])
 
     return start_matrix
 
@@ -201,58 +192,113 @@ def join_bodies_term(f: Features) -> wp.Function:
     return join_bodies
 
 
+def unbalanced_term(f: Features) -> wp.Function:
+    """`(model, allowed, space) -> error`: how far forces out of balance move a body."""
+    turning = turning_term(f)
+
+    @wp.func
+    def unbalanced(model: ModelData, allowed: float, space: SpaceRoom) -> float:
+        """About how far [µm] the right-hand sides would move the body that they move farthest; 0 within `allowed`."""
+        error = float(0.0)
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            i = space.node[b]
+            push = space.base[3 * b][0, 0]
+            way = wp.length(space.side[i]) / push
+            if turning(model, b):
+                way += wp.length(space.side[i + 1]) / wp.sqrt(push * space.base[3 * b + 2][0, 0])
+            error = wp.max(error, way)
+        return wp.where(error > allowed, error, 0.0)
+
+    return unbalanced
+
+
 def gather_term(f: Features) -> wp.Function:
-    """`(model, contacts, count, position, space)`: the matrix and right-hand sides of one of Newton's steps."""
+    """`(model, contacts, count, position, follow, space) -> float`: all that one of Newton's steps needs."""
     turning = turning_term(f)
     start_matrix = start_matrix_term(f)
     join_bodies = join_bodies_term(f)
+    unbalanced = unbalanced_term(f)
+
+    @wp.func
+    def moved_at(model: ModelData, b: int, arm: wp.vec3, space: SpaceRoom) -> wp.vec3:
+        """What contact forces move the point of a body at `arm` by [µm]; nothing of an obstacle."""
+        way = wp.vec3(0.0)
+        if b >= 0:
+            i = space.node[b]
+            way = space.moved[i]
+            if turning(model, b):
+                way += wp.cross(space.moved[i + 1], arm)
+        return way
+
+    @wp.func
+    def follow_law(contacts: wp.array(dtype=Contact), i: int, s: float, space: SpaceRoom) -> float:
+        """The error of contact i's line at the opening `s` [µm]; unless it is little, the tangent there as new line."""
+        c = contacts[i]
+        d = depth_at(c, s, space.depth[i])
+        root = wp.sqrt(d.value)
+        load = c.floor + c.hardness * d.value * root
+        missed = line_error(c, s, d, load)
+        if missed > 0.0:
+            k = 1.5 * c.hardness * root * d.slope
+            space.depth[i] = d.value
+            contacts[i].stiffness = k
+            contacts[i].force = load + k * s
+        return missed
 
     @wp.func
     def gather(
         model: ModelData, contacts: wp.array(dtype=Contact), count: int, position: wp.array(dtype=wp.vec3),
-        space: SpaceRoom,
-    ):  # fmt: skip
-        """Fill matrix and right-hand sides from the lines of the contacts.
+        follow: bool, space: SpaceRoom,
+    ) -> float:  # fmt: skip
+        """Fill matrix and right-hand sides from the lines of the contacts, new ones where these miss their laws.
 
         Neighbours in the list that are contacts of the same two bodies, one of them a lone sphere, go together, as one
-        at its centre.
+        at its centre. Writes the loads [pN] as well; returns the largest error of a gap [µm], 0 unless `follow`.
         """
         start_matrix(model, space)
-        a = int(-1)
-        b = int(-1)
-        arm_a = wp.vec3(0.0)
-        arm_b = wp.vec3(0.0)
-        stiffness = wp.mat33(0.0)
-        force = wp.vec3(0.0)
-        for i in range(count):
-            k = contacts[i].stiffness
-            start = contacts[i].force - k * space.opening[i]
-            if k > 0.0 or start != 0.0:
-                first = contacts[i].a
-                second = contacts[i].b
-                lone_a = not turning(model, first)
-                lone_b = second >= 0 and not turning(model, wp.max(second, 0))
-                if first != a or second != b or not (lone_a or lone_b):
-                    if a >= 0:
-                        join_bodies(model, a, b, arm_a, arm_b, stiffness, force, space)
-                    a = first
-                    b = second
-                    arm_a = contacts[i].arm_a
-                    arm_b = contacts[i].arm_b
-                    between = position[wp.max(second, 0)] - position[first]
-                    if wp.static(f.periodic):
-                        between += image_shift(model.period, between)
-                    if lone_b:
-                        arm_a = between
-                    elif lone_a and second >= 0:
-                        arm_b = -between
-                    stiffness = wp.mat33(0.0)
-                    force = wp.vec3(0.0)
+        worst = float(0.0)
+        i = int(0)
+        while i < count:
+            a = contacts[i].a
+            b = contacts[i].b
+            arm_a = contacts[i].arm_a
+            arm_b = contacts[i].arm_b
+            lone_a = not turning(model, a)
+            lone_b = b >= 0 and not turning(model, wp.max(b, 0))
+            between = position[wp.max(b, 0)] - position[a]
+            if wp.static(f.periodic):
+                between += image_shift(model.period, between)
+            if lone_b:
+                arm_a = between
+            elif lone_a and b >= 0:
+                arm_b = -between
+            way = moved_at(model, a, arm_a, space) - moved_at(model, b, arm_b, space)
+            stiffness = wp.mat33(0.0)
+            force = wp.vec3(0.0)
+            presses = bool(False)
+            joined = bool(True)
+            while joined:
                 n = contacts[i].normal
+                s = space.opening[i] + wp.dot(way, n)
+                if follow:
+                    worst = wp.max(worst, follow_law(contacts, i, s, space))
+                k = contacts[i].stiffness
+                load = contacts[i].force - k * s
+                contacts[i].load = wp.max(load, contacts[i].floor)
+                presses = presses or k > 0.0 or load != 0.0
                 stiffness = stiffness + wp.outer(k * n, n)
-                force = force + start * n
-        if a >= 0:
-            join_bodies(model, a, b, arm_a, arm_b, stiffness, force, space)
+                force = force + load * n
+                i += 1
+                joined = i < count and (lone_a or lone_b)
+                if joined:
+                    joined = contacts[i].a == a and contacts[i].b == b
+            if presses:
+                join_bodies(model, a, b, arm_a, arm_b, stiffness, force, space)
+        if follow and worst == 0.0:
+            # what float32 left of the equation of motion, where contacts are stiff
+            worst = unbalanced(model, PULL_TOLERANCE * contacts[0].radius, space)
+        return worst
 
     return gather
 
@@ -261,40 +307,6 @@ def solve_bodies_term(f: Features) -> wp.Function:
     """`(model, contacts, count, position, again, linear, angular, space) -> float`: solve all contacts."""
     turning = turning_term(f)
     gather = gather_term(f)
-
-    @wp.func
-    def opened(model: ModelData, c: Contact, space: SpaceRoom) -> float:
-        """How far contact forces have opened the gap of a contact [µm]."""
-        i = space.node[c.a]
-        way = space.moved[i]
-        if turning(model, c.a):
-            way += wp.cross(space.moved[i + 1], c.arm_a)
-        if c.b >= 0:
-            j = space.node[c.b]
-            way -= space.moved[j]
-            if turning(model, c.b):
-                way -= wp.cross(space.moved[j + 1], c.arm_b)
-        return wp.dot(way, c.normal)
-
-    @wp.func
-    def follow_laws(model: ModelData, contacts: wp.array(dtype=Contact), count: int, space: SpaceRoom) -> float:
-        """New tangents for the contacts whose lines miss their laws; the largest error of a gap [µm]."""
-        worst = float(0.0)
-        for i in range(count):
-            c = contacts[i]
-            s = space.opening[i] + opened(model, c, space)
-            d = depth_at(c, s, space.depth[i])
-            root = wp.sqrt(d.value)
-            load = c.floor + c.hardness * d.value * root
-            contacts[i].load = wp.max(c.force - c.stiffness * s, c.floor)
-            missed = line_error(c, s, d, load)
-            if missed > 0.0:
-                k = 1.5 * c.hardness * root * d.slope
-                space.depth[i] = d.value
-                contacts[i].stiffness = k
-                contacts[i].force = load + k * s
-            worst = wp.max(worst, missed)
-        return worst
 
     @wp.func
     def solve_bodies(
@@ -316,25 +328,23 @@ def solve_bodies_term(f: Features) -> wp.Function:
                 contacts[i].force = line[0]
                 contacts[i].stiffness = line[1]
                 space.depth[i] = line[2]
+        for i in range(nodes):
+            space.moved[i] = wp.vec3(0.0)
         worst = float(0.0)
-        for round in range(wp.where(count > 0, ROUNDS, 0)):
-            gather(model, contacts, count, position, space)
+        for round in range(ROUNDS):
+            worst = gather(model, contacts, count, position, round > 0, space)
+            if round > 0 and (worst == 0.0 or round == ROUNDS - 1):
+                break
             factorise(nodes, space.filled, space.block)
             solve_factorised(nodes, space.filled, space.block, space.side)
+            share = wp.where(round < WHOLE_ROUNDS, 1.0, 0.5)
             for i in range(nodes):
-                moved = space.side[i]
-                if round >= WHOLE_ROUNDS:
-                    moved = 0.5 * (space.moved[i] + moved)
-                space.moved[i] = moved
-            worst = follow_laws(model, contacts, count, space)
-            if worst == 0.0:
-                break
-        if count > 0:
-            for b in range(bodies):
-                i = space.node[b]
-                linear[b] = linear[b] + space.moved[i]
-                if turning(model, b):
-                    angular[b] = angular[b] + space.moved[i + 1]
+                space.moved[i] = space.moved[i] + share * space.side[i]
+        for b in range(bodies):
+            i = space.node[b]
+            linear[b] = linear[b] + space.moved[i]
+            if turning(model, b):
+                angular[b] = angular[b] + space.moved[i + 1]
         return worst
 
     return solve_bodies

@@ -12,6 +12,7 @@ from otwarp.kernels.contact.contact import (
     NO_CONTACT,
     Contact,
     along,
+    hardest,
     pair_law,
     pair_reach,
 )
@@ -40,10 +41,7 @@ from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
 
 def new_contact_term(f: Features) -> wp.Function:
-    """Fill in what the solvers need of a contact: forces, and how far each body gives way.
-
-    Where contacts may be solved for moves, `respond_term` fills in the responses of those that are not.
-    """
+    """Fill in what the solver needs of a contact: forces, and how far each body gives way."""
     response, give_of = response_term(f), give_term(f)
 
     @wp.func
@@ -67,10 +65,11 @@ def new_contact_term(f: Features) -> wp.Function:
         # the adhesion across a gap stays what it is until the gap is closed
         c.floor = wp.where(overlap > 0.0, law.floor, law.force)
         c.stiffness = law.stiffness
-        if wp.static(bool(f.body_space)):
+        if wp.static(f.body_space):
             c.give = give_of(model, a, pose_a, scale, arm_a, normal)
             if b >= 0:
                 c.give += give_of(model, b, pose_b, scale, arm_b, normal)
+            c.hardness = wp.min(c.hardness, hardest(radius, c.give))
         else:
             c.response_a = response(model, a, pose_a, scale, arm_a, normal)
             c.give = along(c.response_a, arm_a, normal)

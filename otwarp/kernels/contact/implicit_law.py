@@ -18,6 +18,15 @@ from otwarp.kernels.contact.excursion import PATH_TOLERANCE, kept_reach, meets_p
 LAW_TOLERANCE = wp.constant(1.0e-3)
 """Error of a gap, relative to the effective radius, for which a line stands well enough for the force law."""
 
+PULL_TOLERANCE = wp.constant(1.0e-4)
+"""The same of a line that pulls where its contact has opened: what others would wrongly move by."""
+
+DEPTH_ROUNDS = wp.constant(6)
+"""Most of Newton's steps for a depth that the path asks for; two are enough from that of the round before."""
+
+DEPTH_TOLERANCE = wp.constant(1.0e-2)
+"""Relative length of a step after which the depth counts as found: the next would be its square."""
+
 _SETTLED = wp.constant(SETTLED)
 
 
@@ -35,7 +44,7 @@ class Depth:
 
 @wp.func
 def depth_at(c: Contact, opening: float, guess: float) -> Depth:
-    """δ(s) at s = `opening` [µm], where the path counts by two of Newton's steps from `guess` [µm]."""
+    """δ(s) at s = `opening` [µm], where the path counts by Newton's steps from `guess` [µm]."""
     d = Depth()
     end = c.overlap - opening
     if end > 0.0:
@@ -48,13 +57,16 @@ def depth_at(c: Contact, opening: float, guess: float) -> Depth:
         if (yields * d.value * wp.sqrt(d.value) + d.value + begin) * (opening + d.value + begin) < quarter:
             least = d.value
             depth = wp.max(guess, least)
-            for _ in range(2):
+            for _ in range(DEPTH_ROUNDS):
                 root = wp.sqrt(depth)
                 inverse = 1.0 / (opening + depth + begin)
                 kept = quarter * inverse
                 rise = 1.5 * yields * root + 1.0 + kept * inverse
-                depth = wp.max(depth - (yields * depth * root + depth + begin - kept) / rise, least)
+                step = (yields * depth * root + depth + begin - kept) / rise
+                depth = wp.max(depth - step, least)
                 d.slope = kept * inverse / rise
+                if wp.abs(step) <= DEPTH_TOLERANCE * depth:
+                    break
             d.value = depth
             d.by_path = 1
             d.above = opening + depth + begin
@@ -84,12 +96,17 @@ def line_error(c: Contact, opening: float, d: Depth, load: float) -> float:
 
     `load` [pN] is that of the law.
     """
-    missed = wp.abs(c.force - c.stiffness * opening - load) * c.give
+    line = c.force - c.stiffness * opening
+    missed = wp.abs(line - load) * c.give
     allowed = LAW_TOLERANCE * c.radius
     if d.by_path != 0:
         allowed = _SETTLED + PATH_TOLERANCE * d.above
     else:
         missed = missed / (1.0 + 1.5 * c.give * c.hardness * wp.sqrt(d.value))
+    if line < c.floor:
+        # what it pulls moves others, however little it is in its own gap
+        missed = wp.max(missed, (c.floor - line) * c.give)
+        allowed = wp.min(allowed, PULL_TOLERANCE * c.radius)
     return wp.where(missed > allowed, missed, 0.0)
 
 

@@ -2,9 +2,8 @@
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import Contact, rigid_response, sphere_response
+from otwarp.kernels.contact.contact import rigid_response, sphere_response
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.types import ModelData, Move, Pose, vec6
 from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
 from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
@@ -69,25 +68,3 @@ def give_term(f: Features) -> wp.Function:
         return scale * mobility
 
     return give
-
-
-def respond_term(f: Features) -> wp.Function:
-    """`(model, world, position, rotation, contacts, count)`: fill in the moves per unit force of contacts' bodies."""
-    response = response_term(f)
-
-    @wp.func
-    def respond(
-        model: ModelData, world: int, position: wp.array(dtype=wp.vec3), rotation: wp.array(dtype=wp.quat),
-        contacts: wp.array(dtype=Contact), count: int,
-    ):  # fmt: skip
-        """Moves [µm/pN, rad/pN] that `new_contact` left out."""
-        scale = step_over_viscosity(model, world)
-        for i in range(count):
-            c = contacts[i]
-            pose = Pose(position[c.a], rotation[c.a])
-            contacts[i].response_a = response(model, c.a, pose, scale, c.arm_a, c.normal)
-            if c.b >= 0:
-                pose = Pose(position[c.b], rotation[c.b])
-                contacts[i].response_b = response(model, c.b, pose, scale, c.arm_b, -c.normal)
-
-    return respond

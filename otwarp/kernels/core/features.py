@@ -52,8 +52,8 @@ class Features:
         rods: Some of them touch by rods too.
         soft_contacts: In the `grid` driver, contacts of lone spheres are so soft against the time step that their force
             at its start serves for all of it.
-        body_space: In the `world` driver, whether all contacts, some or none ("") are soft enough to be solved for what
-            they move the bodies, see `kernels.contact.body_solve`; with some, each step of a world decides.
+        body_space: In the `world` driver, contacts are solved for what they move the bodies, because some are soft; see
+            `kernels.contact.body_solve`.
         escapes: Traps hold spheres that can escape.
         crossings: Escapes between steps count; off only where a benchmark asks what that is worth.
         walls: Planes that hinder motion hydrodynamically: 0, 1, or 2 for several.
@@ -89,7 +89,7 @@ class Features:
     pairs: bool = False
     rods: bool = False
     soft_contacts: bool = False
-    body_space: Literal["", "some", "all"] = ""
+    body_space: bool = False
     escapes: bool = False
     crossings: bool = True
     walls: int = 0

@@ -110,10 +110,10 @@ def settle_coupled_term(f: Features) -> wp.Function:
     def settle_coupled(
         model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
         count: int, again: bool, step: wp.int64,
-    ) -> bool:  # fmt: skip
+    ):  # fmt: skip
         """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
         if count == 0:
-            return False
+            return
         bodies = int(wp.static(f.bodies))
         sane = bounded(bodies, body)
         error = solve_coupled_contacts(
@@ -122,7 +122,6 @@ def settle_coupled_term(f: Features) -> wp.Function:
         )  # fmt: skip
         if error > UNSETTLED * room.contacts[0].radius and sane:
             raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
-        return False
 
     return settle_coupled
 

@@ -183,7 +183,8 @@ class Stages:
             more: a predictor without them would push a trapped body through what it presses on. None for one-stage
             schemes.
         find: `(model, readout, world, body, room, carry, step, time) -> count` of contacts; None where nothing touches.
-        settle: `(readout, world, body, room, carry, count, step)`: add what the contacts move to the free moves.
+        settle: `(model, readout, world, body, room, carry, count, again, step)`: add what the contacts move to the free
+            moves; `again` in the second stage.
     """
 
     predict: wp.Function
@@ -225,13 +226,13 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
             count = find_contacts(model, readout, world, body, room, carry, step, time)
             if wp.static(f.bends and f.brownian):
                 lift_gaps(room.contacts, count, body.free, body.drift)
-            soft = settle(model, readout, world, body, room, carry, count, False, step)
+            settle(model, readout, world, body, room, carry, count, False, step)
         if wp.static(correct is not None):
             correct(model, control, state, world, body, carry, step, time)
             if wp.static(f.bends):
                 lift_gaps(room.contacts, count, body.free, body.drift)
             if wp.static(f.contacts):
-                soft = settle(model, readout, world, body, room, carry, count, soft, step)
+                settle(model, readout, world, body, room, carry, count, True, step)
         if wp.static(f.contacts):
             if report:
                 report_contacts(readout, world, wp.static(f.bodies), room.contacts, count)
@@ -279,7 +280,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
             contacts = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
             solve = SolveRoom()
             space = SpaceRoom()
-            if wp.static(bool(f.body_space)):
+            if wp.static(f.body_space):
                 node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
                 base = wp.zeros(shape=(wp.static(3 * f.bodies),), dtype=wp.mat33)
                 block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
@@ -289,7 +290,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
                 opening = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
                 depth = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
                 space = SpaceRoom(node, base, block, filled, side, moved, opening, depth)
-            if wp.static(f.body_space != "all"):
+            else:
                 matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
                 gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
                 right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)

@@ -2,10 +2,9 @@
 
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import all_soft, fill_base_term, solve_bodies_term
+from otwarp.kernels.contact.body_solve import fill_base_term, solve_bodies_term
 from otwarp.kernels.contact.contact import UNSETTLED, Contact
 from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
-from otwarp.kernels.contact.response import respond_term
 from otwarp.kernels.contact.solve import solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
@@ -87,43 +86,34 @@ def settle_term(f: Features) -> wp.Function:
     """`settle` of `Stages`, for bodies that move by their own contacts alone."""
     fill_base = fill_base_term(f) if f.body_space else None
     solve_bodies = solve_bodies_term(f) if f.body_space else None
-    respond = respond_term(f) if f.body_space == "some" else None
 
     @wp.func
     def settle(
         model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
         count: int, again: bool, step: wp.int64,
-    ) -> bool:  # fmt: skip
+    ):  # fmt: skip
         """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`.
 
-        `again`: they were solved in body space before in this step; true is returned if they are now.
+        `again`: they were solved before in this step.
         """
         if count == 0:
-            return False
+            return
         # a free move without bound is the fault that `all_good` reports
         sane = bounded(int(wp.static(f.bodies)), body)
         error = float(0.0)
-        soft = bool(wp.static(f.body_space == "all"))
-        if wp.static(f.body_space == "some"):
-            soft = again or all_soft(room.contacts, count)
-        if wp.static(bool(f.body_space)):
-            if soft:
-                if not again:
-                    fill_base(model, world, body.rotation, room.space)
-                error = solve_bodies(
-                    model, room.contacts, count, body.position, again, body.linear, body.angular, room.space
-                )
-        if wp.static(f.body_space != "all"):
-            if not soft:
-                if wp.static(f.body_space == "some"):
-                    respond(model, world, body.position, body.rotation, room.contacts, count)
-                error = solve_contacts(
-                    room.contacts, count, body.linear, body.angular, room.solve.matrix, room.solve.gap,
-                    room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
-                )  # fmt: skip
+        if wp.static(f.body_space):
+            if not again:
+                fill_base(model, world, body.rotation, room.space)
+            error = solve_bodies(
+                model, room.contacts, count, body.position, again, body.linear, body.angular, room.space
+            )
+        else:
+            error = solve_contacts(
+                room.contacts, count, body.linear, body.angular, room.solve.matrix, room.solve.gap,
+                room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
+            )  # fmt: skip
         if error > UNSETTLED * room.contacts[0].radius and sane:
             raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
-        return soft
 
     return settle
 

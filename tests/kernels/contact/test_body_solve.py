@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.contact.blocks import block_count
-from otwarp.kernels.contact.body_solve import SpaceRoom, all_soft, fill_base_term, nodes_of, solve_bodies_term
+from otwarp.kernels.contact.body_solve import SpaceRoom, fill_base_term, nodes_of, solve_bodies_term
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.implicit_law import LAW_TOLERANCE
 from otwarp.kernels.core.features import Features
@@ -17,7 +17,7 @@ from tests.reference import contact_law
 from tests.reference.body import jacobian
 from tests.reference.rotations import matrix
 
-FEATURES = Features(driver="world", bodies=3, rigid=True, obstacles=("plane",), pairs=True, body_space="all")
+FEATURES = Features(driver="world", bodies=3, rigid=True, obstacles=("plane",), pairs=True, body_space=True)
 NODES, BLOCKS, BODIES, COUNT = nodes_of(FEATURES), block_count(nodes_of(FEATURES)), 3, 7
 _fill, _solve = fill_base_term(FEATURES), solve_bodies_term(FEATURES)
 
@@ -40,7 +40,6 @@ def probe_bodies(
     again: bool,
     load: wp.array(dtype=float),
     error: wp.array(dtype=float),
-    soft: wp.array(dtype=int),
 ):
     contacts = wp.zeros(shape=(COUNT,), dtype=Contact)
     for i in range(COUNT):
@@ -54,7 +53,6 @@ def probe_bodies(
     opening = wp.zeros(shape=(COUNT,), dtype=float)
     depth = wp.zeros(shape=(COUNT,), dtype=float)
     space = SpaceRoom(node, base, block, filled, side, moved, opening, depth)
-    soft[0] = wp.where(all_soft(contacts, COUNT), 1, 0)
     _fill(model, 0, rotation, space)
     start = wp.zeros(shape=(wp.static(2 * BODIES),), dtype=wp.vec3)
     for b in range(BODIES):
@@ -128,8 +126,8 @@ class Problem:
             host[name] = self.law[:, k]
         return wp.array(host, dtype=Contact, device=device)
 
-    def solve(self, device: str, *, again: bool = False) -> tuple[np.ndarray, np.ndarray, float, bool]:
-        """Loads (n,), moves (2, bodies, 3) by the contacts, the error told, and whether all contacts are soft."""
+    def solve(self, device: str, *, again: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
+        """Loads (n,), moves (2, bodies, 3) by the contacts, and the error told."""
         model = ModelData()
         model.time_step = 1e-3
         model.medium.viscosity = device_array([1e-3 / self.scale], wp.float32, device)
@@ -139,23 +137,25 @@ class Problem:
         model.body.resistance = device_array([self.move.resistance], mat66, device)
         moves = [device_array(v, wp.vec3, device) for v in self.free]
         load, error = (wp.zeros(n, dtype=float, device=device) for n in (COUNT, 1))
-        soft = wp.zeros(1, dtype=int, device=device)
         poses = [device_array(self.position, wp.vec3, device), device_array(self.rotation, wp.quat, device)]
-        inputs = [model, *poses, self.contacts(device), *moves, again, load, error, soft]
+        inputs = [model, *poses, self.contacts(device), *moves, again, load, error]
         wp.launch(probe_bodies, dim=1, inputs=inputs, device=device)
         found = np.stack([m.numpy() for m in moves]).astype(float) - self.free
-        return load.numpy().astype(float), found, float(error.numpy()[0]), bool(soft.numpy()[0])
+        return load.numpy().astype(float), found, float(error.numpy()[0])
 
 
-@pytest.mark.parametrize("hardness", [200.0, 2000.0], ids=["soft", "stiffer"])
+@pytest.mark.parametrize("hardness", [2e2, 2e3, 2e5, 2e6], ids=["soft", "stiffer", "stiff", "hard"])
 @pytest.mark.parametrize("again", [False, True], ids=["first stage", "second stage"])
 def test_loads_obey_law_and_motion(hardness, again, device):
-    """λ = λ(s⁰ + J M Jᵀλ) within the tolerance of the laws, and the moves are M Jᵀλ: float64, 12 random steps."""
+    """λ = λ(s⁰ + J M Jᵀλ) within the tolerance of the laws, and the moves are M Jᵀλ: float64, 12 random steps.
+
+    With κ at a hundredth of the radius of 0.1 to 10³, the most that contacts are given.
+    """
     pressed = 0
     for seed in range(12):
         problem = Problem(seed, hardness)
-        load, moved, error, soft = problem.solve(device, again=again)
-        assert error == 0.0 and soft
+        load, moved, error = problem.solve(device, again=again)
+        assert error == 0.0
         rows, mobility = problem.rows(), problem.mobility()
         motion = mobility @ rows.T @ load
         np.testing.assert_allclose(problem.turned(moved), motion, atol=MOTION)
@@ -171,7 +171,3 @@ def test_loads_obey_law_and_motion(hardness, again, device):
         assert np.all(missed <= allowed + MOTION * (1.0 + stiff))
         pressed += np.sum(load > problem.floor + 1e-3)
     assert pressed > 40
-
-
-def test_stiff_contacts_are_told(device):
-    assert not Problem(0, 3e5).solve(device)[3]

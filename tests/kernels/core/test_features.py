@@ -25,7 +25,7 @@ SWITCHED = {
     "hydrodynamic coupling": {"coupling": True},
     "moving obstacles": {"moving_obstacles": True},
     "rods in contact": {"rods": True},
-    "contacts solved for moves": {"body_space": "all"},
+    "contacts solved for moves": {"body_space": True},
     "escape detection": {"escapes": True},
     "worlds that end": {"episodes": True},
 }
