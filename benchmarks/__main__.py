@@ -19,7 +19,7 @@ from benchmarks import (
     time_step,
     worlds,
 )
-from benchmarks.report import command, options, save_json, write_pages
+from benchmarks.report import options, run, save_json, write_pages
 
 BENCHMARKS = {
     "startup": startup.measure,
@@ -61,4 +61,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    command(main)
+    run(main)

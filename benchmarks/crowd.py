@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from benchmarks.report import Section, command, options, positive, save_json
+from benchmarks.report import Section, command, positive
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.speed.many_body import FRACTION, ManySpheres
@@ -212,19 +212,11 @@ def measure(
     return Section(name="crowd", kind=kind, machine=Machine.look(place), tables=tables, data=data)
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Many soft Brownian spheres that touch.", rounds=5)
-    parser.add_argument("--sizes", type=positive, nargs="+", default=(), help="numbers of spheres")
-    parser.add_argument("--profiled", type=positive, default=None, help="number of spheres timed kernel by kernel")
-    arguments = parser.parse_args()
-    section = measure(
-        arguments.device, sizes=arguments.sizes, profiled=arguments.profiled, rounds=arguments.rounds
-    )  # fmt: skip
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Many soft Brownian spheres that touch.",
+        rounds=5,
+        sizes={"type": positive, "nargs": "+", "default": (), "help": "numbers of spheres"},
+        profiled={"type": positive, "help": "number of spheres timed kernel by kernel"},
+    )

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from benchmarks.report import command, positive
+from benchmarks.report import positive, run
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles, elapsed
 from otwarp.device import pick_device
@@ -95,4 +95,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    command(main)
+    run(main)

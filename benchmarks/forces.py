@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.forces.measure import REGION_PROBES, SECONDS, THERMAL_PROBES, bench_forces
 from otwarp.bench.forces.table import table
 from otwarp.bench.machine import Machine
@@ -48,14 +48,5 @@ def measure(
     return Section(name="forces", kind=kind, machine=Machine.look(place), tables=tables, data=data)
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options("Error against run time of the force models.", rounds=7).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, "Error against run time of the force models.", rounds=7)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
@@ -73,14 +73,5 @@ def measure(device: str = "cpu", *, rounds: int = 10, drivers: Sequence[str] = t
     )
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options(__doc__ or "", rounds=10).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, __doc__ or "", rounds=10)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
@@ -272,14 +272,5 @@ def measure(
     return Section(name="haptics", kind=kind, machine=machine, tables=found, data=data)
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options("What the haptic chain renders and costs.", rounds=1).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, "What the haptic chain renders and costs.", rounds=1)

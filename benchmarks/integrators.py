@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.integrators.measure import CALL, SECONDS, STEPS, bench_integrators
 from otwarp.bench.integrators.result import IntegratorsBench
 from otwarp.bench.integrators.table import caption, tables
@@ -57,18 +57,11 @@ def page_tables(found: IntegratorsBench) -> list[Table]:
     return [replace(t, title=title, note=note) for t, title, note in zip(tables(found), titles, notes, strict=False)]
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Error against run time of the integrators.", rounds=7)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help=f"budget of the errors (default: {SECONDS:g})")
-    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the figure")
-    arguments = parser.parse_args()
-    how = {"rounds": arguments.rounds, "seconds": arguments.seconds, "plot": arguments.plot}
-    section = measure(arguments.device, **how)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Error against run time of the integrators.",
+        rounds=7,
+        seconds={"type": float, "default": SECONDS, "help": f"budget of the errors (default: {SECONDS:g})"},
+        plot={"type": Path, "metavar": "PNG", "help": "draw the figure"},
+    )

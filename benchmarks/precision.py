@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import precision_scenes as scenes
-from benchmarks.report import Section, command, options, positive, save_json
+from benchmarks.report import Section, command, positive
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
@@ -292,17 +292,11 @@ def _time_table(times: dict[str, dict[str, Any]]) -> Table:
     )
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("What float32 costs, and what float64 costs.", rounds=9)
-    parser.add_argument("--worlds", type=positive, help="worlds behind each average (default: 1000, CUDA 100000)")
-    parser.add_argument("--longest", type=positive, default=1_000_000, help="steps of the longest run (default: 1e6)")
-    arguments = parser.parse_args()
-    found = measure(arguments.device, rounds=arguments.rounds, worlds=arguments.worlds, longest=arguments.longest)
-    print(found.markdown())
-    if arguments.out:
-        save_json(arguments.out, [found])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "What float32 costs, and what float64 costs.",
+        rounds=9,
+        worlds={"type": positive, "help": "worlds behind each average (default: 1000, CUDA 100000)"},
+        longest={"type": positive, "default": 1_000_000, "help": "steps of the longest run (default: 1e6)"},
+    )

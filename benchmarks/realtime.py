@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from benchmarks.startup import ROOT, SCENES
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
@@ -148,14 +148,5 @@ def _plain(found: dict[str, Any]) -> dict[str, Any]:
     return {key: vars(value) if isinstance(value, Quartiles) else value for key, value in found.items()}
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options("Real-time factor of the shipped scenes.", rounds=7).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, "Real-time factor of the shipped scenes.", rounds=7)

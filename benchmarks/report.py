@@ -121,10 +121,34 @@ def options(about: str, *, rounds: int | None) -> argparse.ArgumentParser:
     return parser
 
 
-def command(main: Callable[[], None]) -> None:
-    """Run a benchmark's `main`; bad input is one line on standard error and exit code 2."""
+def run(main: Callable[[], None]) -> None:
+    """Run a command line; bad input is one line on standard error and exit code 2."""
     try:
         main()
     except InputError as error:
         print(f"benchmarks: {error}", file=sys.stderr)
         sys.exit(2)
+
+
+def command(measure: Callable[..., Section], about: str, *, rounds: int, **more: dict[str, Any]) -> None:
+    """The command line of one benchmark: print its tables, and write its numbers where `--out` says.
+
+    Args:
+        measure: `(device, *, rounds, …)`.
+        about: What it measures, for `--help`.
+        rounds: Repeats of each figure, if nobody asks for more.
+        more: Options of its own, which `measure` takes by these names, with what argparse is told about them.
+    """
+    parser = options(about, rounds=rounds)
+    for name, how in more.items():
+        parser.add_argument(f"--{name}", **how)
+    asked = vars(parser.parse_args())
+    file, device = asked.pop("out"), asked.pop("device")
+
+    def main() -> None:
+        section = measure(device, **asked)
+        print(section.markdown())
+        if file:
+            save_json(file, [section])
+
+    run(main)

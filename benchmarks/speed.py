@@ -15,7 +15,7 @@ from benchmarks.peers import (
     openmm_crowd,
     torch_bead,
 )
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.speed import workloads
 from otwarp.bench.speed.measure import bench_speed
@@ -48,16 +48,10 @@ def measure(device: str = "cpu", **how: Any) -> Section:
     return Section(name="speed", kind=found.kind, machine=machine, tables=tables, data=found.json())
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Speed beside other programs.", rounds=7)
-    parser.add_argument("--case", nargs="+", default=(), help="cases to measure")
-    arguments = parser.parse_args()
-    section = measure(arguments.device, cases=arguments.case, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Speed beside other programs.",
+        rounds=7,
+        case={"dest": "cases", "nargs": "+", "default": (), "help": "cases to measure"},
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks import headlines
-from benchmarks.report import Section, command, options, save_json, write_pages
+from benchmarks.report import Section, options, run, save_json, write_pages
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.stability.measure import bench_stability
@@ -57,4 +57,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    command(main)
+    run(main)

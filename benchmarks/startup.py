@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles
@@ -126,16 +126,10 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
     return Section(name="startup", kind=kind, machine=machine, tables=tables, data=data)
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Time from a command to its first step.", rounds=3)
-    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES, help="scenes that are started")
-    arguments = parser.parse_args()
-    section = measure(arguments.device, scenes=arguments.scenes, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Time from a command to its first step.",
+        rounds=3,
+        scenes={"nargs": "+", "choices": SCENES, "default": SCENES, "help": "scenes that are started"},
+    )

@@ -17,7 +17,7 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks.realtime import load
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
@@ -336,14 +336,5 @@ def measure(
     return Section(name="teleop", kind="cpu" if place.is_cpu else "cuda", machine=machine, tables=tables, data=data)
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options("What live sessions do.", rounds=1).parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, "What live sessions do.", rounds=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.report import Section, command, options, positive, save_json
+from benchmarks.report import Section, command, positive
 from otwarp.bench.machine import Machine
 from otwarp.bench.terms.measure import bench_terms
 from otwarp.bench.terms.table import tables
@@ -18,16 +18,10 @@ def measure(device: str = "cpu", **how: Any) -> Section:
     )
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Cost of each term of the step.", rounds=9)
-    parser.add_argument("--bodies", type=positive, help="bodies in all worlds together (default: 4096, CUDA 262144)")
-    arguments = parser.parse_args()
-    section = measure(arguments.device, rounds=arguments.rounds, bodies=arguments.bodies)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Cost of each term of the step.",
+        rounds=9,
+        bodies={"type": positive, "help": "bodies in all worlds together (default: 4096, CUDA 262144)"},
+    )

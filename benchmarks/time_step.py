@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from benchmarks.radial_chain import RadialChain
-from benchmarks.report import Section, command, options, save_json
+from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.radial_wells import SHAPES, Averages, RadialWell, solution
 from otwarp.bench.report import Table
@@ -160,14 +160,5 @@ def measure(device: str = "cpu", *, rounds: int = 1, **which: Any) -> Section:
     )
 
 
-def main() -> None:
-    """Command line."""
-    arguments = options("Whether the chosen time step keeps its promise.", rounds=1).parse_args()
-    section = measure(arguments.device)
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(measure, "Whether the chosen time step keeps its promise.", rounds=1)

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from benchmarks.report import Section, command, options, positive, save_json
+from benchmarks.report import Section, command, positive
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
@@ -181,19 +181,11 @@ def measure(
     return Section(name="worlds", kind=kind, machine=Machine.look(place), tables=tables, data=data, asked=asked)
 
 
-def main() -> None:
-    """Command line."""
-    parser = options("Worlds that end and start anew, and worlds on several devices.", rounds=9)
-    parser.add_argument("--devices", nargs="+", default=(), help="devices that share worlds: cuda:0 cuda:1 …")
-    parser.add_argument("--calls", type=positive, nargs="+", default=CALLS, help="worlds for which a call is timed")
-    arguments = parser.parse_args()
-    section = measure(
-        arguments.device, devices=arguments.devices, calls=arguments.calls, rounds=arguments.rounds
-    )  # fmt: skip
-    print(section.markdown())
-    if arguments.out:
-        save_json(arguments.out, [section])
-
-
 if __name__ == "__main__":
-    command(main)
+    command(
+        measure,
+        "Worlds that end and start anew, and worlds on several devices.",
+        rounds=9,
+        devices={"nargs": "+", "default": (), "help": "devices that share worlds: cuda:0 cuda:1 …"},
+        calls={"type": positive, "nargs": "+", "default": CALLS, "help": "worlds for which a call is timed"},
+    )
