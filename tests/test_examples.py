@@ -53,6 +53,14 @@ def test_escape_times(tmp_path: Path):
     assert (tmp_path / "escape_times.png").is_file()
 
 
+def test_open_channel(tmp_path: Path):
+    entries, carried = import_module("examples.open_channel").main(duration=1.0, out=tmp_path)
+    # cells stand about evenly at the start, so that fewer leave by chance than independent ones would
+    assert entries[-1] == pytest.approx(carried[-1], abs=SIGMAS * math.sqrt(carried[-1]))
+    assert entries[-1] > 15 and np.all(np.diff(entries) >= 0)
+    assert (tmp_path / "open_channel.png").is_file()
+
+
 def test_sweep_power(tmp_path: Path):
     worlds, samples = 64, 20
     ratio = import_module("examples.sweep_power").main(worlds, samples, tmp_path)

@@ -40,6 +40,7 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
             "ot:scene:hydrodynamicCoupling is false, or there is one body",
         ),
         ("periodic axes", f.periodic, "ot:scene:period", "ot:scene:period is 0 along all axes"),
+        ("inlet", f.inlet, "ot:scene:domainLow and domainHigh", "the domain has no end"),
         ("moving obstacles", f.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
         ("body–body contact", f.pairs, "two or more bodies collide", "fewer than two bodies collide"),
         ("rods in contact", f.rods, "a rod collides", "no rod that anything can touch"),

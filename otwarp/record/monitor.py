@@ -46,6 +46,7 @@ class Monitor:
         touching: Whether anything can touch; without, contact forces are 0 and say nothing.
         force: Per (world, robot): magnitude of the net contact force [pN].
         load: Per (world, monitored cell): sum of the normal forces on it [pN].
+        entries: How often cells have come in again at the inlet, in all worlds since the start; None without one.
         escape_time: (W, T) when the sphere that a lit trap holds was first out of its reach [s], nan if it never was.
             The device looks at every step, so that an escape between two frames counts as well.
 
@@ -74,6 +75,7 @@ class Monitor:
         self.force = RunningStatistics((worlds, len(self.robots)))
         self.load = RunningStatistics((worlds, len(self.cells)))
         self.escape_time = np.full((worlds, len(self.held)), np.nan)
+        self.entries: int | None = None
         self._began = np.nan
         self._code = np.zeros(worlds, dtype=np.int8)
         self._when = np.full(worlds, np.nan)
@@ -105,6 +107,8 @@ class Monitor:
         self.force.add(force, where=open_, limit=self._force_line)
         self.load.add(frame.contact_load[:, self.cells], where=open_, limit=self._load_line)
         self._note_escapes(frame, open_)
+        if frame.entries is not None:
+            self.entries = int(frame.entries.sum())
         if self.goal is not None:
             self._judge(frame, distance)
 

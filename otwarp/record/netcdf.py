@@ -181,6 +181,10 @@ class NetcdfRecording:
             # float64, for a body may go on for as long as the run
             self._variable("unwrapped", ("frame", "world", "body", "xyz"), "f8", said, "um", coordinates="time")
             self._fields.append("unwrapped")
+        if scene.settings.domain_low != scene.settings.domain_high:
+            said = "how often the body has left the domain and come in again"
+            self._variable("entries", ("frame", "world", "body"), "i4", said, "1", coordinates="time")
+            self._fields.append("entries")
 
     def _variable(self, name: str, dimensions: tuple[str, ...], kind: str, long_name: str, units: str, **more: str):
         variable = self._file.createVariable(name, kind, dimensions, fill_value=False)

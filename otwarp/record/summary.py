@@ -136,6 +136,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         **numbers,
         "escapes": number,
         "first_escape": first,
+        **({} if monitor.entries is None else {"entries": monitor.entries}),
         "warnings": [*facts["warnings"], *warnings(monitor, numbers)],
     }
     return strict({**out, "text": _text(out)})
@@ -165,4 +166,6 @@ def _text(s: dict[str, Any]) -> str:
     ):
         if s.get(key, {}).get("maximum"):
             lines.append(f"{name} {s[key]['mean']:.3g} ± {s[key]['std']:.2g} {s[key]['unit']}")
+    if "entries" in s:
+        lines.append(f"{s['entries']} times a cell left the domain and came in again")
     return "\n".join([*lines, *(f"warning: {w}" for w in s["warnings"])])

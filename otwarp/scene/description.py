@@ -50,6 +50,8 @@ class Settings:
         coupling: Whether bodies carry each other along through the liquid.
         period: Lengths after which space repeats along x, y and z [µm]; 0 along an open axis.
         period_center: Middle of the cell that repeats [µm].
+        domain_low, domain_high: Corners of the domain that cells live in [µm]; equal along an axis without end.
+        inlet_low, inlet_high: Corners of the box in which those come in again that have left it [µm].
         duration: Length of the authored run [s].
         frames_per_second: Rate at which frames are recorded [1/s].
     """
@@ -63,6 +65,10 @@ class Settings:
     coupling: bool = False
     period: Vec3 = (0.0, 0.0, 0.0)
     period_center: Vec3 = (0.0, 0.0, 0.0)
+    domain_low: Vec3 = (0.0, 0.0, 0.0)
+    domain_high: Vec3 = (0.0, 0.0, 0.0)
+    inlet_low: Vec3 = (0.0, 0.0, 0.0)
+    inlet_high: Vec3 = (0.0, 0.0, 0.0)
     duration: float = 1.0
     frames_per_second: float = 60.0
 

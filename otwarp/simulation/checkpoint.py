@@ -32,7 +32,10 @@ YOUNGER: dict[type, dict[str, Any]] = {
     Flow: {"half_width": 0.0, "file": "", "field": None},
     Obstacle: {"double_sided": False},
     Scene: {"remarks": (), "judged": False},
-    Settings: {"period": (0.0, 0.0, 0.0), "period_center": (0.0, 0.0, 0.0)},
+    Settings: {
+        name: (0.0, 0.0, 0.0)
+        for name in ("period", "period_center", "domain_low", "domain_high", "inlet_low", "inlet_high")
+    },
 }
 """Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
 does not use them has the digest that it had before."""

@@ -22,6 +22,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.simulation.packing.coupling import takes_coupling
 from otwarp.simulation.packing.flow import flows
+from otwarp.simulation.packing.inlets import has_inlet
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.traps import trap_reach
 from otwarp.simulation.packing.walls import hydrodynamic_walls
@@ -191,6 +192,7 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
         rods=rods,
         coupling=coupling,
         periodic=any(scene.settings.period),
+        inlet=has_inlet(scene),
         walls=min(2, len(hydrodynamic_walls(scene))),
         max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),

@@ -45,6 +45,8 @@ class Frame:
         contact_force: (W, B, 3) net contact force [pN].
         contact_load: (W, B) sum of the magnitudes of the normal forces [pN].
         unwrapped: (W, B, 3) positions where space repeats, as if it did not [µm]; else None.
+        entries: (W, B) how often each cell has come in again at the inlet, None without one: where it has gone up
+            between two frames, the cell has not moved from place to place but left and come in.
     """
 
     step: int
@@ -59,6 +61,7 @@ class Frame:
     contact_force: np.ndarray
     contact_load: np.ndarray
     unwrapped: np.ndarray | None = None
+    entries: np.ndarray | None = None
 
     @property
     def worlds(self) -> int:
@@ -124,6 +127,7 @@ def capture_frame(sim: Simulation) -> Frame:
         contact_force=readout.contact_force.numpy() if touching else np.zeros((worlds, bodies, 3)),
         contact_load=readout.contact_load.numpy() if touching else np.zeros((worlds, bodies)),
         unwrapped=unwrapped,
+        entries=readout.entries.numpy().copy() if sim.model.features.inlet else None,
     )
 
 

@@ -120,7 +120,7 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.near = allocate_neighbours(model, state)
     data.clock = wp.zeros(1, dtype=wp.int64, device=device)
     data.until = wp.zeros(1, dtype=wp.int64, device=device)
-    for name in ("left", "touching", "sweep", "unsettled", "again", "row", "turn"):
+    for name in ("left", "outside", "touching", "sweep", "unsettled", "again", "row", "turn"):
         setattr(data, name, wp.zeros(1, dtype=wp.int32, device=device))
     data.linear = wp.zeros((w, own), dtype=wp.vec3, device=device)
     data.angular = wp.zeros((w, own if f.rigid else 0), dtype=wp.vec3, device=device)
@@ -137,6 +137,7 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
     data.stir = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.int32, device=device)
     data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
+    data.slot = wp.zeros((w, b if f.soft_contacts and f.inlet else 0), dtype=wp.int32, device=device)
     slots = w * b if f.soft_contacts else 0
     data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)
     ordered = w * b if f.soft_contacts or f.lanes else 0

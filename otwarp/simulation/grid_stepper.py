@@ -147,7 +147,13 @@ class GridStepper:
                 if f.contacts:
                     self._when(grid.touching, self._settle_again)
             self._share(kernels.commit, each, data, control, state, readout, grid, self.push[0])
+        if f.inlet:
+            self._when(grid.outside, self._let_in)
         self._launch(tick, 1, grid)
+
+    def _let_in(self) -> None:
+        data, state, readout = self.model.data, self.state.data(), self.readout.data()
+        self._launch(self.kernels.let_in, self.model.worlds, data, state, readout, self.scratch)
 
     def _move_traps(self) -> None:
         """From where the first stage saw them to where they are at the end of the step."""

@@ -33,6 +33,7 @@ from otwarp.simulation.packing.commands import Samples, staged_commands
 from otwarp.simulation.packing.coupling import pack_coupling
 from otwarp.simulation.packing.flow import pack_flow
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
+from otwarp.simulation.packing.inlets import pack_inlets
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.period import pack_period
 from otwarp.simulation.packing.traps import HeldSphere, pack_medium, pack_traps, rotate
@@ -74,6 +75,7 @@ class Model:
         meshes: Obstacle meshes, kept alive for the kernels.
         force_data: `ForceData` of the forces with parameters, likewise; at most one.
         episode_data: `WorldsData`, likewise, where worlds have clocks of their own.
+        inlet_data: `InletData`, likewise, where cells come in again.
     """
 
     scene: Scene
@@ -99,6 +101,7 @@ class Model:
     meshes: list[wp.Mesh]
     force_data: list[Any]
     episode_data: list[Any]
+    inlet_data: list[Any]
 
     @property
     def time_step(self) -> float:
@@ -150,6 +153,7 @@ class Model:
         data.first_world = wp.int32(rows.start)
         count = rows.stop - rows.start
         data.worlds, episode_data = pack_worlds(count if features.episodes else 0, rows.start, packed)
+        data.inlets, inlet_data = pack_inlets(known.scene, packed)
         resolved: dict[str, Any] = {
             f.name: getattr(known, f.name) for f in dataclasses.fields(cls) if hasattr(known, f.name)
         }
@@ -166,6 +170,7 @@ class Model:
             meshes=meshes,
             force_data=force_data,
             episode_data=episode_data,
+            inlet_data=inlet_data,
         )
 
     def rows(self, values: np.ndarray) -> np.ndarray:

@@ -139,8 +139,9 @@ class ShardedSimulation:
         """The present state and readout of all worlds; see `Frame`."""
         frames = self._each(lambda s, _: capture_frame(s))
         joined = {n: np.concatenate([getattr(f, n) for f in frames]) for n in SHAPES}
-        if frames[0].unwrapped is not None:
-            joined["unwrapped"] = np.concatenate([f.unwrapped for f in frames])
+        for name in ("unwrapped", "entries"):
+            if getattr(frames[0], name) is not None:
+                joined[name] = np.concatenate([getattr(f, name) for f in frames])
         return dataclasses.replace(frames[0], **joined)
 
     def _rows(self, name: str, values: Any, part: slice) -> Any:

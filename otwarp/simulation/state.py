@@ -230,6 +230,7 @@ class Readout(Bound):
         contact_load: (W, B) sum of the normal forces [pN].
         body_force: (W, F, B) vec3, of each force with parameters on each body, as in `model.forces.laws` [pN].
         body_torque: (W, F, B) vec3, the torques of these forces about the centres of diffusion [pN·µm].
+        entries: (W, B) int32, how often each cell has come in again at the inlet; (W, 0) without one.
         escape_step: (W, T) arrival of the first step in which the held sphere was out of the trap's reach, -1 if never;
             it was lost half a step earlier on average.
         fault: (W, B) code of `otwarp.kernels.core.faults.Fault`.
@@ -247,6 +248,7 @@ class Readout(Bound):
     contact_load: wp.array
     body_force: wp.array
     body_torque: wp.array
+    entries: wp.array
     escape_step: wp.array
     fault: wp.array
     fault_step: wp.array
@@ -271,6 +273,7 @@ class Readout(Bound):
             body_force=wp.zeros((w, len(f.forces), bodies if f.forces else 0), dtype=vec3, device=d),
             body_torque=wp.zeros((w, len(f.forces), bodies if f.forces else 0), dtype=vec3, device=d),
             contact_load=wp.zeros((w, touching), dtype=real, device=d),
+            entries=wp.zeros((w, bodies if f.inlet else 0), dtype=wp.int32, device=d),
             escape_step=filled((w, f.traps if f.escapes else 0), -1, wp.int64, d),
             fault=wp.zeros((w, bodies), dtype=wp.int32, device=d),
             fault_step=wp.zeros((w, bodies), dtype=wp.int64, device=d),
@@ -280,7 +283,7 @@ class Readout(Bound):
     def data(self) -> Annotated[Any, ReadoutData]:
         """What the step writes."""
         data = typed(ReadoutData, precision_of(self.trap_force))()
-        for name in ("contact_force", "contact_load", "escape_step", "fault", "fault_step", "fault_count"):
+        for name in ("contact_force", "contact_load", "entries", "escape_step", "fault", "fault_step", "fault_count"):
             setattr(data, name, getattr(self, name))
         return data
 

@@ -29,6 +29,9 @@ EVERYTHING = Features(
     escapes=True,
 )  # fmt: skip
 
+SOFT_CROWD = dataclasses.replace(BASE, driver="grid", bodies=30, pairs=True, soft_contacts=True)
+"""Spheres whose contacts are soft."""
+
 CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     # term: (with it, without it, functions that only it needs)
     "brownian": (BASE, dataclasses.replace(BASE, brownian=False), ("philox", "gaussian_pair", "noise_words")),
@@ -114,6 +117,32 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         ("image_shift", "kept_in_cell", "nearest"),
     ),
     "periodic beads": (dataclasses.replace(BASE, periodic=True), BASE, ("kept_in_cell", ").period)")),
+    "inlet": (
+        dataclasses.replace(EVERYTHING, inlet=True),
+        EVERYTHING,
+        ("let_all_in", "entry_place", "has_left", "clear_of_obstacles"),
+    ),
+    "inlet of beads": (dataclasses.replace(BASE, inlet=True), BASE, ("kept_in_domain", ").inlets)")),
+    "inlet of beads, on a CPU": (
+        dataclasses.replace(BASE, inlet=True, lanes=True),
+        dataclasses.replace(BASE, lanes=True),
+        ("kept_in_domain",),
+    ),
+    "inlet of bodies that turn": (
+        dataclasses.replace(BASE, rigid=True, spheres=False, inlet=True),
+        dataclasses.replace(BASE, rigid=True, spheres=False),
+        ("kept_in_domain",),
+    ),
+    "grid inlet": (
+        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, inlet=True),
+        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
+        ("let_in_world", "has_left", ").outside)"),
+    ),
+    "grid inlet, soft contacts": (
+        dataclasses.replace(SOFT_CROWD, inlet=True),
+        SOFT_CROWD,
+        ("let_slots_in", "has_left", ").outside)"),
+    ),
     "pairs": (EVERYTHING, dataclasses.replace(EVERYTHING, pairs=False), ("pair_contacts",)),
     "worlds that end": (
         dataclasses.replace(BASE, episodes=True),

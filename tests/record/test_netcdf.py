@@ -87,6 +87,19 @@ def test_unwrapped_positions_where_space_repeats(scene: Scene, tmp_path: Path) -
         np.testing.assert_array_equal(data["unwrapped"].values, far[None, :1])
 
 
+def test_entries_at_an_inlet(scene: Scene, tmp_path: Path) -> None:
+    import dataclasses
+
+    settings = dataclasses.replace(scene.settings, domain_low=(-50.0, 0.0, 0.0), domain_high=(50.0, 0.0, 0.0))
+    recording = open_file(dataclasses.replace(scene, settings=settings), tmp_path / "run.nc", 1, 2)
+    entries = np.arange(12, dtype=np.int32).reshape(2, 6)
+    recording.write(dataclasses.replace(frame(scene, 0, worlds=2), entries=entries))
+    recording.close()
+    with xr.open_dataset(tmp_path / "run.nc") as data:
+        assert data["entries"].dims == ("frame", "world", "body")
+        np.testing.assert_array_equal(data["entries"].values, entries[None, :1])
+
+
 def test_distances_of_traps_that_hold_nothing_are_nan(scene: Scene, tmp_path: Path) -> None:
     recording = open_file(scene, tmp_path / "run.nc", 1, 1)
     recording.write(frame(scene, 0, trap_distance=np.array([[np.nan, 0.5]])))

@@ -41,7 +41,7 @@ np.savez(out, position=sim.state.position.numpy(), load=r.contact_load.numpy(), 
 def authored(scene: Scene, path: Path) -> Scene:
     """Write a scene as a stage and read it back."""
     builder = SceneBuilder(root=scene.root, medium=scene.medium, settings=scene.settings)
-    for item in (*scene.traps, *scene.bodies, *scene.obstacles):
+    for item in (*scene.traps, *scene.bodies, *scene.obstacles, *([scene.flow] if scene.flow else [])):
         builder.add(item)
     builder.save(path)
     return Scene.load(path)

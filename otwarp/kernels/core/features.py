@@ -59,6 +59,7 @@ class Features:
         walls: Planes that hinder motion hydrodynamically: 0, 1, or 2 for several.
         coupling: Bodies carry each other along through the liquid.
         periodic: Space repeats along some axis.
+        inlet: Cells that leave come in again at an inlet.
         max_contacts: Contacts the `world` driver makes room for: no more than the scene can have, because every
             thread keeps that room to itself.
         fast_math: Approximate instructions instead of accurate functions; see `Simulation`.
@@ -95,6 +96,7 @@ class Features:
     walls: int = 0
     coupling: bool = False
     periodic: bool = False
+    inlet: bool = False
     max_contacts: int = MAX_CONTACTS
     fast_math: bool = False
     precision: Literal["float32", "float64"] = "float32"

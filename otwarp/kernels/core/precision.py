@@ -47,6 +47,7 @@ SHARED = {
     "drivers.grid",
     "drivers.grid_contacts",
     "drivers.grid_data",
+    "drivers.grid_inlets",
     "drivers.grid_lists",
     "drivers.grid_move",
     "drivers.grid_store",

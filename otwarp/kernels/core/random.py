@@ -24,6 +24,8 @@ class Stream(enum.IntEnum):
     """Whether a path left a trap's reach between two steps; counts traps in place of bodies."""
     CONTACT = 3
     """Least gap within a step; counts elements in place of bodies, the other of a pair above this number's bits."""
+    ENTRY = 4
+    """Where a body comes in at the inlet; counts tries in place of steps."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)

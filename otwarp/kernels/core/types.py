@@ -265,6 +265,17 @@ class PeriodData:
 
 
 @wp.struct
+class InletData:
+    """Where cells leave the scene, and where they come in again."""
+
+    domain_low: wp.vec3  # corners of the domain [µm], -inf and inf along an axis without end
+    domain_high: wp.vec3
+    low: wp.vec3  # lower corner of the inlet [µm]
+    size: wp.vec3  # its edges [µm]
+    recycled: wp.array(dtype=wp.int32)  # (B) 1: a cell, which comes in again
+
+
+@wp.struct
 class WorldsData:
     """Worlds with clocks of their own: the one part of a model that changes, between launches."""
 
@@ -294,6 +305,7 @@ class ModelData:
     coupling: CouplingData
     forces: wp.array(dtype=ForceData)  # (1), (0) without forces that have parameters: the model stays small
     worlds: wp.array(dtype=WorldsData)  # (1), (0) without episodes
+    inlets: wp.array(dtype=InletData)  # (1), (0) without an inlet
 
 
 @wp.struct
@@ -321,6 +333,7 @@ class ReadoutData:
 
     contact_force: wp.array2d(dtype=wp.vec3)  # (W, B) net contact force [pN]
     contact_load: wp.array2d(dtype=wp.float32)  # (W, B) sum of the normal forces [pN]
+    entries: wp.array2d(dtype=wp.int32)  # (W, B) how often each has come in again, (W, 0) without an inlet
     escape_step: wp.array2d(dtype=wp.int64)  # (W, T) first step at which the held sphere was out of reach, or -1
     fault: wp.array2d(dtype=wp.int32)  # (W, B) code of kernels.core.faults, 0 good
     fault_step: wp.array2d(dtype=wp.int64)  # (W, B)

@@ -7,6 +7,7 @@ world: up to 24 bodies that touch, one thread per world (world_room: the memory 
 grid: many bodies, one thread per body and step; grid_data and grid_store hold its arrays, neighbours and grid_lists
     find who is near, grid_contacts, on CPUs grid_turns, and soft push, grid_move moves.
 
+inlets: cells that have left come in again, in all of these.
 episodes: which worlds are in motion, which have ended, which start anew; predicates: what commonly ends them.
 
 Open solo first: it is the shortest that is complete.

@@ -143,6 +143,8 @@ def restart(
         state.orientation[world, b] = start.orientation[world_row(start.orientation.shape[0], world), b]
     for t in range(state.trap_position.shape[1]):
         state.trap_position[world, t] = start.trap_position[world_row(start.trap_position.shape[0], world), t]
+    for b in range(readout.entries.shape[1]):
+        readout.entries[world, b] = 0
     for t in range(readout.escape_step.shape[1]):
         readout.escape_step[world, t] = wp.int64(-1)
     for b in range(readout.contact_force.shape[1]):

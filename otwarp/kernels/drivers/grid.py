@@ -18,11 +18,13 @@ import warp as wp
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
+from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
+from otwarp.kernels.drivers.grid_inlets import make_let_in
 from otwarp.kernels.drivers.grid_lists import make_find
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
 from otwarp.kernels.drivers.grid_turns import make_settle
@@ -43,6 +45,7 @@ class GridKernels:
         soft: The whole step of lone spheres with soft contacts; then the following are None.
         advance, find, correct, commit: The step of all others, and their contact forces by sweeps, `weigh` and `relax`,
             or on a CPU in turn, `settle`.
+        let_in: Cells that have left come in again.
     """
 
     move_traps: wp.Kernel | None
@@ -57,6 +60,7 @@ class GridKernels:
     settle: wp.Kernel | None
     correct: wp.Kernel | None
     commit: wp.Kernel | None
+    let_in: wp.Kernel | None
 
     @property
     def all(self) -> list[wp.Kernel]:
@@ -80,6 +84,7 @@ def make_grid_step(f: Features) -> GridKernels:
         settle=make_settle(f) if swept and f.in_turn else None,
         correct=make_correct(f) if two_stages(f) else None,
         commit=None if f.soft_contacts else make_commit(f),
+        let_in=make_let_in(f) if f.inlet else None,
     )
 
 
@@ -183,6 +188,9 @@ def make_commit(f: Features) -> wp.Kernel:
             state.position[world, b] = pose.position
             if wp.static(f.periodic):
                 state.position[world, b] = kept_in_cell(model, state, world, b, pose.position)
+            if wp.static(f.inlet):
+                if has_left(model, b, state.position[world, b]):
+                    grid.outside[0] = 1
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
@@ -229,4 +237,5 @@ def tick(grid: GridData):
     grid.clock[0] = grid.clock[0] + wp.int64(1)
     grid.left[0] = grid.left[0] - 1
     grid.touching[0] = 0
+    grid.outside[0] = 0
     grid.row[0] = 1 - grid.row[0]

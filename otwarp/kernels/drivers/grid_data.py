@@ -83,6 +83,8 @@ class GridData:
     count: wp.array2d(dtype=wp.int32)  # (W, B) how many
     row_sum: wp.array2d(dtype=wp.float32)  # (W, B) largest row sum of its share of G over the diagonal, 1 for one
     ahead: wp.array2d(dtype=wp.float32)  # (W·B, MAX_BODY_CONTACTS) force from which the next sweep starts [pN]
+    outside: wp.array(dtype=wp.int32)  # (1) not 0: some body that comes in again is outside
+    slot: wp.array2d(dtype=wp.int32)  # (W, B) slot of each body, (W, 0) without slots or an inlet
     touching: wp.array(dtype=wp.int32)  # (1) not 0: there are contacts in this step
     sweep: wp.array(dtype=wp.int32)  # (1) first of the two sweeps to come
     unsettled: wp.array(dtype=wp.int32)  # (1) not 0: there are sweeps to come

@@ -15,6 +15,7 @@ from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
+from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.drivers.lane_groups import (
     GROUP,
     BeadLane,
@@ -161,6 +162,7 @@ def advance_lane_term(f: Features) -> wp.Function:
     monitors = monitors_in_lane(f)
     look = look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitors else None
+    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
     @wp.func
     def advance(
@@ -188,6 +190,9 @@ def advance_lane_term(f: Features) -> wp.Function:
                     record_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
                 if wp.static(f.periodic):
                     lanes[g].position = kept_in_cell(model, state, world, b, moved)
+                if wp.static(f.inlet):
+                    arrived = lanes[g].position
+                    lanes[g].position = kept_in_domain(model, state, readout, world, b, arrived, step + wp.int64(1))
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

@@ -26,7 +26,7 @@ def go_together(f: Features) -> bool:
 
     Traps that follow key frames and tables would be found for one lane after the other.
     """
-    kept = f.rigid or f.periodic or f.walls or f.episodes or (f.escapes and not monitors_in_lane(f))
+    kept = f.rigid or f.periodic or f.inlet or f.walls or f.episodes or (f.escapes and not monitors_in_lane(f))
     looked_up = not f.still_traps or any(trap_term(name).key >= TABLE_KEY for name in f.trap_models)
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
     return f.bodies == 1 and f.brownian and not (kept or looked_up or ahead)

@@ -22,6 +22,7 @@ from otwarp.kernels.core.types import (
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
 from otwarp.kernels.cpu.rigid_block import KEPT, keep
+from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
@@ -189,6 +190,7 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     moved_by = dynamics.shifted
     record_escapes = escape_term(f) if f.escapes else None
+    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
     @wp.func
     def advance(
@@ -215,6 +217,9 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                     lanes[g].leeway = leeway
                 if wp.static(f.periodic):
                     lanes[g].pose.position = kept_in_cell(model, state, world, b, there.position)
+                if wp.static(f.inlet):
+                    at = lanes[g].pose.position
+                    lanes[g].pose.position = kept_in_domain(model, state, readout, world, b, at, step + wp.int64(1))
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

@@ -17,6 +17,7 @@ from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
+from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_data import GridData
@@ -178,6 +179,10 @@ def step_slot_term(f: Features) -> wp.Function:
         if wp.static(f.periodic):
             away = nearest(model.period, away)
             moved = kept_in_cell(model, state, world, b, moved)
+        if wp.static(f.inlet):
+            grid.slot[world, b] = i
+            if has_left(model, b, moved):
+                grid.outside[0] = 1
         grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
         check_moved(grid.near, away)
         if wp.static(f.escapes):

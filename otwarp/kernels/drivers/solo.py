@@ -17,6 +17,7 @@ from otwarp.kernels.core.types import (
     TrapData,
 )
 from otwarp.kernels.core.worlds import living_world, own_step
+from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
@@ -79,6 +80,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
     start_monitors, look = start_monitors_term(f), look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitor else None
+    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
@@ -125,6 +127,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
             position = moved
             if wp.static(f.periodic):
                 position = kept_in_cell(model, state, world, b, position)
+            if wp.static(f.inlet):
+                position = kept_in_domain(model, state, readout, world, b, position, step + wp.int64(1))
         state.position[world, b] = position
         if wp.static(monitor):
             monitors = look(model, bead, monitors, world, position, start, taken)
@@ -140,6 +144,7 @@ def make_body_step(f: Features) -> wp.Kernel:
     constants_of, dynamics = body_dynamics(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     record_escapes = escape_term(f) if f.escapes else None
+    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
     def body_step(
@@ -182,6 +187,8 @@ def make_body_step(f: Features) -> wp.Kernel:
                     leeway = record_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
             if wp.static(f.periodic):
                 pose.position = kept_in_cell(model, state, world, b, pose.position)
+            if wp.static(f.inlet):
+                pose.position = kept_in_domain(model, state, readout, world, b, pose.position, step + wp.int64(1))
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 

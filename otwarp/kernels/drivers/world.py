@@ -15,6 +15,7 @@ from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
+from otwarp.kernels.drivers.inlets import let_all_in_term
 from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts, settle_term
 from otwarp.kernels.drivers.world_room import (
     BodyRoom,
@@ -46,6 +47,7 @@ def all_good(readout: ReadoutData, world: int, bodies: int, body: BodyRoom, step
 def take_moves_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, body, step)`: arrive at `step`."""
     record_escapes = escape_term(f) if f.escapes else None
+    let_all_in = let_all_in_term(f) if f.inlet else None
 
     @wp.func
     def take_moves(
@@ -71,6 +73,8 @@ def take_moves_term(f: Features) -> wp.Function:
                 record_escapes(model, control, state, readout, world, b, before, pose, step, time)
             if wp.static(f.periodic):
                 position[b] = kept_in_cell(model, state, world, b, position[b])
+        if wp.static(f.inlet):
+            let_all_in(model, state, readout, world, position, step)
 
     return take_moves
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from otwarp.scene import vocabulary
 from otwarp.scene.check.fields import check_fields, is_number
+from otwarp.scene.check.inlet import check_inlet
 from otwarp.scene.check.numbers import check_numbers, check_places, check_turns
 from otwarp.scene.check.overlap import INSIDE, check_overlaps
 from otwarp.scene.check.parts import check_bodies, check_obstacle, check_trap
@@ -61,6 +62,7 @@ def check_scene(
     if flow is not None:
         _check_flow(where, flow)
     check_period(where, root, settings, bodies, obstacles, flow)
+    check_inlet(where, root, settings, bodies)
     check_overlaps(where, bodies, obstacles, overlap, settings.period)
     if camera is not None:
         check_fields(where, camera.prim, vocabulary.CAMERA, camera)

@@ -100,6 +100,34 @@ SCENE = Schema(
             field="settings.period_center",
             doc="Middle of the cell that repeats: what leaves the cell on one side enters it on the other.",
         ),
+        Attribute(
+            "ot:scene:domainLow",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.domain_low",
+            doc="Lower corner of the domain of cells: one whose centre leaves it comes in again at the inlet.",
+        ),
+        Attribute(
+            "ot:scene:domainHigh",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.domain_high",
+            doc="Upper corner of the domain; along an axis where it equals the lower one the domain has no end.",
+        ),
+        Attribute(
+            "ot:scene:inletLow",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.inlet_low",
+            doc="Lower corner of the box in which cells come in: at a place drawn evenly, where they overlap nothing.",
+        ),
+        Attribute(
+            "ot:scene:inletHigh",
+            (0.0, 0.0, 0.0),
+            "length",
+            field="settings.inlet_high",
+            doc="Upper corner of that box, which may have no thickness.",
+        ),
     ),
 )
 
