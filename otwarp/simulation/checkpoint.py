@@ -19,6 +19,8 @@ from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Flow, Obstacle, Scene, Settings
+from otwarp.simulation import stored_ends
+from otwarp.simulation.ends import End
 from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
@@ -62,8 +64,10 @@ def _canonical(item: object) -> str:
 
 
 def _arrays(sim: Simulation) -> dict[str, wp.array]:
-    groups = {"state": sim.state, "control": sim.control, "readout": sim._readout}
+    groups: dict[str, Any] = {"state": sim.state, "control": sim.control, "readout": sim._readout}
     out = {f"{g}.{k}": v for g, item in groups.items() for k, v in vars(item).items() if isinstance(v, wp.array)}
+    if sim._episodes is not None:
+        out |= {f"episodes.{k}": getattr(sim._episodes, k) for k in ("done", "step", "number")}
     return out | {f"stepper.{k}": v for k, v in sim._stepper.extra_state().items()}
 
 
@@ -71,10 +75,8 @@ def save(sim: Simulation, path: Path) -> Path:
     """Write the state, the commands and how the simulation was made to `path` (`.npz`), atomically.
 
     Raises:
-        InputError: The simulation has episodes, its scene was not loaded from a file, or `path` cannot be written.
+        InputError: The scene was not loaded from a file, or `path` cannot be written.
     """
-    if sim.model.features.episodes:
-        raise InputError("a checkpoint holds no episodes; allowed: simulations made without ends or part")
     if sim.scene.file is None:
         raise InputError("a checkpoint names its scene file, and this scene was not loaded from one; allowed: save it")
     about = {
@@ -82,7 +84,9 @@ def save(sim: Simulation, path: Path) -> Path:
         "scene": str(Path(sim.scene.file).resolve()),
         "digest": scene_digest(sim.model.authored),
         "duration": sim.scene.settings.duration,
-        "worlds": sim.model.worlds,
+        "worlds": sim.model.all_worlds,
+        "part": [sim.model.first_world, sim.model.first_world + sim.model.worlds],
+        "ends": stored_ends.told(sim._ends),
         "seed": sim.model.seed,
         "time_step": sim.time_step,
         "step": sim.state.step,
@@ -97,7 +101,7 @@ def save(sim: Simulation, path: Path) -> Path:
         ],
     }
     arrays: dict[str, Any] = {k: v.numpy() for k, v in _arrays(sim).items()}
-    arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()}
+    arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()} | stored_ends.values(sim._ends)
     temporary = path.with_name(path.name + ".tmp")
     try:
         with temporary.open("wb") as file:
@@ -169,6 +173,7 @@ def restore(
     device: str | None = None,
     threads: int | None = None,
     forces: Sequence[Force] = (),
+    ends: Sequence[End] | None = None,
 ) -> Simulation:
     """Make the simulation that `save` wrote.
 
@@ -178,9 +183,10 @@ def restore(
         scene: The scene it continues, where only the duration may differ; None loads it from its file.
         device, threads: As for `Simulation`.
         forces: The functions of the forces that the user had added, in any order; parameters are the checkpoint's.
+        ends: Likewise the functions of the user's own ends.
 
     Raises:
-        InputError: Not a checkpoint, of another format, or its scene or its forces have changed.
+        InputError: Not a checkpoint, of another format, or its scene, its forces or its ends have changed.
     """
     about, stored = _read(path)
     if scene is None:
@@ -188,8 +194,11 @@ def restore(
     if scene_digest(scene) != about["digest"]:
         raise InputError(f"checkpoint {path} continues {about['scene']} as it was then; scene {scene.file} differs")
     parameters = {k.removeprefix("parameter."): v for k, v in stored.items() if k.startswith("parameter.")}
+    part = about.get("part", [0, about["worlds"]])
     sim = make(
         scene,
+        part=None if part == [0, about["worlds"]] else tuple(part),
+        ends=stored_ends.restored(path, about.get("ends"), stored, ends),
         worlds=about["worlds"],
         seed=about["seed"],
         device=device,

@@ -60,7 +60,7 @@ class Model:
         device: Where the arrays live.
         features: Terms the step is made of.
         values: Parameters in force, `(1|W, …)` float64, by the names of `parameters.PARAMETERS`.
-        overrides: Those of them that the user gave.
+        overrides: Those of them that the user gave, for all worlds.
         reference: (B, 3) reference point (centre of diffusion) of each body in its prim's frame [µm].
         held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body. A trap that
             names no sphere holds the nearest at the start, of all worlds, if that is within its reach.

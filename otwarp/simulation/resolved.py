@@ -107,16 +107,16 @@ class ResolvedScene:
         )
 
     def part(self, rows: slice) -> ResolvedScene:
-        """The same for some of the worlds: what they share, steps and terms included, stays as it is for all."""
+        """The same for some of the worlds: what they share, steps and terms included, stays as it is for all, and so
+        does what the user gave.
+        """
 
         def of(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             return {name: array if len(array) == 1 else array[rows] for name, array in values.items()}
 
-        forces = dataclasses.replace(self.forces, values=of(self.forces.values), overrides=of(self.forces.overrides))
+        forces = dataclasses.replace(self.forces, values=of(self.forces.values))
         held_range = of({"": self.held_range})[""]
-        return dataclasses.replace(
-            self, values=of(self.values), overrides=of(self.overrides), held_range=held_range, forces=forces
-        )
+        return dataclasses.replace(self, values=of(self.values), held_range=held_range, forces=forces)
 
     @property
     def reference(self) -> np.ndarray:

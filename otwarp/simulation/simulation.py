@@ -361,11 +361,12 @@ class Simulation:
         device: str | None = None,
         threads: int | None = None,
         forces: Sequence[Force] = (),
+        ends: Sequence[End] | None = None,
     ) -> Simulation:
         """Continue from a checkpoint; see `checkpoint.restore`."""
         from otwarp.simulation.checkpoint import restore
 
-        return restore(cls, Path(path), scene, device=device, threads=threads, forces=forces)
+        return restore(cls, Path(path), scene, device=device, threads=threads, forces=forces, ends=ends)
 
     def _check(self) -> None:
         """Raise for the earliest fault on the device."""
