@@ -35,6 +35,8 @@ def compose(
     device: wp.Device,
     forces: tuple[BodyForce, ...],
     options: StepOptions,
+    *,
+    part: bool,
 ) -> Features:
     """The features of a scene on a device.
 
@@ -42,6 +44,7 @@ def compose(
         values: Parameters in force, as `Model.values`.
         forces: Forces with parameters per body.
         options: What the user chose about the step.
+        part: Whether only some of the worlds are stepped.
 
     Raises:
         InputError: Rods that collide in a many-body scene; coupling of too many bodies, or beside hydrodynamic walls;
@@ -51,8 +54,8 @@ def compose(
     _check_precision(scene, f, options.precision, fast_math=options.fast_math)
     if options.ends is not None and f.driver == "grid":
         raise InputError(
-            f"{scene.file or scene.root}: ends or part is given; allowed: neither in a scene of {f.bodies} bodies "
-            f"{_why_grid(f)}, both in scenes of up to {MAX_WORLD_BODIES}"
+            f"{scene.file or scene.root}: ends is given; allowed: none in a scene of {f.bodies} bodies {_why_grid(f)}, "
+            f"any in scenes of up to {MAX_WORLD_BODIES}"
         )
     f = dataclasses.replace(
         f,
@@ -60,7 +63,8 @@ def compose(
         fast_math=options.fast_math,
         crossings=options.crossings,
         precision=options.precision,
-        episodes=options.ends is not None,
+        # a part has its worlds' numbers from their trials; the body driver counts its worlds by itself
+        episodes=options.ends is not None or (part and f.driver != "grid"),
     )
     return dataclasses.replace(f, lanes=device.is_cpu and f.precision == "float32" and _takes_lanes(f))
 

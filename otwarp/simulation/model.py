@@ -134,14 +134,12 @@ class Model:
             InputError: Anything out of range or of another type, in the arguments and in the scene (`Scene.check`).
         """
         options = options or StepOptions()
-        if part is not None and options.ends is None:
-            options = dataclasses.replace(options, ends=())
         asked = _asked(scene, options)
         worlds, seed = whole("worlds", worlds, 1), whole("seed", seed, 0, 2**32 - 1)
         _warn_of_oddities(scene, () if scene.judged else (f"{f.prim}: {f.message}" for f in judge(scene)))
         rows = _rows(part, worlds)
         place = pick_device(device)
-        known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds)
+        known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds, part=part is not None)
         _warn_of_oddities(scene, unusual_parameters(known.overrides))
         own = options.time_step is None and scene.file is not None
         scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)

@@ -68,8 +68,11 @@ class ResolvedScene:
         options: StepOptions,
         *,
         worlds: int,
+        part: bool = False,
     ) -> ResolvedScene:
         """Resolve a scene, whose settings are those of the options already; arguments as for `Model.build`.
+
+        `part` says whether only some of the worlds will be stepped.
 
         Raises:
             InputError: A parameter that does not apply or is out of range, or features that do not go together.
@@ -84,7 +87,7 @@ class ResolvedScene:
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(scene, values, optics, device, forces.laws, options)
+        features = compose(scene, values, optics, device, forces.laws, options, part=part)
         check_flow(scene, values)
         loads = steady_loads(scene, moves, values, forces, device)
         gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)

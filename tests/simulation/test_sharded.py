@@ -9,11 +9,21 @@ import pytest
 
 import otwarp as ot
 from otwarp.simulation.frame import SHAPES, capture_frame
+from tests.simulation.crowds import crowd, jumbled
+from tests.simulation.test_determinism import touching_scene
 from tests.simulation.test_episodes import lossy_scene
 
 WORLDS = 8
 POWER = np.linspace(15.0, 20.0, WORLDS)[:, None]
 FOCI = np.zeros((WORLDS, 1, 3)) + np.linspace(0.0, 0.01, WORLDS)[:, None, None]
+
+
+def soft_crowd() -> ot.Scene:
+    return crowd(jumbled(27), temperature=298.15)
+
+
+def stiff_crowd() -> ot.Scene:
+    return touching_scene()
 
 
 def options(device) -> dict:
@@ -103,3 +113,22 @@ def test_a_part_is_within_the_whole(part, device):
     says = f"part is {part!r}; allowed: two whole numbers from 0 to {WORLDS}, the first of them smaller"
     with pytest.raises(ot.InputError, match=re.escape(says)):
         ot.Simulation(lossy_scene(), worlds=WORLDS, part=part, device=device)
+
+
+@pytest.mark.parametrize("make", [soft_crowd, stiff_crowd], ids=["soft", "stiff"])
+def test_parts_of_many_body_scenes(make, monkeypatch, device):
+    """Noise, parameters and faults go by the world among all."""
+    monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
+    viscosity = {"medium_viscosity": np.linspace(8e-4, 1e-3, 3)}
+    whole = ot.Simulation(make(), device=device, worlds=3, seed=31, parameters=viscosity)
+    parts = ot.ShardedSimulation(make(), devices=[device] * 2, worlds=3, seed=31, parameters=viscosity)
+    assert whole.model.features.driver == "grid"
+    for sim in (whole, parts):
+        sim.step(40)
+    assert parts.state.position.tobytes() == whole.state.position.numpy().tobytes()
+    assert parts.readout.contact_load.tobytes() == whole.readout.contact_load.numpy().tobytes()
+    assert np.any(parts.readout.contact_load) and len(np.unique(parts.state.position[:, 0, 0])) == 3
+    with pytest.raises(
+        ot.InputError, match=r"ends is given; allowed: none in a scene of .* bodies that can touch each"
+    ):
+        ot.Simulation(make(), device=device, ends=[ot.timed_out(after=1.0)])

@@ -3,7 +3,8 @@
 Where all worlds go on for the whole run there is none of this: a thread's place is its world, a launch has one first
 step, and a world's noise goes by its index. With episodes (`Features.episodes`) the worlds in motion stand in a list,
 so that those which have ended cost nothing, each has a clock, and noise goes by the number of the trial that a world
-runs: trial n is the same in whatever world, part or launch it runs, bit for bit.
+runs: trial n is the same in whatever world, part or launch it runs, bit for bit. Scenes of the body driver have no
+episodes, but parts, whose noise goes by the index among all worlds.
 """
 
 import warp as wp
@@ -57,6 +58,12 @@ def world_itself(model: ModelData, world: int) -> int:
     return world
 
 
+@wp.func
+def part_number(model: ModelData, world: int) -> int:
+    """Number of a world's trial [1] in the body driver: its index among the worlds of all parts."""
+    return int(model.first_world) + world
+
+
 def world_term(f: Features) -> wp.Function:
     """`(model, place) -> world` that a place of a launch stands for."""
     return living_world if f.episodes else world_itself
@@ -74,6 +81,8 @@ def start_term(f: Features) -> wp.Function:
 
 def number_term(f: Features) -> wp.Function:
     """`(model, world) -> int` by which the noise of a world goes."""
+    if f.driver == "grid":
+        return part_number
     return trial_number if f.episodes else world_itself
 
 
