@@ -8,9 +8,9 @@ import tempfile
 from typing import Any
 
 import warp as wp
-from warp._src import context
 
 from otwarp.errors import InputError
+from otwarp.warp_internals import is_running
 
 _NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver"
 
@@ -23,7 +23,7 @@ def start_warp() -> None:
     written there is passed on.
     """
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-    if context.runtime is not None:
+    if is_running():
         return
     sys.stderr.flush()
     kept = os.dup(2)

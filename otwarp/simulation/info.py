@@ -20,6 +20,7 @@ from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.packing.traps import axial_or_radial, law, trap_reach
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
+from otwarp.warp_internals import fields, is_struct
 
 
 def device_bytes(model: Model, *groups: Any) -> int:
@@ -37,7 +38,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
         data.coupling,
         *model.force_data,
     ):
-        arrays += [v for name in part._cls.vars if isinstance(v := getattr(part, name), wp.array)]
+        arrays += [v for v in fields(part).values() if isinstance(v, wp.array)]
     arrays.append(data.traps.tables.node)
     return sum(a.capacity for a in arrays)
 
@@ -45,9 +46,8 @@ def device_bytes(model: Model, *groups: Any) -> int:
 def struct_bytes(data: Any) -> int:
     """Bytes of the arrays of a struct, and of the structs in it."""
     size = 0
-    for name in data._cls.vars:
-        value = getattr(data, name)
-        size += value.capacity if isinstance(value, wp.array) else struct_bytes(value) if hasattr(value, "_cls") else 0
+    for value in fields(data).values():
+        size += value.capacity if isinstance(value, wp.array) else struct_bytes(value) if is_struct(value) else 0
     return size
 
 

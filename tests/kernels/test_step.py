@@ -18,6 +18,7 @@ from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
 from otwarp.scene import Flow, Scene, Settings
 from otwarp.simulation.simulation import Simulation
+from otwarp.warp_internals import fields
 from tests.simulation.setups import bead_scene, contact_scene, harmonic, neutral, robot, sphere_body
 
 BASE = Features()
@@ -217,8 +218,8 @@ def lengths(sim: Simulation) -> dict[str, int]:
     }  # fmt: skip
     out = {}
     for group, item in groups.items():
-        names = vars(item) if group in ("state", "readout") else item._cls.vars
-        out |= {f"{group}.{n}": v.size for n in names if isinstance(v := getattr(item, n), wp.array)}
+        arrays = vars(item) if group in ("state", "readout") else fields(item)
+        out |= {f"{group}.{n}": v.size for n, v in arrays.items() if isinstance(v, wp.array)}
     return out
 
 
@@ -262,8 +263,8 @@ def test_arrays_come_with_their_term(change, arrays, device):
         groups = {"state": State.start(model), "readout": Readout.empty(model)}
         out = {f"{g}.{n}": v.size for g, i in groups.items() for n, v in vars(i).items() if isinstance(v, wp.array)}
         for g in ("traps", "body", "flow", "coupling"):
-            part = getattr(model.data, g)
-            out |= {f"{g}.{n}": v.size for n in part._cls.vars if isinstance(v := getattr(part, n), wp.array)}
+            part = fields(getattr(model.data, g))
+            out |= {f"{g}.{n}": v.size for n, v in part.items() if isinstance(v, wp.array)}
         return out
 
     without, with_ = sizes(bead_scene()), sizes(dataclasses.replace(bead_scene(), **change))

@@ -22,6 +22,7 @@ from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.units import BOLTZMANN
+from otwarp.warp_internals import alike, fields
 
 RADIUS = 1.0
 FRACTION = 0.15
@@ -93,18 +94,16 @@ def spheres(count: int) -> Spheres:
 
 def repeated(data: Any, count: int, device: wp.Device) -> Any:
     """A struct of per-body arrays of `SEEDED` equal bodies, for `count` of them."""
-    out = data._cls()
-    for name in data._cls.vars:
-        value = getattr(data, name)
+    found = fields(data)
+    for name, value in found.items():
         if isinstance(value, wp.array) and len(value) in (SEEDED, SEEDED + 1) and value.ndim == 1:
             rows = value.numpy()
             # start offsets go on in steps, and so does the number of the body
             steps = name.endswith("start") or name == "body"
             rows = rows[0] + (rows[1] - rows[0]) * np.arange(count + len(value) - SEEDED) if steps else rows[:1]
             rows = rows if steps else np.broadcast_to(rows, (count, *rows.shape[1:]))
-            value = wp.array(np.ascontiguousarray(rows), dtype=value.dtype, device=device)
-        setattr(out, name, value)
-    return out
+            found[name] = wp.array(np.ascontiguousarray(rows), dtype=value.dtype, device=device)
+    return alike(data, **found)
 
 
 def many_body_model(count: int, device: wp.Device, fast_math: bool) -> Model:
@@ -116,12 +115,8 @@ def many_body_model(count: int, device: wp.Device, fast_math: bool) -> Model:
     )
     scene = Scene(bodies=bodies, settings=Settings(time_step=time_step()))
     model = Model.build(scene, device=device, options=StepOptions(fast_math=fast_math))
-    data = model.data._cls()
-    for name in data._cls.vars:
-        setattr(data, name, getattr(model.data, name))
-    data.bodies = count
-    data.body = repeated(model.data.body, count, device)
-    data.contact = repeated(model.data.contact, count, device)
+    parts = {name: repeated(getattr(model.data, name), count, device) for name in ("body", "contact")}
+    data = alike(model.data, bodies=count, **parts)
     return dataclasses.replace(model, data=data, features=dataclasses.replace(model.features, bodies=count))
 
 

@@ -20,6 +20,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import SINGLE, Doubler, in_double, in_warp, typed, types_module
+from otwarp.warp_internals import scalar_of
 
 _counter = itertools.count()
 
@@ -118,7 +119,7 @@ def described(value: Any, where: str) -> str:
     if inspect.isfunction(value):
         library = (value.__module__ or "").partition(".")[0] in ("warp", "numpy", "math")
         return f"{value.__module__}.{value.__qualname__}" if library else full_source(value)
-    if hasattr(type(value), "_wp_scalar_type_") or isinstance(value, wp.float64 | wp.float32 | wp.int32 | wp.int64):
+    if scalar_of(type(value)) is not type(value) or isinstance(value, wp.float64 | wp.float32 | wp.int32 | wp.int64):
         return f"{type(value).__qualname__}{value}"
     raise InputError(
         f"{where}, a {type(value).__qualname__}, which cannot be told from another one; "

@@ -22,6 +22,8 @@ from typing import Any
 
 import warp as wp
 
+from otwarp.warp_internals import scalar_of
+
 PRECISIONS = ("float32", "float64")
 """Precisions of a model's real numbers by name, the default first."""
 
@@ -107,7 +109,7 @@ def typed(kind: Any, precision: str) -> Any:
 
 def precision_of(array: wp.array) -> str:
     """Precision of an array of real numbers."""
-    return "float64" if getattr(array.dtype, "_wp_scalar_type_", array.dtype) is wp.float64 else "float32"
+    return "float64" if scalar_of(array.dtype) is wp.float64 else "float32"
 
 
 def wp_name(node: ast.expr) -> str:

@@ -6,7 +6,6 @@ calls the machine code without Warp (`otwarp.haptics.force.compiled`), so that a
 """
 
 import functools
-from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -17,6 +16,7 @@ from otwarp.kernels.core.types import TrapConstants, TrapData
 from otwarp.kernels.optics.trap_laws import isotropic_term, piecewise_ratio, split_term
 from otwarp.kernels.optics.traps import LAYER_NAMES, TRAP_TERMS, table_name
 from otwarp.laws import local_rows as rows
+from otwarp.warp_internals import cpu_code
 
 
 @wp.func
@@ -170,13 +170,4 @@ def machine_code(models: tuple[str, ...]) -> dict[str, Any]:
         RuntimeError: There is no compiler, or no room for what it makes.
     """
     kernel = kernel_module("optics.local_force", "float64").local_force_kernel(models)
-    device = wp.get_device("cpu")
-    code = kernel.module.load(device, block_dim=1)
-    launch = wp.launch(kernel, 1, [0] * len(kernel.adj.args), device=device, block_dim=1, record_cmd=True)
-    return {
-        "models": models,
-        "loader": str(next((Path(wp.__file__).parent / "bin").glob("*warp-clang*"))),
-        "file": str(code.binary_path),
-        "symbol": f"{code.get_kernel_mangled_name(kernel)}_cpu_forward",
-        "bounds": bytes(launch.bounds),
-    }
+    return {"models": models, **cpu_code(kernel)}

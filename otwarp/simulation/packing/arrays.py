@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.core.precision import typed
+from otwarp.warp_internals import scalar_of, shape_of
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ def device_array(values: Any, dtype: Any, device: Any, *, ndim: int = 1) -> wp.a
     """
     if isinstance(device, Place):
         dtype, device = device.typed(dtype), device.device
-    inner = tuple(getattr(dtype, "_shape_", ()))
+    inner = shape_of(dtype)
     table = np.asarray(values, dtype=host_type(dtype))
     if table.size == 0:
         lead = table.shape[:ndim] if table.ndim >= ndim else (0,) * ndim
@@ -59,7 +60,7 @@ def device_view(values: Any, dtype: Any = None) -> wp.array | None:
 
 def host_type(dtype: Any) -> Any:
     """NumPy type of the numbers in an array of `dtype`."""
-    return wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
+    return wp.dtype_to_numpy(scalar_of(dtype))
 
 
 def filled(shape: tuple[int, ...], value: Any, dtype: Any, device: Any) -> wp.array:

@@ -1,0 +1,72 @@
+"""What reaches into Warp: everything that counts on more than the library promises stands here.
+
+Seen in Warp 1.19; `tests/test_warp_internals.py` fails when what is used here is not there any more.
+
+- *Whether Warp runs.* `wp.init` cannot be asked, and starting it writes to the terminal where no driver is.
+- *Fields of a struct*, and another one of its type: an instance knows its `Struct`, which has no public name for them.
+- *Numbers and shape of a vector type*, which public functions tell of arrays alone.
+- *Machine code of a kernel*, to be called where Warp is not imported: its file, symbol, launch bounds, and the library
+  that loads it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+from warp._src import context
+
+
+def is_running() -> bool:
+    """Whether Warp is initialised in this process."""
+    return context.runtime is not None
+
+
+def is_struct(value: Any) -> bool:
+    """Whether a value is an instance of a Warp struct."""
+    return hasattr(value, "_cls")
+
+
+def fields(struct: Any) -> dict[str, Any]:
+    """Name and value of each field of an instance of a Warp struct, in order."""
+    return {name: getattr(struct, name) for name in struct._cls.vars}
+
+
+def alike(struct: Any, **values: Any) -> Any:
+    """Another instance of the struct's type, equal but for `values`."""
+    other = struct._cls()
+    for name, value in (fields(struct) | values).items():
+        setattr(other, name, value)
+    return other
+
+
+def scalar_of(dtype: Any) -> Any:
+    """Type of the numbers of a vector, quaternion or matrix type; any other type itself."""
+    return getattr(dtype, "_wp_scalar_type_", dtype)
+
+
+def shape_of(dtype: Any) -> tuple[int, ...]:
+    """Shape of a vector, quaternion or matrix type; () of any other."""
+    return tuple(getattr(dtype, "_shape_", ()))
+
+
+def cpu_code(kernel: wp.Kernel) -> dict[str, Any]:
+    """Where the machine code of a kernel of one thread is: `loader`, `file`, `symbol`, and its launch `bounds`.
+
+    All its arguments are numbers. Compiles the kernel where Warp's cache has it not.
+
+    Raises:
+        RuntimeError: There is no compiler, or no room for what it makes.
+    """
+    device = wp.get_device("cpu")
+    code = kernel.module.load(device, block_dim=1)
+    launch = wp.launch(kernel, 1, [0] * len(kernel.adj.args), device=device, block_dim=1, record_cmd=True)
+    if code is None or launch is None:
+        raise RuntimeError(f"Warp could not compile {kernel.key}")
+    return {
+        "loader": str(next((Path(wp.__file__).parent / "bin").glob("*warp-clang*"))),
+        "file": str(code.binary_path),
+        "symbol": f"{code.get_kernel_mangled_name(kernel)}_cpu_forward",
+        "bounds": bytes(launch.bounds),
+    }
