@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from otwarp.bench.radial_wells import STARTED, WATCHED, Averages, RadialWell, solution, steps_in
+from otwarp.bench.radial_wells import Averages, RadialWell, solution, steps_in
 
 ORDER = 10
 """Nodes of each polynomial."""
@@ -145,10 +145,13 @@ class RadialChain:
         """(n, n) g ↦ E g(end) over the beads that are still there after a step."""
         return self._operator(self.kept)
 
+    def still(self, steps: int) -> np.ndarray:
+        """(n,) share of beads that are still there after some steps."""
+        return np.linalg.matrix_power(self.stay, steps) @ np.ones(len(self.x))
+
     def survival(self, start: float, steps: int) -> float:
-        """Share of beads still there after some steps that start at `start` of the end."""
-        there = np.linalg.matrix_power(self.stay, steps) @ np.ones(len(self.x))
-        return self._at(there, start * self.well.end)
+        """That of beads that start at `start` of the way to the end."""
+        return self._at(self.still(steps), start * self.well.end)
 
     def averages(self) -> Averages:
         """What a run would show, at the times of `Solution.averages`."""
@@ -164,13 +167,8 @@ class RadialChain:
         for n in range(1, max(steps, 5) + 1):
             later = turned @ later
             correlations.append(float((share * self.x) @ later) / 3.0 / loss**n)
-        there, counts = np.ones(len(self.x)), steps_in(WATCHED, self.step)
-        survivors = []
-        for _ in range(max(counts, 5)):
-            there = stay @ there
-            survivors.append(there)
         moved = [
-            variance + float((share * survivors[n - 1]) @ self.x**2) / 3.0 / loss**n - 2.0 * correlations[n - 1]
+            variance + float((share * self.still(n)) @ self.x**2) / 3.0 / loss**n - 2.0 * correlations[n - 1]
             for n in (1, 5)
         ]
         waiting = np.linalg.solve(np.eye(len(self.x)) - stay, np.ones(len(self.x)))
@@ -181,7 +179,6 @@ class RadialChain:
             displacements=moved[1],
             # an escape counts for the middle of its step
             escape=self.step * (self._at(waiting, 0.0) - 0.5),
-            survival=self._at(survivors[counts - 1], STARTED * self.well.end),
         )
 
 

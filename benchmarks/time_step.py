@@ -6,14 +6,16 @@ that step: an error is within the wanted accuracy, or told by `otwarp info` and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import lru_cache, partial
 from typing import Any
 
 from benchmarks.radial_chain import RadialChain
 from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
-from otwarp.bench.radial_wells import SHAPES, Averages, RadialWell, solution
+from otwarp.bench.radial_wells import SHAPES, Averages, RadialWell, solution, steps_in
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.simulation.model import Model
@@ -26,25 +28,41 @@ INTEGRATORS = ("eulerMaruyama", "heun", "exponential")
 DEPTHS = (2.0, 5.0, 8.0)
 """[k_B T]"""
 
+STARTS, BESIDE = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995), (0.98, 1.0, 1.02)
+"""Where beads start whose survival is looked at: over where the law ends, and over where its spring ends."""
+
+WATCHED = (0.05, 0.2, 1.0)
+"""For how long [γ/k]."""
+
 NAMES = {
     "variance": "variance",
     "correlation": "correlation",
     "displacement": "displacement",
     "displacements": "displacement",
     "escape": "escape",
-    "survival": "escape",
+    "survival": "survival",
 }
-"""What of `Averages` is which of `OBSERVABLES`."""
+"""What of `Averages` is which of `OBSERVABLES`; survival has a step, and an estimate of `escape`, for each start."""
 
-HEAD = ("law", "integrator", "accuracy", "k·dt/γ", *(f.name for f in fields(Averages)), "told")
+HEAD = (
+    "law",
+    "integrator",
+    "accuracy",
+    "k·dt/γ",
+    *(f.name for f in fields(Averages)),
+    "near its end",
+    "survival",
+    "told",
+)
 
 NOTE = (
     "Errors in per cent, each the worst over depths of 2, 5 and 8 k_B T, against the Smoluchowski equation; k·dt/γ is "
     "the step that otwarp chooses, at these depths. Variances, correlations (at the time in which they fall to 1/e) "
     "and mean squared displacements (over one step and over five) are those of beads that are still there; escape is "
-    "the mean time from the middle to where the law ends, survival the share still there after 0.2 γ/k, started at "
-    "95 % of that distance. Errors above the wanted accuracy are in bold, and told: what `otwarp info` and "
-    "`run` say is estimated to miss it. "
+    "the mean time from the middle to where the law ends. Survival is the share still there after 0.05, 0.2 and 1 γ/k, "
+    "of beads that start at 40 to 99.5 % of that distance and beside the place where the spring ends, with the step "
+    "that otwarp chooses for a bead that starts there; `near its end` is the shortest of these steps, k·dt/γ. Errors "
+    "above the wanted accuracy are in bold, and told: what `otwarp info` and `run` say is estimated to miss it. "
 )
 
 
@@ -55,9 +73,10 @@ class Cell:
     Attributes:
         shape, depth: Of the well.
         integrator, accuracy: Of the scene.
-        product: k·dt/γ as chosen.
-        errors: Relative, by the names of `Averages`.
-        told: Estimated errors of what is said to miss the accuracy, by the names of `OBSERVABLES`.
+        product, near: k·dt/γ as chosen for a bead that starts in the middle, and the least for one near the end.
+        errors: Relative, by the names of `Averages`, and of survival.
+        told: Estimated errors of what is said to miss the accuracy, by the names of `OBSERVABLES`; of survival the
+            least for any start.
     """
 
     shape: str
@@ -65,6 +84,7 @@ class Cell:
     integrator: str
     accuracy: float
     product: float
+    near: float
     errors: dict[str, float]
     told: dict[str, float]
 
@@ -78,20 +98,35 @@ class Cell:
         ]
 
 
+def chosen(well: RadialWell, integrator: str, accuracy: float, start: float = 0.0) -> tuple[float, dict[str, float]]:
+    """k·dt/γ for a bead that starts at `start` of the way to the end, and what is told."""
+    scene = well.scene(start, accuracy=accuracy, integrator=integrator)
+    scales = Model.build(scene, device="cpu").scales
+    return scales.time_step * well.rate, scales.missed
+
+
 def cell(shape: str, depth: float, integrator: str, accuracy: float) -> Cell:
     """Choose the step, and find what it does."""
-    well = RadialWell(shape, depth)
-    scales = Model.build(well.scene(accuracy=accuracy, integrator=integrator), device="cpu").scales
-    step = scales.time_step * well.rate
-    exact, found = asdict(solution(shape, depth).averages(step)), asdict(RadialChain(integrator, well, step).averages())
+    well, truth = RadialWell(shape, depth), solution(shape, depth)
+    step, told = chosen(well, integrator, accuracy)
+    chain = lru_cache(partial(RadialChain, integrator, well))
+    exact, found = asdict(truth.averages(step)), asdict(chain(step).averages())
+    survival, near, least = 0.0, step, math.inf
+    for start in sorted({*STARTS, *(r * well.bend / well.end for r in BESIDE if r * well.bend < well.end)}):
+        taken, missed = chosen(well, integrator, accuracy, start)
+        near, least = min(near, taken), min(least, missed.get("escape", 0.0))
+        for steps in {steps_in(time, taken) for time in WATCHED}:
+            right = truth.survival(start * well.end, steps * taken)
+            survival = max(survival, chain(taken).survival(start, steps) / right - 1.0, key=abs)
     return Cell(
         shape=shape,
         depth=depth,
         integrator=integrator,
         accuracy=accuracy,
         product=step,
-        errors={name: found[name] / exact[name] - 1.0 for name in exact},
-        told=scales.missed,
+        near=near,
+        errors={name: found[name] / exact[name] - 1.0 for name in exact} | {"survival": survival},
+        told=told | ({"survival": least} if least > 0.0 else {}),
     )
 
 
@@ -116,17 +151,17 @@ def rows(found: Sequence[Cell]) -> list[tuple[str, ...]]:
         groups.setdefault((one.shape, one.integrator, one.accuracy), []).append(one)
     out = []
     for (shape, integrator, accuracy), group in groups.items():
-        products = [one.product for one in group]
         worst = {name: max((one.errors[name] for one in group), key=abs) for name in group[0].errors}
         told = sorted({name for one in group for name in one.told})
-        span = f"{min(products):.2g}" if min(products) > 0.99 * max(products) else _span(products)
         out.append(
             (
                 shape,
                 integrator,
                 f"{100.0 * accuracy:g} %",
-                span,
-                *(_bold(error, accuracy) for error in worst.values()),
+                _span([one.product for one in group]),
+                *(_bold(error, accuracy) for name, error in worst.items() if name != "survival"),
+                _span([one.near for one in group]),
+                _bold(worst["survival"], accuracy),
                 ", ".join(told) or "–",
             )
         )
@@ -134,6 +169,8 @@ def rows(found: Sequence[Cell]) -> list[tuple[str, ...]]:
 
 
 def _span(products: Sequence[float]) -> str:
+    if min(products) > 0.99 * max(products):
+        return f"{min(products):.2g}"
     return f"{min(products):.2g} … {max(products):.2g}"
 
 

@@ -31,9 +31,6 @@ CELLS = 1200
 TEMPERATURE = 298.15
 """Of the scenes [K]."""
 
-STARTED, WATCHED = 0.95, 0.2
-"""Where a bead starts that is nearly lost, over the distance at which it is, and for how long it is watched [γ/k]."""
-
 
 def _curve(ratio: float, after: float, end: float) -> TrapLaw:
     """A spring of 1 pN/µm up to 0.1 µm, then A/d² + C up to `end` [µm].
@@ -126,9 +123,12 @@ class RadialWell:
         """k/γ of the scene's bead [1/s]."""
         return self.power * SHAPES[self.shape].stiffness / drag(1.0, Medium().viscosity)
 
-    def scene(self, **settings: Any) -> Scene:
-        """A bead of 1 µm that starts in the middle of that trap; `settings` as `Settings`."""
+    def scene(self, start: float = 0.0, **settings: Any) -> Scene:
+        """A bead of 1 µm that starts at `start` of the way from the middle of that trap to its end; `settings` as
+        `Settings`.
+        """
         law = SHAPES[self.shape]
+        x, y, z = PLACE
         trap = Trap(
             prim="/World/trap",
             position=Track.constant(PLACE),
@@ -136,14 +136,14 @@ class RadialWell:
             model="piecewise" if math.isfinite(law.threshold) else "harmonic",
             radial=law,
         )
-        made = scene(bead(), traps=(trap,), temperature=TEMPERATURE)
+        made = scene(bead(place=(x + start * law.cutoff, y, z)), traps=(trap,), temperature=TEMPERATURE)
         # no frame is to cut a step short
         return replace(made, settings=Settings(frames_per_second=min(self.rate, 1000.0), **settings))
 
 
 @dataclass(frozen=True)
 class Averages:
-    """What is seen of a bead; those but `escape` and `survival` of the beads that are still there.
+    """What is seen of a bead; those but `escape` of the beads that are still there.
 
     Attributes:
         variance: ⟨x²⟩.
@@ -151,7 +151,6 @@ class Averages:
         displacement: ⟨(x(dt) − x(0))²⟩ over one time step.
         displacements: The same over five.
         escape: Mean time from the middle to the end.
-        survival: Share of beads from `STARTED` of the end that are still there after a while.
     """
 
     variance: float
@@ -159,7 +158,6 @@ class Averages:
     displacement: float
     displacements: float
     escape: float
-    survival: float
 
 
 @dataclass(frozen=True)
@@ -243,14 +241,13 @@ class Solution:
         return float(np.interp(start, np.append(r, self.well.end), values))
 
     def averages(self, step: float) -> Averages:
-        """All, for a time step: correlations and survival at times that are whole numbers of it."""
+        """All, for a time step: correlations at a time that is a whole number of it."""
         return Averages(
             variance=self.variance,
             correlation=self.correlation(steps_in(self.forgetting, step) * step),
             displacement=self.displacement(step),
             displacements=self.displacement(5.0 * step),
             escape=self.escape,
-            survival=self.survival(STARTED * self.well.end, steps_in(WATCHED, step) * step),
         )
 
 

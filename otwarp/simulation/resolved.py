@@ -25,7 +25,7 @@ from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.parameters import expand_all, scene_values
 from otwarp.simulation.packing.traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.packing.walls import check_flow
-from otwarp.simulation.time_step.edges import at_edges, pulls
+from otwarp.simulation.time_step.edges import Edges, at_edges, close_starts, pulls
 from otwarp.simulation.time_step.relaxation import Neighbours, TrapRelaxation
 from otwarp.simulation.time_step.speeds import authored_powers
 from otwarp.simulation.time_step.steady_loads import steady_loads
@@ -41,7 +41,7 @@ class ResolvedScene:
         features: Terms of the step but for `soft_contacts`, which the time step decides.
         forces: Forces with parameters per body.
         loads: Per body, how strong all forces but traps are.
-        edges: Rates where beads leave the traps, at powers of 1.
+        edges: Rates where beads leave the traps.
         scene, values, overrides, held, held_range, relaxation, steepest, optics: As in `Model`.
     """
 
@@ -56,7 +56,7 @@ class ResolvedScene:
     held_range: np.ndarray
     relaxation: TrapRelaxation
     steepest: TrapRelaxation
-    edges: TrapRelaxation
+    edges: Edges
     optics: TrapOptics
 
     @classmethod
@@ -105,7 +105,7 @@ class ResolvedScene:
             held_range=np.minimum(_held_range(scene, values, held), optics.escape_distance()),
             relaxation=TrapRelaxation.of(scene, moves, optics.stiffest(values), near, held, loads),
             steepest=TrapRelaxation.of(scene, moves, optics.steepest(values), near, held, loads),
-            edges=TrapRelaxation.of(scene, moves, edges, near, held, loads),
+            edges=Edges(TrapRelaxation.of(scene, moves, edges, near, held, loads), close_starts(values, gap)),
             optics=optics,
         )
 

@@ -22,6 +22,14 @@ def test_the_chosen_step_keeps_its_promise_in_the_papers_law(integrator, accurac
     assert max(map(abs, found.errors.values())) < accuracy
 
 
+@pytest.mark.parametrize("shape", ["ten times as steep", "jump down to a half"])
+def test_survival_is_right_wherever_a_bead_starts(shape):
+    """Beads that start close to the end have steps of their own; with those of the middle 2.8 and 2.5 % were wrong."""
+    found = time_step.cell(shape, 2.0, "heun", 0.01)
+    assert not found.silent and not found.told
+    assert found.near < 0.4 * found.product
+
+
 def survival_errors(step: float) -> list[float]:
     """Relative errors of Heun's share of beads still there after 1 to 10 steps, where at least a tenth are.
 

@@ -8,6 +8,7 @@ k_B T is never left, unless drag and weight that pull the bead aside lower the b
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from otwarp.kernels.forces.force import Load
 from otwarp.scene import Scene
 from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.traps import law
+from otwarp.simulation.time_step.relaxation import TrapRelaxation
 from otwarp.simulation.time_step.speeds import flow_speed, sampled_speed
 from otwarp.units import BOLTZMANN
 
@@ -25,10 +27,14 @@ REACHED = 30.0
 STARTED = 0.8
 """Distance over that at which a law leaves its linear branch, from which on a sphere starts beyond it."""
 
+LATE = 0.5
+"""Distance over that at which a law ends, from which on a sphere starts close to it."""
+
 JUMP, END, NARROW = 4.0, 3.0, 12.5
 """What makes an error as a slope does: the square of a jump of the force over k_B T; the force with which a law ends,
 over that distance; and k_B T over its square, for a bead that diffuses out of the trap within few steps. Found with
-`python -m benchmarks --only time_step`. Errors of a jump fall as the step to the power 1.5 only."""
+`python -m benchmarks --only time_step`. Errors of a jump fall as the step to the power 1.5 only, and as the step itself
+for a bead that starts beside it."""
 
 
 def pulls(
@@ -80,7 +86,7 @@ def at_edges(
     # a smaller sphere than the law was fitted for lies in a shallower well
     shallower = np.where(fitted > 0.0, np.maximum(fitted / smallest, 1.0), 1.0)
     energy = BOLTZMANN * values["medium_temperature"]
-    slow = max(0.01 / scene.settings.accuracy, 1.0) ** (1.0 / 6.0)
+    finer = max(0.01 / scene.settings.accuracy, 1.0)
     for curve in ("trap_", "trap_axial_"):
         k, threshold, square, offset, end = (
             np.asarray(values[curve + name], dtype=float)
@@ -96,6 +102,7 @@ def at_edges(
         hottest, coldest = float(energy.max()), float(energy.min())
         acting = np.minimum(powers, reached_power(k, begin, hottest * shallower, pull))
         acting = np.where(gap > STARTED * begin, powers, acting)
+        slow = np.where(gap > LATE * last, finer ** (1.0 / 3.0), finer ** (1.0 / 6.0))
         # without thermal motion a bead crosses a jump once, and there is no rate to be wrong
         jumping = JUMP * slow * (jump * acting) ** 2 / coldest if coldest > 0.0 else np.zeros_like(jump)
         falling = np.maximum(slope * acting, jumping)
@@ -105,6 +112,38 @@ def at_edges(
             authored, np.where(edged, np.maximum(falling, ending), 0.0), slopes * np.minimum(powers, held)
         )
     return found
+
+
+def close_starts(values: Mapping[str, np.ndarray], gap: np.ndarray) -> np.ndarray:
+    """(T,) whether a sphere starts close to where a trap ends; arguments as for `at_edges`."""
+    ends = [values[name].max(axis=0) for name in ("trap_cutoff", "trap_axial_cutoff")]
+    return np.any([np.isfinite(end) & (gap > LATE * end) for end in ends], axis=0)
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Rates where beads leave the traps.
+
+    Attributes:
+        rates: With the parameters of `at_edges`, at powers of 1.
+        close: (T,) as `close_starts`.
+    """
+
+    rates: TrapRelaxation
+    close: np.ndarray
+
+    @property
+    def leaving(self) -> float:
+        """The fastest [1/s]."""
+        return self._fastest(np.ones(len(self.close)))
+
+    @property
+    def starting(self) -> float:
+        """That of the traps close to whose end a sphere starts [1/s]."""
+        return self._fastest(self.close.astype(float))
+
+    def _fastest(self, powers: np.ndarray) -> float:
+        return self.rates.fastest(powers)[0] if (powers * self.rates.stiffness).any() else 0.0
 
 
 def reached_power(stiffness: np.ndarray, distance: np.ndarray, energy: np.ndarray, pull: np.ndarray) -> np.ndarray:

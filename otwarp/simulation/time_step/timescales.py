@@ -16,11 +16,13 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
+from otwarp.simulation.time_step.edges import Edges
 from otwarp.simulation.time_step.observables import (
     ExplicitStep,
     Observable,
     at_edges,
     errors,
+    from_close,
     in_springs,
     missed,
     near_walls,
@@ -190,7 +192,7 @@ def time_scales(
     values: Mapping[str, np.ndarray],
     relaxation: TrapRelaxation,
     steepest: TrapRelaxation,
-    edges: TrapRelaxation,
+    edges: Edges,
     loads: list[Load],
     *,
     integrator: str,
@@ -203,7 +205,7 @@ def time_scales(
         values: The `(1|W, …)` parameters of `parameters.PARAMETERS`.
         relaxation: Rates in the traps near their equilibria.
         steepest: Rates where forces are steepest, of tables at the rim of a sphere; they limit stability.
-        edges: Rates where beads leave the traps, at powers of 1, as far as they come there; see `edges`.
+        edges: Rates where beads leave the traps, as far as they come there.
         loads: Per body, how strong all forces but traps are.
         contacts: Whether anything can touch anything.
         explicit: None to choose the step.
@@ -246,21 +248,19 @@ def time_scales(
     )
 
 
-def _observables(
-    scene: Scene, scheme: Integrator, rate: float, edges: TrapRelaxation, wall: float | None
-) -> list[Observable]:
+def _observables(scene: Scene, scheme: Integrator, rate: float, edges: Edges, wall: float | None) -> list[Observable]:
     """What the step of a scene may make wrong, apart from rotation and samples.
 
     Args:
         rate: Fastest relaxation near the equilibria of the traps [1/s].
-        edges: Where beads leave them, at powers of 1.
+        edges: Where beads leave them.
         wall: As in `TimeScales`.
     """
-    leaving = edges.fastest(np.ones(len(edges.stiffness)))[0] if edges.stiffness.any() else 0.0
     accuracy, noise, brownian = scene.settings.accuracy, scene.settings.noise, scene.settings.brownian
     watched = in_springs(scheme, rate, accuracy, noise, brownian=brownian)
-    if leaving > 0.0 and brownian:
-        watched += at_edges(scheme, leaving, accuracy, noise)
+    if brownian:
+        watched += at_edges(scheme, edges.leaving, accuracy, noise)
+        watched += from_close(scheme, edges.starting, accuracy, noise)
     if wall is not None:
         watched.append(near_walls(WALL_PRODUCT * accuracy * wall, accuracy))
     return watched
