@@ -163,8 +163,12 @@ def schedule(priority: int = PRIORITY) -> Grant:
 
 
 def schedule_threads(priority: int) -> Grant:
-    """SCHED_FIFO for all threads that this process has by now, and for those that these start; Linux alone."""
-    return _attempt("SCHED_FIFO of all threads", lambda: _fifo_threads(priority))
+    """SCHED_FIFO for all threads that this process has by now, and for those that these start; Linux alone.
+
+    The nice value where it is not allowed.
+    """
+    fifo = _attempt("SCHED_FIFO of all threads", lambda: _fifo_threads(priority))
+    return fifo if fifo.granted else _attempt("nice of all threads", _nice_threads)
 
 
 def favour() -> Callable[[], None]:
@@ -226,10 +230,11 @@ def parent_is_gone() -> Callable[[], bool]:
     return lambda: os.getppid() != parent
 
 
-def process_ended(pid: int) -> Callable[[], bool] | None:
+def process_ended(pid: int) -> Callable[[float], bool] | None:
     """A cheap test of whether any process has ended, also one that its parent has not taken note of yet.
 
-    None where the system has no such test that is safe against a number that is given anew: only Linux has.
+    It waits for the end for up to so many seconds, and returns at once when it comes. None where the system has no such
+    test that is safe against a number that is given anew: only Linux has.
     """
     if not hasattr(os, "pidfd_open"):
         return None
@@ -238,12 +243,12 @@ def process_ended(pid: int) -> Callable[[], bool] | None:
     try:
         watched = os.pidfd_open(pid)
     except ProcessLookupError:
-        return lambda: True
+        return lambda _: True
     except OSError:  # an older kernel, or one that forbids it
         return None
     poll = select.poll()
     poll.register(watched, select.POLLIN)
-    return lambda: bool(poll.poll(0))
+    return lambda seconds: bool(poll.poll(1e3 * seconds))
 
 
 def _attempt(what: str, call: Callable[[], str]) -> Grant:
@@ -260,11 +265,22 @@ def _fifo(priority: int) -> str:
     return f"priority {os.sched_getparam(0).sched_priority}"
 
 
+def _threads() -> list[int]:
+    return [int(entry.name) for entry in os.scandir("/proc/self/task")]
+
+
 def _fifo_threads(priority: int) -> str:
-    threads = [int(entry.name) for entry in os.scandir("/proc/self/task")]
+    threads = _threads()
     for thread in threads:
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
     return f"priority {priority} of {len(threads)}"
+
+
+def _nice_threads() -> str:
+    threads = _threads()
+    for thread in threads:
+        os.setpriority(os.PRIO_PROCESS, thread, NICE)
+    return f"{NICE} of {len(threads)}"
 
 
 def _round_robin() -> str:

@@ -2,10 +2,11 @@
 and its parent.
 
 It watches the cycles of the servo in shared memory, every 5 ms: the servo's death and its standing still (stopped,
-swapped out) look alike there, and the first is also told by the system. Each device has a thread, which prepares while
-the servo lives, so that nothing is left to import, to register or to find when zero force must go out, and so that a
-device that hangs does not keep the other waiting. It is sent again and again while the servo stands still: a last force
-that was under way by another connection may come after the first.
+swapped out) look alike there, and of the first the system also tells, at once. Where the guardian itself is kept
+waiting, the whole time between two looks counts: a servo that went on meanwhile has left a newer cycle.
+Each device has a thread, which prepares while the servo lives, so that nothing is left to import, to register or to
+find when zero force must go out, and so that a device that hangs does not keep the other waiting. It is sent again and
+again while the servo stands still: a last force that was under way by another connection may come after the first.
 
 It ends when the servo has ended in order, or half a second after one that was killed. No signal of a terminal ends it.
 """
@@ -24,7 +25,7 @@ from importlib import import_module
 
 from otwarp.errors import InputError
 from otwarp.haptics.core import ServoFrame, ZeroForce
-from otwarp.haptics.core.realtime import process_ended, schedule_threads, timer
+from otwarp.haptics.core.realtime import lock_memory, process_ended, schedule_threads, timer
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices import KINDS
 from otwarp.haptics.servo.guard import LENGTH, Address, AddressLayout, GuardLayout, GuardOrder, GuardReport, Watch
@@ -120,20 +121,18 @@ class Side:
 
     def __init__(self, frames: Mailbox[ServoFrame], addresses: Mailbox[Address], sender: Sender | None):
         self._frames, self._addresses, self.sender = frames, addresses, sender
-        self._still = 0.0
+        self._moved = time.monotonic()
         self._next = -math.inf
 
-    def look(self, now: float, elapsed: float) -> float:
-        """Seconds for which the servo has stood still, counted in looks: a guardian that was stopped counts one."""
+    def look(self, now: float) -> float:
+        """Seconds up to `now` for which the servo has stood still; the clock must have been asked before."""
         if self.sender is not None and (address := self._addresses.read()) is not None:
             self.sender.prepare(address)
         if self._frames.read() is not None:
-            self._still, self._next = 0.0, -math.inf
+            self._moved, self._next = now, -math.inf
             if self.sender is not None:
                 self.sender.forget()
-        else:
-            self._still += min(elapsed, 2.0 * POLL)
-        return self._still
+        return now - self._moved
 
     def send(self, now: float) -> None:
         """Send zero force, if it is time."""
@@ -158,7 +157,7 @@ def guardian() -> None:
     os._exit(0)  # a thread may hang in a driver
 
 
-def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> None:
+def watch(order: GuardOrder) -> None:
     """Watch the servo until it has ended.
 
     Raises:
@@ -178,16 +177,17 @@ def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> Non
     ]
     if order.realtime:
         timer()
+        lock_memory()
     sys.setswitchinterval(SWITCH)
-    beat, state, last, died = 0, "", clock(), math.inf
+    beat, state, died = 0, "", math.inf
     while True:
-        now = clock()
+        now = time.monotonic()
         status = status_box.read()
         state = status.state if status is not None else state
         if state in ("stopped", "failed"):
             return
-        still = [side.look(now, now - last) for side in sides]
-        gone = ended() if ended is not None else min(still) > FORGOTTEN
+        still = [side.look(now) for side in sides]
+        gone = ended(0.0) if ended is not None else min(still) > FORGOTTEN
         for side, seconds in zip(sides, still, strict=True):
             if gone or (seconds >= order.after and state in ("running", "ending")):
                 side.send(now)
@@ -196,10 +196,13 @@ def watch(order: GuardOrder, clock: Callable[[], float] = time.monotonic) -> Non
             due = any(side.sender is not None and side.sender.due for side in sides)
             if now - died > (GIVE_UP if due else LINGER):
                 return
-        beat, last = beat + 1, now
+        beat += 1
         watches = tuple(side.sender.watch if side.sender else Watch() for side in sides)
         reports.write(GuardReport(order.number, beat, watches))
-        time.sleep(POLL)
+        if ended is None or gone:
+            time.sleep(POLL)
+        else:
+            ended(POLL)  # the system tells at once
 
 
 def _sender(kind: str, realtime: bool) -> Sender | None:
