@@ -13,6 +13,7 @@ from otwarp.device import empty
 from otwarp.errors import InputError
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS
+from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.grid_contacts import CHUNKS, RELAXATIONS
 from otwarp.kernels.drivers.grid_data import GridData, Link, NeighbourData, PushData, lifts_noise, whole_contacts
 from otwarp.kernels.drivers.grid_move import two_stages
@@ -30,6 +31,9 @@ SKIN_RANGE = (0.3, 1.2)
 CELL_EDGE = 1.00001
 """Edge of a cell over the largest distance of neighbours: what rounding may put into the next cell but one is none."""
 
+WIDE_CELL = 2.01
+"""The same across the sorted direction where a CPU tests many neighbours at once: of two columns, rather than three."""
+
 MOST_CELLS = 1 << 30
 """Cells of all worlds, which int32 keys number."""
 
@@ -44,27 +48,28 @@ def choose_skin(model: Model) -> float:
 
 
 def choose_cells(
-    extent: np.ndarray, edge: float, elements: int, worlds: int, period: ArrayLike = (0.0, 0.0, 0.0)
+    extent: np.ndarray, edge: ArrayLike, elements: int, worlds: int, period: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[int, int, int]:
     """Cells along each axis, powers of two of at least 4: no more than four per element, where there is room for them.
 
     Args:
         extent: (3,) of the region where the elements start [µm]; elsewhere the cells repeat.
-        edge: Of a cell [µm]; along a periodic axis at least.
+        edge: Of a cell [µm], one or along each axis; along a periodic axis at least.
         period: (3,) lengths that a whole number of cells fills [µm], 0 along an open axis.
 
     Raises:
         InputError: A period that has no room for four cells.
     """
-    needed = [max(4, 1 << math.ceil(math.log2(max(float(x) / edge, 1.0)) - 1e-9)) for x in extent]
+    edges = np.broadcast_to(np.asarray(edge, dtype=float), 3)
+    needed = [max(4, 1 << math.ceil(math.log2(max(x, 1.0)) - 1e-9)) for x in np.asarray(extent) / edges]
     for axis, length in enumerate(np.asarray(period, dtype=float)):
-        if 0.0 < length < 4.0 * edge:
+        if 0.0 < length < 4.0 * edges[axis]:
             raise InputError(
                 f"ot:scene:period = {1e-6 * length:g} m along {'xyz'[axis]}; allowed: 0, or at least"
-                f" {4e-6 * edge:g} m in a many-body scene of bodies of this size"
+                f" {4e-6 * edges[axis]:g} m in a many-body scene of bodies of this size"
             )
         if length > 0.0:
-            needed[axis] = 1 << math.floor(math.log2(length / edge))
+            needed[axis] = 1 << math.floor(math.log2(length / edges[axis]))
     most = min(max(64, 4 * elements), max(64, MOST_CELLS // worlds))
     while math.prod(needed) > most:
         needed[needed.index(max(needed))] //= 2
@@ -89,8 +94,10 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
         edge = CELL_EDGE * (2.0 * float(sizes.max()) + data.reach + data.skin)
         extent = np.ptp(state.position.numpy()[0].astype(float), axis=0)
         period = np.array(model.scene.settings.period)
-        cells = choose_cells(extent, edge, elements, w, period)
-        data.edge = wp.vec3(*np.where(period > 0.0, period / np.array(cells), edge))
+        wide = WIDE_CELL if f.soft_contacts and f.lanes else 1.0
+        edges = edge * np.where(period > 0.0, 1.0, [wide, wide, 1.0])
+        cells = choose_cells(extent, edges, elements, w, period)
+        data.edge = wp.vec3(*np.where(period > 0.0, period / np.array(cells), edges))
     data.cells = wp.vec3i(*cells)
     total, listed = w * elements, w * elements if f.pairs else 0
     if listed * NEIGHBOURS >= 2**31:
@@ -100,12 +107,13 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
         )
     searched = w * math.prod(cells) if f.pairs else 0
     counts = {"key": 2 * listed, "item": 2 * listed, "start": searched, "finish": searched, "count": total}
+    counts |= {"begin": listed if f.lanes and f.soft_contacts else 0}
     counts |= {"walled": total if f.obstacles else 0, "stale": 1, "builds": 1}
     for name, size in counts.items():
         setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
     data.reference = wp.zeros(total, dtype=wp.vec3, device=device)
     # filled up to `count` alone: pages that no list reaches are never touched
-    data.neighbour = empty(listed * NEIGHBOURS, wp.int32, device)
+    data.neighbour = empty(listed * NEIGHBOURS + PAIRS, wp.int32, device)
     # neighbouring threads of a GPU read neighbouring words; one thread of a CPU reads its own list through
     data.stride, data.pitch = (NEIGHBOURS, 1) if device.is_cpu else (1, listed)
     return data
@@ -140,6 +148,8 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.slot = wp.zeros((w, b if f.soft_contacts and f.inlet else 0), dtype=wp.int32, device=device)
     slots = w * b if f.soft_contacts else 0
     data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)
+    blocks = slots + PAIRS if f.lanes and f.soft_contacts and f.pairs else 0
+    data.sorted = wp.zeros((4, blocks), dtype=wp.float32, device=device)
     ordered = w * b if f.soft_contacts or f.lanes else 0
     data.order = wp.zeros((2, ordered), dtype=wp.int32, device=device)
     return data

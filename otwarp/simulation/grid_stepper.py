@@ -10,6 +10,7 @@ import warp as wp
 from otwarp.kernels.drivers.grid import start_clock, tick
 from otwarp.kernels.drivers.grid_contacts import next_sweeps, resume_sweeps
 from otwarp.kernels.drivers.neighbours import bound_cells, clear_cells, permute_slots, turn_slots
+from otwarp.kernels.drivers.slot_lists import sort_by_cell
 from otwarp.kernels.drivers.soft import fill_slots, load_slots, store_slots
 from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels
@@ -82,7 +83,10 @@ class GridStepper:
     def _make_lists(self) -> None:
         data, state, grid = self.model.data, self.state.data(), self.scratch
         near = grid.near
-        if self.features.pairs:
+        if self.kernels.bin is sort_by_cell:
+            self._launch(sort_by_cell, self.model.worlds, grid)
+            self._launch(turn_slots, 1, grid.row, grid.turn)
+        elif self.features.pairs:
             self._share(self.kernels.bin, near.elements, data, state, grid)
             cells = near.start.shape[0]
             wp.utils.radix_sort_pairs(near.key, near.item, self.elements, 0, (cells - 1).bit_length())

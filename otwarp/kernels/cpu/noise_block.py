@@ -154,7 +154,7 @@ _LANES = {
         "LANE_BODY": "(unsigned long long)(unsigned int)body",
     },
     "bodies": {
-        "LANE_ROOM": "buffer.data",
+        "LANE_ROOM": "buffer.data + room",
         "LANE_NAMES": """wide8 names;
             for (int l = 0; l < 8; ++l) {
                 const int one = k + l < count ? k + l : count - 1;

@@ -29,6 +29,7 @@ from otwarp.kernels.drivers.grid_lists import make_find
 from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
 from otwarp.kernels.drivers.grid_turns import make_settle
 from otwarp.kernels.drivers.neighbours import check_moved, make_bin, make_check, make_list
+from otwarp.kernels.drivers.slot_lists import make_slot_list, sort_by_cell
 from otwarp.kernels.drivers.soft import make_soft_step
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
@@ -41,7 +42,8 @@ class GridKernels:
 
     Attributes:
         move_traps: Foci within their speed limits.
-        bin, list, check: Neighbour lists: cells, lists, and whether a state set from outside asks for new ones.
+        bin, list, check: Neighbour lists: cells (`sort_by_cell` sorts as well), lists, and whether a state set from
+            outside asks for new ones.
         soft: The whole step of lone spheres with soft contacts; then the following are None.
         advance, find, correct, commit: The step of all others, and their contact forces by sweeps, `weigh` and `relax`,
             or on a CPU in turn, `settle`.
@@ -71,10 +73,11 @@ class GridKernels:
 def make_grid_step(f: Features) -> GridKernels:
     """The kernels that a feature set needs."""
     swept = f.contacts and not f.soft_contacts
+    blocks = f.soft_contacts and f.lanes
     return GridKernels(
         move_traps=make_move_traps(f) if f.speed_limits else None,
-        bin=make_bin(f) if f.pairs else None,
-        list=make_list(f) if f.contacts else None,
+        bin=None if not f.pairs else sort_by_cell if blocks else make_bin(f),
+        list=None if not f.contacts else make_slot_list(f) if blocks else make_list(f),
         check=make_check(f) if f.contacts else None,
         soft=make_soft_step(f) if f.soft_contacts else None,
         advance=None if f.soft_contacts else make_advance(f),
@@ -119,7 +122,7 @@ def make_advance(f: Features) -> wp.Kernel:
             deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
             for b0 in range(begin, end, wp.static(BLOCK)):
                 count = wp.min(wp.static(BLOCK), end - b0)
-                draw_block(model, grid, deviates, world, world * model.bodies + b0, count)
+                draw_block(model, grid, deviates, 0, world, world * model.bodies + b0, count)
                 for k in range(count):
                     advance_body(model, control, state, grid, world, b0 + k, address_of(deviates, 0), k)
         else:

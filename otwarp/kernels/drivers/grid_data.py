@@ -24,6 +24,7 @@ class NeighbourData:
     reference: wp.array(dtype=wp.vec3)  # (W·E) centres when the lists were made [µm]
     count: wp.array(dtype=wp.int32)  # (W·E) neighbours listed, FULL if there are too many
     neighbour: wp.array(dtype=wp.int32)  # (W·E·NEIGHBOURS) elements, ascending by sphere
+    begin: wp.array(dtype=wp.int32)  # (W·E) where the lists of slots begin on a CPU, see `slot_lists`
     stride: int  # from one element's list to the next
     pitch: int  # from one entry of a list to the next
     walled: wp.array(dtype=wp.int32)  # (W·E) 1: an obstacle may be touched before the next lists
@@ -94,6 +95,7 @@ class GridData:
     stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: the last round in which each body was moved
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
     place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
+    sorted: wp.array2d(dtype=wp.float32)  # (4, W·B + PAIRS) `place` when lists were made, on a CPU
     order: wp.array2d(dtype=wp.int32)  # (2, W·B) body of each slot, now and while being sorted
     row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
     turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now

@@ -13,7 +13,7 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import BLOCK, before_step, block_source
 from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
@@ -23,9 +23,9 @@ from otwarp.kernels.integrate.integrators import INTEGRATORS
 
 @functools.lru_cache(maxsize=4)
 def body_block_term(noise: str) -> wp.Function:
-    """`(buffer, seed, first, world, bodies, at, count)`: three deviates for the step `first` of up to 16 bodies.
+    """`(buffer, room, seed, first, world, bodies, at, count)`: three deviates for the step `first` of up to 16 bodies.
 
-    Deviate c of body `bodies[at + k]` goes to `buffer[16 c + k]`; k < count ≤ 16.
+    Deviate c of body `bodies[at + k]` goes to `buffer[room + 16 c + k]`; k < count ≤ 16.
 
     Args:
         noise: One of `NOISES`.
@@ -33,7 +33,7 @@ def body_block_term(noise: str) -> wp.Function:
 
     @wp.func_native(block_source(noise, 3, "bodies"))
     def body_block(
-        buffer: wp.array(dtype=wp.float32), seed: wp.uint32, first: wp.int64, world: int,
+        buffer: wp.array(dtype=wp.float32), room: int, seed: wp.uint32, first: wp.int64, world: int,
         bodies: wp.array2d(dtype=wp.int32), at: int, count: int,
     ):  # fmt: skip
         """Write three deviates of mean 0 and variance 1 for each of `count` bodies, in a CPU's vector registers."""
@@ -43,17 +43,17 @@ def body_block_term(noise: str) -> wp.Function:
 
 
 def draw_block_term(f: Features) -> wp.Function:
-    """`(model, grid, buffer, world, i, count)`: the noise of the bodies in `count` slots of a world, from slot i on."""
+    """`(model, grid, buffer, to, world, i, count)`: the noise of the bodies in `count` slots of a world from i on."""
     body_block = body_block_term(f.noise)
     number = number_term(f)
 
     @wp.func
     def draw_block(
-        model: ModelData, grid: GridData, buffer: wp.array(dtype=wp.float32), world: int, i: int, count: int
+        model: ModelData, grid: GridData, buffer: wp.array(dtype=wp.float32), to: int, world: int, i: int, count: int
     ):
         """Draw the deviates of the step that the clock shows for the bodies in `count` slots from i on."""
         at = grid.turn[0] * grid.order.shape[1] + i
-        body_block(buffer, model.seed, grid.clock[0], number(model, world), grid.order, at, count)
+        body_block(buffer, to, model.seed, grid.clock[0], number(model, world), grid.order, at, count)
 
     return draw_block
 
@@ -84,10 +84,32 @@ def grid_move_term(f: Features) -> wp.Function:
     return grid_move
 
 
+def bead_move_term(f: Features) -> wp.Function:
+    """`(model, control, state, grid, bead, world, b, position, block, k) -> (vec3, vec3)`: see `grid_move_term`.
+
+    Move and drift of a lone sphere whose constants are known, with the noise of place k in a block.
+    """
+    predict = INTEGRATORS[f.integrator].predict(bead_dynamics(f))
+
+    @wp.func
+    def bead_move(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, bead: BeadConstants, world: int,
+        b: int, position: wp.vec3, block: wp.uint64, k: int,
+    ):  # fmt: skip
+        """Move of the first stage and its drift [µm] of the lone sphere b."""
+        step = grid.clock[0]
+        bead.deviates = before_step(block, step - wp.int64(k))
+        time = wp.float64(step) * model.time_step
+        move, drift = predict(model, control, state, bead, world, b, position, step, time)
+        return move, drift
+
+    return bead_move
+
+
 def _move_in_block_term(f: Features) -> wp.Function:
     """The same for lone spheres with noise from a block."""
     bead_constants = bead_constants_term(f)
-    predict = INTEGRATORS[f.integrator].predict(bead_dynamics(f))
+    bead_move = bead_move_term(f)
 
     @wp.func
     def move_in_block(
@@ -95,11 +117,8 @@ def _move_in_block_term(f: Features) -> wp.Function:
         block: wp.uint64, k: int,
     ):  # fmt: skip
         """Move of the first stage and its drift [µm] of the lone sphere b, with noise from place k of a block."""
-        step = grid.clock[0]
         bead = bead_constants(model, control, world, b)
-        bead.deviates = before_step(block, step - wp.int64(k))
-        time = wp.float64(step) * model.time_step
-        move, drift = predict(model, control, state, bead, world, b, pose.position, step, time)
+        move, drift = bead_move(model, control, state, grid, bead, world, b, pose.position, block, k)
         return Move(move, wp.vec3(0.0)), Move(drift, wp.vec3(0.0))
 
     return move_in_block
@@ -168,4 +187,12 @@ def make_correct(f: Features) -> wp.Kernel:
     return correct
 
 
-__all__ = ["BLOCK", "body_block_term", "draw_block_term", "grid_move_term", "make_correct", "two_stages"]
+__all__ = [
+    "BLOCK",
+    "bead_move_term",
+    "body_block_term",
+    "draw_block_term",
+    "grid_move_term",
+    "make_correct",
+    "two_stages",
+]

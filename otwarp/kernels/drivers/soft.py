@@ -10,6 +10,7 @@ the places at the start of the step, and writes its own at the end.
 
 import warp as wp
 
+from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.contact.contact import NO_CONTACT, pair_law
 from otwarp.kernels.contact.curvature import relative_radius_term
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
@@ -18,13 +19,17 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid_data import GridData
-from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term
-from otwarp.kernels.drivers.neighbours import FULL, check_moved, next_in_cells_term
+from otwarp.kernels.drivers.grid_move import BLOCK, bead_move_term, draw_block_term
+from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS, check_moved, next_in_cells_term
+from otwarp.kernels.drivers.slot_lists import touching_pairs_term
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
+
+AT_ONCE = 128
+"""Spheres that a CPU takes through each part of a step before the next: their sums stay near the processor."""
 
 
 @wp.struct
@@ -109,7 +114,10 @@ def soft_walls_term(f: Features) -> wp.Function:
 
 
 def soft_contacts_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` on the sphere in slot i, body a."""
+    """`(model, state, readout, grid, world, i, a, here, step, total) -> SoftForce` on the sphere in slot i, body a.
+
+    `total` is what pairs exert that are not looked for here: on a CPU those of the list, see `listed_pairs_term`.
+    """
     walls = soft_walls_term(f) if f.obstacles else None
     soft_pair = soft_pair_term(f) if f.pairs else None
     next_in_cells = next_in_cells_term(f) if f.pairs else None
@@ -117,17 +125,17 @@ def soft_contacts_term(f: Features) -> wp.Function:
     @wp.func
     def soft_contacts(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, i: int, a: int,
-        here: wp.vec4, step: wp.int64,
+        here: wp.vec4, step: wp.int64, total: SoftForce,
     ) -> SoftForce:  # fmt: skip
-        """Sum of force and load [pN] over the neighbours in the order of the list, then over obstacles."""
-        total = SoftForce(wp.vec3(0.0), 0.0)
+        """Sum of force and load [pN] over the neighbours in the order of their bodies, then over obstacles."""
         n = grid.near
         if wp.static(f.pairs):
             count = n.count[i]
-            for k in range(count):
-                one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
-                total.force += one.force
-                total.load += one.load
+            if wp.static(not f.lanes):
+                for k in range(count):
+                    one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
+                    total.force += one.force
+                    total.load += one.load
             if count == FULL:
                 j = next_in_cells(model, state, grid, world, i, -1)
                 while j >= 0:
@@ -146,15 +154,15 @@ def soft_contacts_term(f: Features) -> wp.Function:
 
 
 def step_slot_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, grid, world, i, block, k)`: one step of the sphere in slot i."""
-    grid_move = grid_move_term(f)
+    """`(model, control, state, readout, grid, world, i, bead, block, k, pairs)`: one step of the sphere in slot i."""
+    bead_move = bead_move_term(f)
     contacts = soft_contacts_term(f)
     record_escapes = escape_term(f) if f.escapes else None
 
     @wp.func
     def step_slot(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData,
-        world: int, i: int, block: wp.uint64, k: int,
+        world: int, i: int, bead: BeadConstants, block: wp.uint64, k: int, pairs: SoftForce,
     ):  # fmt: skip
         """Move the sphere in slot i by its free move and contact forces, unless the body has a fault."""
         row = grid.row[0]
@@ -162,10 +170,10 @@ def step_slot_term(f: Features) -> wp.Function:
         b = grid.order[grid.turn[0], i]
         step = grid.clock[0]
         pose = Pose(wp.vec3(here[0], here[1], here[2]), wp.quat_identity())
-        move, _drift = grid_move(model, control, state, grid, world, b, pose, block, k)
-        touch = contacts(model, state, readout, grid, world, i, b, here, step)
+        move, _drift = bead_move(model, control, state, grid, bead, world, b, pose.position, block, k)
+        touch = contacts(model, state, readout, grid, world, i, b, here, step, pairs)
         scale = step_over_viscosity(model, world)
-        moved = pose.position + move.linear + (scale * model.body.translation[model.body.shape[b]]) * touch.force
+        moved = pose.position + move + (scale * model.body.translation[model.body.shape[b]]) * touch.force
         if not finite(moved):
             raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
         if wp.static(f.walls > 0):
@@ -197,7 +205,12 @@ def step_slot_term(f: Features) -> wp.Function:
 
 def make_soft_step(f: Features) -> wp.Kernel:
     """Kernel over (world, share of its slots): one step of one sphere, from the present places to the next."""
-    draw_block = draw_block_term(f) if f.lanes else None
+    return make_soft_blocks(f) if f.lanes else make_soft_slots(f)
+
+
+def make_soft_slots(f: Features) -> wp.Kernel:
+    """The same, one sphere after the other."""
+    bead_constants = bead_constants_term(f)
     step_slot = step_slot_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
@@ -207,18 +220,100 @@ def make_soft_step(f: Features) -> wp.Kernel:
         """One step of the spheres in the `size` slots of one share of a world."""
         world, share = wp.tid()
         first = world * model.bodies
-        begin = first + share * size
-        end = first + wp.min((share + 1) * size, model.bodies)
-        if wp.static(f.lanes):
-            deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
-            for i0 in range(begin, end, wp.static(BLOCK)):
-                count = wp.min(wp.static(BLOCK), end - i0)
-                draw_block(model, grid, deviates, world, i0, count)
-                for k in range(count):
-                    step_slot(model, control, state, readout, grid, world, i0 + k, address_of(deviates, 0), k)
-        else:
-            for i in range(begin, end):
-                step_slot(model, control, state, readout, grid, world, i, wp.uint64(0), 0)
+        for i in range(first + share * size, first + wp.min((share + 1) * size, model.bodies)):
+            bead = bead_constants(model, control, world, grid.order[grid.turn[0], i])
+            step_slot(model, control, state, readout, grid, world, i, bead, wp.uint64(0), 0, SoftForce())
+
+    return soft_step
+
+
+def listed_pairs_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, world, first, count, chosen, sums)`: contact forces of the lists of `count` slots."""
+    soft_pair = soft_pair_term(f)
+    touching_pairs = touching_pairs_term(f)
+
+    @wp.func
+    def listed_pairs(
+        model: ModelData, readout: ReadoutData, grid: GridData, world: int, first: int, count: int,
+        chosen: wp.array(dtype=wp.int32), sums: wp.array(dtype=SoftForce),
+    ):  # fmt: skip
+        """Write the sums of force and load [pN] on the slots first … first + count − 1."""
+        for k in range(count):
+            sums[k] = SoftForce()
+        step = grid.clock[0]
+        for t in range(touching_pairs(model, grid, first, count, chosen)):
+            i = chosen[2 * t]
+            a = grid.order[grid.turn[0], i]
+            one = soft_pair(model, readout, grid, world, a, grid.place[grid.row[0], i], chosen[2 * t + 1], step)
+            sums[i - first].force += one.force
+            sums[i - first].load += one.load
+
+    return listed_pairs
+
+
+def step_alike_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, world, i, last, block, k, sums) -> int`: one step of some slots.
+
+    From slot i on, up to `last` − 1, as far as the constants of the first serve; returns the next slot. Spheres of one
+    shape that no trap acts on have all but their weight in common.
+    """
+    bead_constants = bead_constants_term(f)
+    step_slot = step_slot_term(f)
+
+    @wp.func
+    def step_alike(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, world: int,
+        first: int, last: int, block: wp.uint64, k: int, sums: wp.array(dtype=SoftForce),
+    ) -> int:  # fmt: skip
+        """Move the spheres of like constants in the slots from `first` on."""
+        i = int(first)
+        b = grid.order[grid.turn[0], first]
+        shape = model.body.shape[b]
+        bead = bead_constants(model, control, world, b)
+        alike = bool(True)
+        while alike:
+            if wp.static(f.gravity):
+                bead.weight = model.body.weight[b]
+            at = k + i - first
+            noise = block + wp.uint64(4 * 3 * (at - at % BLOCK))
+            step_slot(model, control, state, readout, grid, world, i, bead, noise, at % BLOCK, sums[at])
+            i += 1
+            alike = wp.static(not f.trap_models) and i < last
+            if alike:
+                b = grid.order[grid.turn[0], i]
+                alike = model.body.shape[b] == shape
+        return i
+
+    return step_alike
+
+
+def make_soft_blocks(f: Features) -> wp.Kernel:
+    """The same on a CPU, `AT_ONCE` spheres at a time: their noise, what touches them, their moves."""
+    draw_block = draw_block_term(f)
+    listed_pairs = listed_pairs_term(f) if f.pairs else None
+    step_alike = step_alike_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def soft_step(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, size: int
+    ):
+        """One step of the spheres in the `size` slots of one share of a world."""
+        world, share = wp.tid()
+        deviates = wp.zeros(shape=(wp.static(3 * AT_ONCE),), dtype=wp.float32)
+        chosen = wp.zeros(shape=(wp.static(2 * AT_ONCE * NEIGHBOURS + 2),), dtype=wp.int32)
+        sums = wp.zeros(shape=(AT_ONCE,), dtype=SoftForce)
+        first = world * model.bodies + share * size
+        end = wp.min(first + size, (world + 1) * model.bodies)
+        for i0 in range(first, end, AT_ONCE):
+            count = wp.min(AT_ONCE, end - i0)
+            for k0 in range(0, count, BLOCK):
+                draw_block(model, grid, deviates, 3 * k0, world, i0 + k0, wp.min(BLOCK, count - k0))
+            if wp.static(f.pairs):
+                listed_pairs(model, readout, grid, world, i0, count, chosen, sums)
+            i = int(i0)
+            while i < i0 + count:
+                noise = address_of(deviates, 0)
+                i = step_alike(model, control, state, readout, grid, world, i, i0 + count, noise, i - i0, sums)
 
     return soft_step
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS
 from otwarp.scene import Scene
 from otwarp.simulation.grid_scratch import choose_cells
@@ -46,7 +47,13 @@ def listed(sim: Simulation) -> list[dict[int, list[int]]]:
         lists = {}
         for e in range(elements):
             i = w * elements + e
-            entries = [neighbour[i * near.stride + k * near.pitch] - w * elements for k in range(max(count[i], 0))]
+            found = range(max(count[i], 0))
+            if len(near.begin):
+                entries = [neighbour[near.begin.numpy()[i] + k] // PAIRS - w * elements for k in found]
+                # those of slots on a CPU are in no order
+                entries.sort(key=lambda j: names[w, j])
+            else:
+                entries = [neighbour[i * near.stride + k * near.pitch] - w * elements for k in found]
             lists[int(names[w, e])] = [FULL] if count[i] == FULL else [int(names[w, j]) for j in entries]
         out.append(lists)
     return out

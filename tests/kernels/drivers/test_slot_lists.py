@@ -1,0 +1,33 @@
+"""Slots on a CPU against one sphere after the other: the same bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+
+from otwarp.kernels.step import make_step
+from otwarp.simulation.grid_stepper import GridStepper
+from tests.kernels.drivers.test_soft import HOT, packed, soft_simulation
+
+
+@pytest.mark.thorough
+def test_bits_are_those_of_one_sphere_after_the_other(device):
+    """Two worlds of a packing that is listed anew several times."""
+    if not wp.get_device(device).is_cpu:
+        pytest.skip("the form for CPUs")
+    places = []
+    for lanes in (True, False):
+        sim = soft_simulation(packed(temperature=HOT), worlds=2, seed=3, device=device)
+        assert sim.model.features.lanes
+        model = replace(sim.model, features=replace(sim.model.features, lanes=lanes))
+        stepper = GridStepper(make_step(model.features), model, sim.state, sim.control, sim._readout)
+        sim.model, sim._stepper = model, stepper
+        sim.step(60)
+        assert stepper.scratch.near.builds.numpy()[0] > 2
+        places.append((sim.state.position.numpy(), sim.readout.contact_load.numpy()))
+    for blocks, single in zip(*places, strict=True):
+        np.testing.assert_array_equal(blocks, single)
+    assert np.count_nonzero(places[0][1]) > 10
