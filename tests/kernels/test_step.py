@@ -19,163 +19,8 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Flow, Scene, Settings
 from otwarp.simulation.simulation import Simulation
 from otwarp.warp_internals import fields
+from tests.kernels.skip_cases import BASE, CASES
 from tests.simulation.setups import bead_scene, contact_scene, harmonic, neutral, robot, sphere_body
-
-BASE = Features()
-"""A lone sphere with noise, and nothing else."""
-EVERYTHING = Features(
-    driver="world", bodies=2, traps=3, rigid=True, gravity=True, flow="poiseuille", moving_traps=True,
-    trap_models=("harmonic_isotropic", "harmonic_split", "piecewise_isotropic", "piecewise_split"), speed_limits=True,
-    obstacles=("box", "capsule", "cylinder", "mesh", "plane", "sphere"), moving_obstacles=True, pairs=True,
-    escapes=True,
-)  # fmt: skip
-
-SOFT_CROWD = dataclasses.replace(BASE, driver="grid", bodies=30, pairs=True, soft_contacts=True)
-"""Spheres whose contacts are soft."""
-
-CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
-    # term: (with it, without it, functions that only it needs)
-    "brownian": (BASE, dataclasses.replace(BASE, brownian=False), ("philox", "gaussian_pair", "noise_words")),
-    "harmonic": (
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
-        BASE,
-        ("harmonic_isotropic", "harmonic_ratio", "law_scale", "commanded_still"),
-    ),
-    "piecewise": (
-        dataclasses.replace(BASE, traps=1, trap_models=("piecewise_isotropic",)),
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
-        ("piecewise_ratio",),
-    ),
-    "split": (
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_split",)),
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
-        ("harmonic_split", ").axial_stiffness)"),
-    ),
-    "moving traps": (
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",), moving_traps=True),
-        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
-        ("commanded_animated", "find_key", "key_weight"),
-    ),
-    "speed limits": (
-        EVERYTHING,
-        dataclasses.replace(EVERYTHING, speed_limits=False),
-        ("limited_focus",),
-    ),
-    "rotation": (
-        dataclasses.replace(BASE, rigid=True, spheres=False),
-        BASE,
-        ("rigid_constants", "rotate_by", ").cholesky)"),
-    ),
-    "lone spheres": (EVERYTHING, dataclasses.replace(EVERYTHING, spheres=False), ("bead_constants", "sphere_response")),
-    "uniform flow": (dataclasses.replace(BASE, flow="uniform"), BASE, ("uniform_flow",)),
-    "shear flow": (dataclasses.replace(BASE, flow="shear"), dataclasses.replace(BASE, flow="uniform"), ("shear_flow",)),
-    "poiseuille": (
-        EVERYTHING,
-        dataclasses.replace(EVERYTHING, flow=None),
-        ("poiseuille_flow", "flow_velocity", ").flow_coupling)"),
-    ),
-    "gravity": (dataclasses.replace(BASE, gravity=True), BASE, (").weight)",)),
-    "coupling": (
-        dataclasses.replace(EVERYTHING, coupling=True),
-        EVERYTHING,
-        ("pair_mobility", "factorise_blocks", "carry_others", "carried_by", "fill_root"),
-    ),
-    "coupling without contact": (
-        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True, brownian=False),
-        dataclasses.replace(BASE, driver="world", bodies=2, brownian=False),
-        ("pair_mobility", "carry_others"),
-    ),
-    "noise of coupled bodies": (
-        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True),
-        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True, brownian=False),
-        ("factorise_blocks", "fill_root", "philox"),
-    ),
-    "rotation of coupled bodies": (
-        dataclasses.replace(BASE, driver="world", bodies=2, rigid=True, coupling=True),
-        dataclasses.replace(BASE, driver="world", bodies=2, coupling=True),
-        (").given_turning)", ").turning_root)", ").with_turning)", "mobility_product"),
-    ),
-    "escapes": (EVERYTHING, dataclasses.replace(EVERYTHING, escapes=False), ("record_escapes", ").held_range)")),
-    "obstacles": (
-        dataclasses.replace(EVERYTHING, pairs=False),
-        dataclasses.replace(EVERYTHING, pairs=False, obstacles=(), moving_obstacles=False),
-        ("obstacle_contacts", "box_distance", "mesh_distance", "hertz_dmt", "solve_contacts", "rigid_response"),
-    ),
-    "one shape of six": (
-        EVERYTHING,
-        dataclasses.replace(EVERYTHING, obstacles=("box",)),
-        ("plane_distance", "ball_distance", "cylinder_distance", "capsule_distance", "mesh_distance"),
-    ),
-    "moving obstacles": (
-        EVERYTHING,
-        dataclasses.replace(EVERYTHING, moving_traps=False, moving_obstacles=False),
-        ("moving_pose", "find_key"),
-    ),
-    "periodic axes": (dataclasses.replace(EVERYTHING, periodic=True), EVERYTHING, ("image_shift", "kept_in_cell")),
-    "periodic grid": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, periodic=True),
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
-        ("image_shift", "kept_in_cell", "nearest"),
-    ),
-    "periodic beads": (dataclasses.replace(BASE, periodic=True), BASE, ("kept_in_cell", ").period)")),
-    "inlet": (
-        dataclasses.replace(EVERYTHING, inlet=True),
-        EVERYTHING,
-        ("let_all_in", "entry_place", "has_left", "clear_of_obstacles"),
-    ),
-    "inlet of beads": (dataclasses.replace(BASE, inlet=True), BASE, ("kept_in_domain", ").inlets)")),
-    "inlet of beads, on a CPU": (
-        dataclasses.replace(BASE, inlet=True, lanes=True),
-        dataclasses.replace(BASE, lanes=True),
-        ("kept_in_domain",),
-    ),
-    "inlet of bodies that turn": (
-        dataclasses.replace(BASE, rigid=True, spheres=False, inlet=True),
-        dataclasses.replace(BASE, rigid=True, spheres=False),
-        ("kept_in_domain",),
-    ),
-    "grid inlet": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, inlet=True),
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
-        ("let_in_world", "has_left", ").outside)"),
-    ),
-    "grid inlet, soft contacts": (
-        dataclasses.replace(SOFT_CROWD, inlet=True),
-        SOFT_CROWD,
-        ("let_slots_in", "has_left", ").outside)"),
-    ),
-    "pairs": (EVERYTHING, dataclasses.replace(EVERYTHING, pairs=False), ("pair_contacts",)),
-    "worlds that end": (
-        dataclasses.replace(BASE, episodes=True),
-        BASE,
-        ("living_world", "own_step", "trial_number"),
-    ),
-    "worlds that end, in contact": (
-        dataclasses.replace(EVERYTHING, episodes=True),
-        EVERYTHING,
-        ("living_world", "own_step", "trial_number"),
-    ),
-    "worlds that end, on a CPU": (
-        dataclasses.replace(BASE, episodes=True, lanes=True),
-        dataclasses.replace(BASE, lanes=True),
-        ("living_world", "own_step", "trial_number"),
-    ),
-    "grid pairs": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, pairs=False),
-        ("cell_key", "sphere_contacts"),
-    ),
-    "grid moving obstacles": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, moving_traps=False, moving_obstacles=False),
-        ("moving_pose", "find_key"),
-    ),
-    "grid rotation": (
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30),
-        dataclasses.replace(EVERYTHING, driver="grid", bodies=30, rigid=False),
-        ("rigid_response", "rigid_constants", "rotate_by"),
-    ),
-}
 
 
 @cache
@@ -198,9 +43,10 @@ def test_source_holds_what_is_needed_and_no_more(term, device):
 
 
 def test_the_least_step_holds_nothing_optional(device):
-    """A free sphere without noise: of all functions of the cases above only its own move is left."""
-    least = source(dataclasses.replace(BASE, brownian=False))
-    assert [n for _, _, names in CASES.values() for n in names if n in least] == ["bead_constants"]
+    """A free sphere without noise: of all functions of the cases only its own move in one stage is left."""
+    least = source(dataclasses.replace(BASE, brownian=False, integrator="eulerMaruyama"))
+    left = {n for _, _, names in CASES.values() for n in names if n in least}
+    assert left == {"bead_constants", "predict_euler_maruyama"}
 
 
 def test_equal_features_share_their_kernels(device):
