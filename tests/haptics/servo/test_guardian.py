@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
+import threading
 import time
 
 import pytest
 
-from otwarp.haptics.core import ZERO
+from otwarp.haptics.core import ZERO, ServoFrame
+from otwarp.haptics.core.realtime import process_ended
+from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices import KINDS
-from otwarp.haptics.servo.link import HandSetup
+from otwarp.haptics.servo.guardian import Side
+from otwarp.haptics.servo.link import HandLayout, HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from tests.haptics.drivers import DRIVERS, Session
 from tests.haptics.servo.test_servo_process import publishing, until
@@ -102,6 +107,29 @@ def test_a_stopped_parent_leaves_no_force_and_finds_its_hand_disarmed(session):
     until(lambda: run.hand.tick > before + 300, run.look)
     assert (run.hand.state, run.hand.force) == ("disarmed", ZERO)
     assert not run.heard.pushes()
+
+
+def test_a_guardian_that_is_kept_waiting_counts_all_of_the_time():
+    """Two looks show that a servo stands still, however late they come; one that went on has left a newer cycle."""
+    frames = Mailbox.create(HandLayout(1))
+    try:
+        side = Side(Mailbox.attach(HandLayout(1), frames.name), Mailbox.attach(HandLayout(1), frames.name), None)
+        for now in (10.0, 12.0):
+            frames.write(ServoFrame(1, 0.0, ZERO, ZERO, (), "armed", 0.0))
+            assert side.look(now) == 0.0
+        assert [side.look(now) for now in (12.03, 12.06)] == pytest.approx([0.03, 0.06])
+    finally:
+        frames.close()
+
+
+def test_the_end_of_a_process_wakes_who_waits_for_it():
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        ended = process_ended(process.pid)
+        assert ended is not None and not ended(0.0)
+        killer = threading.Thread(target=process.kill)
+        killer.start()
+        assert ended(60.0)
+        killer.join()
 
 
 def test_a_servo_that_is_killed_with_its_device_in_it_says_so():
