@@ -32,7 +32,7 @@ def spring(across: float, along: float, swirl: float = 0.0):
     return force
 
 
-def within(estimate: Estimate, exact: float, allowed: float = WANTED) -> None:
+def check_within(estimate: Estimate, exact: float, allowed: float = WANTED) -> None:
     """The value is right, and the error that it claims is no less than what it has, nor more than is allowed."""
     assert abs(estimate.value / exact - 1.0) < allowed
     assert estimate.error < 4.0 * allowed * abs(exact)
@@ -48,11 +48,11 @@ def test_a_spring_has_its_variances_and_correlations(swirl):
     found = stationary_averages(
         spring(STIFFNESS, along, swirl), 8.0 * sigma, lags, diffusion=DIFFUSION, energy=ENERGY, **ROUGH
     )
-    within(found["rho2"], 2.0 * ENERGY / STIFFNESS)
-    within(found["z2"], ENERGY / along)
-    within(found["x_later"], math.exp(-1.0) * math.cos(swirl / STIFFNESS))
-    within(found["z_half_later"], math.exp(-0.6))
-    within(found["z_later"], math.exp(-1.2))
+    check_within(found["rho2"], 2.0 * ENERGY / STIFFNESS)
+    check_within(found["z2"], ENERGY / along)
+    check_within(found["x_later"], math.exp(-1.0) * math.cos(swirl / STIFFNESS))
+    check_within(found["z_half_later"], math.exp(-0.6))
+    check_within(found["z_later"], math.exp(-1.2))
 
 
 def first_passage(potential, radius: float) -> float:
@@ -70,9 +70,9 @@ def test_escape_from_a_radial_well(depth):
     radius = 1.3
     k = 2.0 * depth * ENERGY / radius**2
     found = mean_exit_time(spring(k, k), radius, diffusion=DIFFUSION, energy=ENERGY, **ROUGH)
-    within(found, first_passage(lambda r: 0.5 * k * r**2, radius), 2.0 * WANTED)
+    check_within(found, first_passage(lambda r: 0.5 * k * r**2, radius), 2.0 * WANTED)
     if depth == 0.0:
-        within(found, radius**2 / (6.0 * DIFFUSION))
+        check_within(found, radius**2 / (6.0 * DIFFUSION))
 
 
 def survival(ball: Ball, times: np.ndarray) -> np.ndarray:

@@ -83,7 +83,7 @@ def measured(device) -> IntegratorsBench:
     return out
 
 
-def agrees(found: Mean, exact: float, bias: float = 0.0) -> None:
+def check_agrees(found: Mean, exact: float, bias: float = 0.0) -> None:
     assert found.error > 0.0
     assert abs(found.value - exact) < SIGMAS * found.error + bias
 
@@ -93,9 +93,9 @@ def test_functions_of_means_have_the_right_errors():
     rng = np.random.default_rng(1)
     x, y = rng.normal(1.0, 2.0, (2, 40_000))
     found = from_means(lambda m: np.array([m[1] - m[0] ** 2, m[2] / m[0]]), np.stack([x, x**2, 3.0 + y], axis=1))
-    agrees(found[0], 4.0)
+    check_agrees(found[0], 4.0)
     assert found[0].error == pytest.approx(4.0 * math.sqrt(2.0 / 40_000), rel=0.05)
-    agrees(found[1], 4.0)
+    check_agrees(found[1], 4.0)
     assert found[1].error == pytest.approx(math.hypot(2.0, 4.0 * 2.0) / 200.0, rel=0.05)
 
 
@@ -104,7 +104,7 @@ def test_escape_times_that_were_not_seen():
     rng = np.random.default_rng(2)
     times = rng.uniform(0.0, 0.2, 20_000) + rng.exponential(0.9, 20_000)
     found = escape_mean(times, 0.5, 1.5)
-    agrees(found, 1.0)
+    check_agrees(found, 1.0)
     assert 0.9 < found.error * math.sqrt(20_000) < 1.2
     cut = escape_mean(np.where(times > 1.5, np.inf, times), 0.5, 1.5)
     assert cut == found
@@ -146,11 +146,11 @@ def test_a_spring_has_the_integrators_own_averages(name, device, wells):
     start = well.start(worlds)
     found = measure_stationary(sim, well.bead.centre, start, window=steps, lags=lags, seconds=0.5)
     across, along = 1.0 / steps, stiffness[2] / max(stiffness) / steps
-    agrees(found["rho2"], 2.0 * scheme.variance(across) * well.bead.spread[0] ** 2)
-    agrees(found["z2"], scheme.variance(along) * well.bead.spread[2] ** 2)
-    agrees(found["x_later"], scheme.decay(across) ** steps)
-    agrees(found["z_half_later"], scheme.decay(along) ** (lags[1] * steps))
-    agrees(found["z_later"], scheme.decay(along) ** (lags[2] * steps))
+    check_agrees(found["rho2"], 2.0 * scheme.variance(across) * well.bead.spread[0] ** 2)
+    check_agrees(found["z2"], scheme.variance(along) * well.bead.spread[2] ** 2)
+    check_agrees(found["x_later"], scheme.decay(across) ** steps)
+    check_agrees(found["z_half_later"], scheme.decay(along) ** (lags[1] * steps))
+    check_agrees(found["z_later"], scheme.decay(along) ** (lags[2] * steps))
 
 
 def springs(well: Well):
@@ -168,7 +168,7 @@ def test_beads_leave_a_spring_as_the_equation_says(device):
     sim = Simulation(scene, worlds=1000, device=device, time_step=dt, seed=6, allow_large_step=True)
     found = measure_escape(sim, expected.value)
     assert found.error < 0.04 * expected.value
-    agrees(found, expected.value, bias=0.02 * expected.value)
+    check_agrees(found, expected.value, bias=0.02 * expected.value)
 
 
 def test_without_crossings_nobody_escapes_earlier(device):
