@@ -6,13 +6,16 @@ from otwarp.kernels.core.features import MAX_WORLD_BODIES, Features
 from otwarp.kernels.forces.table import FORCES, active_forces
 from otwarp.kernels.optics.traps import AUTHORED
 
+Row = tuple[str, bool, str, str]
+"""A term, whether a step has it, why if so, and why not if not."""
+
 
 def terms(f: Features) -> list[tuple[str, bool, str]]:
     """(term, compiled in, why) for every optional term; of traps one per kind of model."""
     rows = [*FORCES.values(), *(row for row in active_forces(f) if row not in FORCES.values())]
     forces = [(r.name, r.active(f), r.why(f), r.why_not) for r in rows if r.name != "traps"]
     traps = [*((k, f"{k} trap") for k in AUTHORED), ("table", "tabulated trap"), ("exact", "exact optical force")]
-    yes_no = (
+    yes_no: tuple[Row, ...] = (
         *((name, any(kind in m for m in f.trap_models), "a trap uses it", "no trap uses it") for kind, name in traps),
         ("moving traps", f.moving_traps, "traps have time samples", "no trap has time samples"),
         ("trap speed limit", f.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
@@ -42,6 +45,21 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
         ("periodic axes", f.periodic, "ot:scene:period", "ot:scene:period is 0 along all axes"),
         ("inlet", f.inlet, "ot:scene:domainLow and domainHigh", "the domain has no end"),
         ("moving obstacles", f.moving_obstacles, "an obstacle has time samples", "all obstacles are at rest"),
+        *_contact_terms(f),
+        ("worlds that end", f.episodes, "Simulation(ends=…)", "Simulation without ends"),
+        (
+            "escape detection",
+            f.escapes,
+            "traps have a finite reach",
+            "no trap with a finite reach holds a sphere",
+        ),
+    )
+    return [(name, on, yes if on else no) for name, on, yes, no in yes_no]
+
+
+def _contact_terms(f: Features) -> tuple[Row, ...]:
+    """What contacts are, and how their forces are found."""
+    return (
         ("body–body contact", f.pairs, "two or more bodies collide", "fewer than two bodies collide"),
         ("rods in contact", f.rods, "a rod collides", "no rod that anything can touch"),
         (
@@ -56,18 +74,10 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
             "contacts may be stiff against the time step",
             "contacts are soft against the time step" if f.contacts else "nothing touches",
         ),
-        ("worlds that end", f.episodes, "Simulation(ends=…)", "Simulation without ends"),
         (
             "contacts solved for moves",
             f.body_space,
             "some contacts are soft",
             "contacts are stiff, bodies coupled or near walls, or there are many",
         ),
-        (
-            "escape detection",
-            f.escapes,
-            "traps have a finite reach",
-            "no trap with a finite reach holds a sphere",
-        ),
     )
-    return [(name, on, yes if on else no) for name, on, yes, no in yes_no]

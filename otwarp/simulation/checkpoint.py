@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -213,6 +213,18 @@ def restore(
         forces=_same_forces(path, scene, about.get("forces", []), forces),
         allow_large_step=True,
     )
+    _fill(sim, stored, path)
+    sim.state.step = about["step"]
+    sim.state.time = about["step"] * sim.time_step
+    return sim
+
+
+def _fill(sim: Simulation, stored: Mapping[str, np.ndarray], path: Path) -> None:
+    """Put the arrays of a checkpoint into a simulation.
+
+    Raises:
+        InputError: One is missing, or of another shape.
+    """
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back
         if stored.get(f"control.{name}", np.zeros(())).shape[:1] == (sim.model.worlds,):
@@ -224,6 +236,3 @@ def restore(
         if name not in stored or stored[name].shape[: array.ndim] != array.shape:
             raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} is missing or misshapen")
         array.assign(stored[name])
-    sim.state.step = about["step"]
-    sim.state.time = about["step"] * sim.time_step
-    return sim

@@ -22,6 +22,7 @@ def check_inlet(where: str, root: str, settings: Settings, bodies: Sequence[Body
     """
 
     def refuse(name: str, axis: int, allowed: str) -> Exception:
+        """The error that one of the four corners is not what it may be along an axis."""
         values = [f"{authored(v, 'length'):g}" for v in getattr(settings, name)]
         side, corner = name.split("_")
         said = f"({', '.join(values)})"
