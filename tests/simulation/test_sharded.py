@@ -115,7 +115,7 @@ def test_a_part_is_within_the_whole(part, device):
         ot.Simulation(lossy_scene(), worlds=WORLDS, part=part, device=device)
 
 
-@pytest.mark.parametrize("make", [soft_crowd, stiff_crowd], ids=["soft", "stiff"])
+@pytest.mark.parametrize("make", [pytest.param(soft_crowd, marks=pytest.mark.thorough), stiff_crowd])
 def test_parts_of_many_body_scenes(make, monkeypatch, device):
     """Noise, parameters and faults go by the world among all."""
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)

@@ -43,8 +43,8 @@ def make_let_in(f: Features) -> wp.Kernel:
     def let_in_world(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData):
         """Let the bodies of one world in; neighbours are then listed anew."""
         world = wp.tid()
-        let_all_in(model, state, readout, world, state.position[world], grid.clock[0] + wp.int64(1))
-        grid.near.stale[0] = 1
+        if let_all_in(model, state, readout, world, state.position[world], grid.clock[0] + wp.int64(1)) > 0:
+            grid.near.stale[0] = 1
 
     return let_in_world
 
@@ -68,6 +68,6 @@ def _make_slots_in(f: Features) -> wp.Kernel:
                 if entered:
                     grid.place[next, i] = wp.vec4(place[0], place[1], place[2], here[3])
                     count_entry(state, readout, world, b)
-        grid.near.stale[0] = 1
+                    grid.near.stale[0] = 1
 
     return let_slots_in

@@ -126,7 +126,7 @@ def let_in_term(f: Features, clear_of_others: wp.Function, others: type) -> wp.F
 
 
 def let_all_in_term(f: Features) -> wp.Function:
-    """`(model, state, readout, world, position, step)`: bodies of a world that have left come in, if they find room."""
+    """`(model, state, readout, world, position, step) -> int`: how many bodies of a world that have left come in."""
     let_in = let_in_term(f, others_clear_term(f), wp.array(dtype=wp.vec3))
     count_entry = count_entry_term(f)
 
@@ -134,13 +134,16 @@ def let_all_in_term(f: Features) -> wp.Function:
     def let_all_in(
         model: ModelData, state: StateData, readout: ReadoutData, world: int, position: wp.array(dtype=wp.vec3),
         step: wp.int64,
-    ):  # fmt: skip
+    ) -> int:  # fmt: skip
         """Write the places [µm] of the bodies that come in as the step arrives at `step` into `position` (B)."""
+        count = int(0)
         for b in range(model.bodies):
             if has_left(model, b, position[b]):
                 place, entered = let_in(model, world, b, position[b], position, step)
                 if entered:
                     position[b] = place
                     count_entry(state, readout, world, b)
+                    count += 1
+        return count
 
     return let_all_in
