@@ -16,7 +16,7 @@ from otwarp.errors import InputError
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
-from otwarp.preview.studio import Look
+from otwarp.preview.studio import PictureStyle
 from otwarp.scene.drawing.drawables import read_drawables
 from otwarp.scene.read.source import open_stage
 
@@ -76,7 +76,7 @@ def open_film(path: str | Path) -> Film:
 
 
 def _picture(
-    film: Film, code: float | None, *, look: Look, camera: str | None, forces: bool, device: str | None
+    film: Film, code: float | None, *, look: PictureStyle, camera: str | None, forces: bool, device: str | None
 ) -> np.ndarray:
     """One picture (h, w, 3) uint8 of a time code, with scale bar and time stamp."""
     purposes = ("default", "render", "guide") if forces else ("default", "render")
@@ -166,7 +166,7 @@ def preview(
     for target, suffix in ((out, ".png"), (movie, ".gif")):
         if target is not None:
             _check_file(target, suffix)
-    look = Look(width=size[0], height=size[1], samples=samples, style=style)
+    look = PictureStyle(width=size[0], height=size[1], samples=samples, style=style)
     picture = partial(_picture, film, look=look, camera=camera, forces=forces, device=device)
     if movie is not None and (least := min(film.count, most_frames)) < 2:
         raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")

@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.device import pick_device
 from otwarp.preview.kernels.raycast import draw_pixels, find_first
-from otwarp.preview.studio import Look, Uploaded, arrange
+from otwarp.preview.studio import PictureStyle, Uploaded, arrange
 from otwarp.scene.drawing.draw_list import Drawables
 
 _BAND = 16384
@@ -104,7 +104,7 @@ def _draw(ready: Uploaded, pixels: np.ndarray, first: int, last: int, total: wp.
         list(pool.map(lambda band: launch(*band), bands))
 
 
-def render_linear(drawables: Drawables, look: Look, device: str | None = None) -> np.ndarray:
+def render_linear(drawables: Drawables, look: PictureStyle, device: str | None = None) -> np.ndarray:
     """As `render`, but linear colour (height, width, 3) float32 before the tone curve."""
     chosen = pick_device(device)
     ready = arrange(drawables, look, chosen)
@@ -123,12 +123,12 @@ def render_linear(drawables: Drawables, look: Look, device: str | None = None) -
     return total.numpy().reshape(shape) / count.reshape(*shape[:2], 1)
 
 
-def render(drawables: Drawables, look: Look | None = None, device: str | None = None) -> np.ndarray:
+def render(drawables: Drawables, look: PictureStyle | None = None, device: str | None = None) -> np.ndarray:
     """Draw a picture.
 
     Args:
         drawables: What to draw, with its camera and lights.
-        look: Size, samples and style; None takes the defaults of `Look`.
+        look: Size, samples and style; None takes the defaults of `PictureStyle`.
         device: Warp device; None for the best there is.
 
     Returns:
@@ -137,12 +137,12 @@ def render(drawables: Drawables, look: Look | None = None, device: str | None = 
     Raises:
         InputError: No such device.
     """
-    look = look or Look()
+    look = look or PictureStyle()
     image = render_linear(drawables, look, device)
     return _quantised(to_display(vignette(bloom(image)) if look.style == "dark" else image))
 
 
-def first_hits(drawables: Drawables, look: Look, device: str | None = "cpu") -> tuple[np.ndarray, np.ndarray]:
+def first_hits(drawables: Drawables, look: PictureStyle, device: str | None = "cpu") -> tuple[np.ndarray, np.ndarray]:
     """What the camera sees first at each pixel's centre, for measurements and tests.
 
     Returns:

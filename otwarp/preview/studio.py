@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.preview.kernels.shading import Light, Studio
-from otwarp.preview.kernels.tracing import Solid, World
+from otwarp.preview.kernels.tracing import TracedSolid, World
 from otwarp.scene.drawing.draw_list import PLANE, Drawables, Lights, View
 
 EXPOSURE = 1.12
@@ -47,7 +47,7 @@ STYLES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class PictureStyle:
     """Size and quality of a picture.
 
     Attributes:
@@ -92,8 +92,8 @@ def _rows(struct: Any, count: int) -> np.ndarray:
 
 
 def _records(drawables: Drawables, chosen: np.ndarray, origin: np.ndarray, meshes: list[wp.Mesh]) -> np.ndarray:
-    """Structured array of `Solid` for the shapes `chosen`, relative to `origin`."""
-    records = _rows(Solid, len(chosen))
+    """Structured array of `TracedSolid` for the shapes `chosen`, relative to `origin`."""
+    records = _rows(TracedSolid, len(chosen))
     if len(chosen) == 0:
         return records
     matrix = drawables.transform[chosen]
@@ -143,8 +143,8 @@ def upload_world(
     world = World()
     bvh = _hierarchy(lower[bounded] - origin, upper[bounded] - origin, device)
     beam_bvh = _hierarchy(lower[beams] - origin, upper[beams] - origin, device)
-    world.solids = wp.array(_records(drawables, solids, origin, meshes), dtype=Solid, device=device)
-    world.beams = wp.array(_records(drawables, beams, origin, meshes), dtype=Solid, device=device)
+    world.solids = wp.array(_records(drawables, solids, origin, meshes), dtype=TracedSolid, device=device)
+    world.beams = wp.array(_records(drawables, beams, origin, meshes), dtype=TracedSolid, device=device)
     world.corner = wp.array(corner.astype(np.float32), dtype=wp.vec3, device=device)
     world.endless, world.count, world.beam_count = len(solids) - len(bounded), len(bounded), len(beams)
     world.bvh = bvh.id if bvh else wp.uint64(0)
@@ -186,7 +186,7 @@ def nice_length(about: float) -> float:
     return float(next(step * power for step in (5.0, 2.0, 1.0) if step * power <= about * (1.0 + 1e-9)))
 
 
-def arrange(drawables: Drawables, look: Look, device: wp.Device) -> Uploaded:
+def arrange(drawables: Drawables, look: PictureStyle, device: wp.Device) -> Uploaded:
     """Everything the kernels need for one picture."""
     view, style = drawables.view, STYLES[look.style]
     focus = view.position + view.focus * view.forward

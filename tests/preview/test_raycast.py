@@ -11,7 +11,7 @@ from pxr import UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.preview.render import bloom, first_hits, render, render_linear, to_display, vignette
-from otwarp.preview.studio import STYLES, Look
+from otwarp.preview.studio import STYLES, PictureStyle
 from otwarp.scene.drawing.draw_list import PLANE
 from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
@@ -21,7 +21,7 @@ PIXELS = 0.01
 
 
 def linear(stage, *, size=(160, 90), samples=2, **options):
-    look = Look(width=size[0], height=size[1], samples=samples, grid=False, **options)
+    look = PictureStyle(width=size[0], height=size[1], samples=samples, grid=False, **options)
     return render_linear(read_drawables(stage), look, "cpu")
 
 
@@ -128,7 +128,7 @@ def tilted_top(angle):
     stages.camera(stage, eye=(0, 0, 60), width=40.0, height=22.5, ortho=True)
     drawables = read_drawables(stage)
     matt = dataclasses.replace(drawables, roughness=np.ones(len(drawables)))
-    image = render_linear(matt, Look(width=32, height=18, samples=1, occlusion_rays=0), "cpu")
+    image = render_linear(matt, PictureStyle(width=32, height=18, samples=1, occlusion_rays=0), "cpu")
     return image[9, 16]
 
 
@@ -203,7 +203,7 @@ def test_hierarchy_gives_the_same_picture_as_brute_force():
     def only(chosen):
         return dataclasses.replace(flat, **{name: getattr(flat, name)[chosen] for name in names})
 
-    look = Look(width=96, height=54, grid=False)
+    look = PictureStyle(width=96, height=54, grid=False)
     t_all, index_all = first_hits(only(solid), look)
     t_each = np.stack([first_hits(only(solid[k : k + 1]), look)[0] for k in range(len(solid))])
     hit = t_all < 1e29
@@ -215,7 +215,7 @@ def test_hierarchy_gives_the_same_picture_as_brute_force():
 
 def test_same_input_same_picture_and_bytes():
     drawables = read_drawables(stages.delivery())
-    first, second = (render(drawables, Look(width=96, height=54), "cpu") for _ in range(2))
+    first, second = (render(drawables, PictureStyle(width=96, height=54), "cpu") for _ in range(2))
     assert first.dtype == np.uint8 and first.shape == (54, 96, 3)
     assert np.array_equal(first, second)
 
@@ -252,5 +252,5 @@ def test_bloom_spreads_only_what_is_brighter_than_white_and_the_vignette_only_da
 def test_bad_arguments_are_named(options, words):
     with pytest.raises(InputError) as caught:
         device = options.pop("device", "cpu")
-        render(read_drawables(stages.new_stage()), Look(**{"width": 8, "height": 8, **options}), device)
+        render(read_drawables(stages.new_stage()), PictureStyle(**{"width": 8, "height": 8, **options}), device)
     assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -110,7 +110,7 @@ class Sender:
                 self.watch = Watch(0, self.watch.sent, str(error) or type(error).__name__)
 
 
-class Side:
+class GuardedSide:
     """One side as the guardian watches it.
 
     Args:
@@ -168,7 +168,7 @@ def watch(order: GuardOrder) -> None:
     status_box = Mailbox.attach(StatusLayout(n), names["status"])
     reports = Mailbox.attach(GuardLayout(n), names["guard"])
     sides = [
-        Side(
+        GuardedSide(
             Mailbox.attach(HandLayout(order.traps), names["hands"][i]),
             Mailbox.attach(AddressLayout(), names["addresses"][i]),
             _sender(kind, order.realtime),

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from otwarp.preview.kernels.tracing import KIND_PLANE, Solid, World, passing
+from otwarp.preview.kernels.tracing import KIND_PLANE, TracedSolid, World, passing
 
 
 @wp.struct
@@ -116,7 +116,7 @@ class Lit:
 
 
 @wp.func
-def plane_colour(studio: Studio, solid: Solid, spot: Spot, facing: float) -> wp.vec3:
+def plane_colour(studio: Studio, solid: TracedSolid, spot: Spot, facing: float) -> wp.vec3:
     """Linear colour of a plane with its grid: light lines on a dark plane, dark lines on a light one.
 
     `facing` is the cosine between normal and view, by which a pixel's footprint on the plane grows.
@@ -164,7 +164,7 @@ def openness(world: World, studio: Studio, spot: Spot, start: wp.vec3) -> float:
 
 
 @wp.func
-def lighting(world: World, studio: Studio, solid: Solid, spot: Spot, wrap: float) -> Lit:
+def lighting(world: World, studio: Studio, solid: TracedSolid, spot: Spot, wrap: float) -> Lit:
     """Light on a spot; `wrap` is how far (cosine) light creeps around the edge of the lit side."""
     result = Lit()
     start = spot.point + (0.3 * spot.footprint + 1.0e-5 * wp.length(spot.point)) * spot.normal
@@ -193,7 +193,7 @@ def lighting(world: World, studio: Studio, solid: Solid, spot: Spot, wrap: float
 
 
 @wp.func
-def surface(world: World, studio: Studio, solid: Solid, spot: Spot) -> wp.vec4:
+def surface(world: World, studio: Studio, solid: TracedSolid, spot: Spot) -> wp.vec4:
     """(linear colour, opacity in [0, 1]) of a spot on `solid`: diffuse, highlight, mirror image and rim."""
     normal = spot.normal
     facing = wp.max(-wp.dot(normal, spot.direction), 0.0)

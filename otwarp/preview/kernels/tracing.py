@@ -25,7 +25,7 @@ KIND_PLANE = wp.constant(4)
 
 
 @wp.struct
-class Solid:
+class TracedSolid:
     """A canonical solid: local = linear · world + shift, its look, for a mesh the index of its first corner normal."""
 
     linear: wp.mat33
@@ -43,11 +43,11 @@ class Solid:
 class World:
     """Solids: infinite planes first, then those in the bounding volume hierarchy; beams in their own."""
 
-    solids: wp.array(dtype=Solid)
+    solids: wp.array(dtype=TracedSolid)
     endless: int
     bvh: wp.uint64
     count: int
-    beams: wp.array(dtype=Solid)
+    beams: wp.array(dtype=TracedSolid)
     beam_bvh: wp.uint64
     beam_count: int
     corner: wp.array(dtype=wp.vec3)
@@ -63,7 +63,9 @@ class Hit:
 
 
 @wp.func
-def enter(solid: Solid, corner: wp.array(dtype=wp.vec3), origin: wp.vec3, direction: wp.vec3, low: float) -> wp.vec4:
+def enter(
+    solid: TracedSolid, corner: wp.array(dtype=wp.vec3), origin: wp.vec3, direction: wp.vec3, low: float
+) -> wp.vec4:
     """Where a ray enters `solid` beyond `low` [µm]: (world normal, any length; parameter [µm], `MISS` if not)."""
     o = solid.linear * origin + solid.shift
     d = solid.linear * direction

@@ -44,7 +44,7 @@ WATER = 0.00089
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class UsualRange:
     """A kind of number.
 
     Attributes:
@@ -166,84 +166,92 @@ def _weighs(scene: Scene) -> bool:
     return scene.settings.gravity
 
 
-ROWS: tuple[Row, ...] = (
-    Row(
+ROWS: tuple[UsualRange, ...] = (
+    UsualRange(
         low=2e-4,
         high=0.1,
         dimension="viscosity",
         values=_scene("ot:medium:viscosity", "medium.viscosity"),
         parameters=("medium_viscosity",),
     ),
-    Row(
+    UsualRange(
         low=250.0,
         high=400.0,
         dimension="temperature",
         values=_scene("ot:medium:temperature", "medium.temperature"),
         parameters=("medium_temperature",),
     ),
-    Row(low=0.1, high=1e5, dimension="rate", values=_scene("framesPerSecond", "settings.frames_per_second")),
-    Row(low=0.01, high=500.0, dimension="length", values=_radii, geometry=True),
-    Row(
+    UsualRange(low=0.1, high=1e5, dimension="rate", values=_scene("framesPerSecond", "settings.frames_per_second")),
+    UsualRange(low=0.01, high=500.0, dimension="length", values=_radii, geometry=True),
+    UsualRange(
         low=1e-3,
         high=3e3,
         dimension="power",
         values=_trap("ot:trap:power", lambda t: float(t.power.values.max())),
         parameters=("trap_power",),
     ),
-    Row(low=0.3, high=2.5, dimension="length", values=_trap("ot:trap:wavelength", lambda t: t.wavelength)),
-    Row(
+    UsualRange(low=0.3, high=2.5, dimension="length", values=_trap("ot:trap:wavelength", lambda t: t.wavelength)),
+    UsualRange(
         low=0.01,
         high=1e4,
         dimension="speed",
         values=_trap("ot:trap:speedLimit", lambda t: t.speed_limit),
         parameters=("trap_speed_limit",),
     ),
-    Row(low=0.01, high=1e3, dimension="length", values=_trap("ot:trap:reach", lambda t: t.reach)),
-    Row(low=1e-4, high=1e4, dimension="stiffness", values=_law("stiffness")),
-    Row(
+    UsualRange(low=0.01, high=1e3, dimension="length", values=_trap("ot:trap:reach", lambda t: t.reach)),
+    UsualRange(low=1e-4, high=1e4, dimension="stiffness", values=_law("stiffness")),
+    UsualRange(
         low=1e-3,
         high=1e3,
         dimension="length",
         values=_law("threshold"),
         parameters=("trap_threshold", "trap_axial_threshold"),
     ),
-    Row(low=1e-2, high=1e3, dimension="length", values=_law("cutoff"), parameters=("trap_cutoff", "trap_axial_cutoff")),
-    Row(low=1e-2, high=1e3, dimension="length", values=_law("radius")),
-    Row(
+    UsualRange(
+        low=1e-2, high=1e3, dimension="length", values=_law("cutoff"), parameters=("trap_cutoff", "trap_axial_cutoff")
+    ),
+    UsualRange(low=1e-2, high=1e3, dimension="length", values=_law("radius")),
+    UsualRange(
         low=10.0,
         high=2e12,
         dimension="pressure",
         values=_body("ot:{}:youngsModulus", lambda b: b.material.youngs_modulus),
     ),
-    Row(low=0.0, high=0.2e6, dimension="surface_energy", values=_body("ot:{}:adhesion", lambda b: b.material.adhesion)),
-    Row(low=1e-3, high=1e6, dimension="force", values=_body("ot:{}:warningForce", lambda b: b.warning_force)),
-    Row(low=1e-10, high=3e-8, dimension="density", values=_body("ot:{}:density", lambda b: b.density, _weighs)),
-    Row(
+    UsualRange(
+        low=0.0, high=0.2e6, dimension="surface_energy", values=_body("ot:{}:adhesion", lambda b: b.material.adhesion)
+    ),
+    UsualRange(low=1e-3, high=1e6, dimension="force", values=_body("ot:{}:warningForce", lambda b: b.warning_force)),
+    UsualRange(low=1e-10, high=3e-8, dimension="density", values=_body("ot:{}:density", lambda b: b.density, _weighs)),
+    UsualRange(
         low=1e-3,
         high=1e4,
         dimension="speed",
         values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille", "rectangular"),
         parameters=("flow_speed",),
     ),
-    Row(
+    UsualRange(
         low=1e-4,
         high=1e5,
         dimension="rate",
         values=_flow("ot:flow:shearRate", "shear_rate", "shear"),
         parameters=("flow_shear_rate",),
     ),
-    Row(
+    UsualRange(
         low=0.5,
         high=1e5,
         dimension="length",
         values=_flow("ot:flow:halfHeight", "half_height", "poiseuille", "rectangular"),
     ),
-    Row(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfWidth", "half_width", "rectangular")),
-    Row(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
-    Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
-    Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:lostDistance", "goal", "lost_distance")),
-    Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:cellLostDistance", "goal", "cell_lost_distance")),
-    Row(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:distanceWarning", "goal", "distance_warning")),
+    UsualRange(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfWidth", "half_width", "rectangular")),
+    UsualRange(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
+    UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
+    UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:lostDistance", "goal", "lost_distance")),
+    UsualRange(
+        low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:cellLostDistance", "goal", "cell_lost_distance")
+    ),
+    UsualRange(
+        low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:distanceWarning", "goal", "distance_warning")
+    ),
 )
 """What is looked at."""
 

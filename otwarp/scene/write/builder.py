@@ -20,7 +20,7 @@ from otwarp.scene.transforms import align_z, look_at
 from otwarp.scene.vocabulary.values import authored
 from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
-from otwarp.scene.write.looks import Color, Looks, author_extent, draw_beam
+from otwarp.scene.write.looks import Color, Materials, author_extent, draw_beam
 from otwarp.scene.write.obstacles import define_obstacle
 from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks, rounded
 
@@ -51,7 +51,7 @@ class SceneBuilder:
         medium, settings = medium or Medium(), settings or Settings()
         self.root, self._rate = root, settings.frames_per_second
         self._stage = Usd.Stage.CreateInMemory("scene.usda")
-        self._looks = Looks(self._stage, root)
+        self._materials = Materials(self._stage, root)
         world = UsdGeom.Xform.Define(self._stage, root).GetPrim()
         self._stage.SetDefaultPrim(world)
         UsdGeom.SetStageUpAxis(self._stage, UsdGeom.Tokens.z)
@@ -279,8 +279,8 @@ class SceneBuilder:
         return target
 
     def _look(self, prim: Usd.Prim, color: Color, opacity: float) -> None:
-        self._looks.paint(prim, color, opacity)
-        self._looks.bind(prim, color, opacity)
+        self._materials.paint(prim, color, opacity)
+        self._materials.bind(prim, color, opacity)
 
     def _trap(self, trap: Trap, color: Color, opacity: float) -> Usd.Prim:
         prim = UsdGeom.Xform.Define(self._stage, self._parents(trap.prim)).GetPrim()
@@ -295,7 +295,7 @@ class SceneBuilder:
                 power.Set(authored(value, "power"), float(time) * self._rate)
         for instance, law in _laws(trap):
             author_values(prim, vocabulary.TRAP_LAW, _law(law), instance=instance, si=True)
-        draw_beam(self._stage, self._looks, prim, color, opacity)
+        draw_beam(self._stage, self._materials, prim, color, opacity)
         return prim
 
     def _body(self, body: Body, color: Color, opacity: float) -> Usd.Prim:

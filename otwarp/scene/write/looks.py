@@ -7,7 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 Color = tuple[float, float, float]
 
 
-class Looks:
+class Materials:
     """Materials of a stage, one per colour and opacity, below `{root}/Looks`."""
 
     def __init__(self, stage: Usd.Stage, root: str):
@@ -49,7 +49,7 @@ def author_extent(prim: Usd.Prim) -> None:
         boundable.CreateExtentAttr(extent)
 
 
-def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opacity: float) -> None:
+def draw_beam(stage: Usd.Stage, materials: Materials, trap: Usd.Prim, color: Color, opacity: float) -> None:
     """Draw a trap: a small sphere at the focus and two translucent cones that meet there.
 
     A symbol, not the beam's true profile: 20 µm long, with a half angle of 12° instead of the objective's 60° or so,
@@ -59,8 +59,8 @@ def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opac
     path = trap.GetPath()
     marker = UsdGeom.Sphere.Define(stage, path.AppendChild("Focus"))
     marker.CreateRadiusAttr(0.15)
-    looks.paint(marker.GetPrim(), color, 1.0)
-    looks.bind(marker.GetPrim(), color, 1.0)
+    materials.paint(marker.GetPrim(), color, 1.0)
+    materials.bind(marker.GetPrim(), color, 1.0)
     height, radius = 10.0, 2.1
     for name, side in (("BeamBelow", -1.0), ("BeamAbove", 1.0)):
         cone = UsdGeom.Cone.Define(stage, path.AppendChild(name))
@@ -70,5 +70,5 @@ def draw_beam(stage: Usd.Stage, looks: Looks, trap: Usd.Prim, color: Color, opac
         cone.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(0.0, 0.0, side * height / 2))
         if side > 0.0:  # a USD cone points along +Z: turn the upper one over
             cone.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(0.0, 1.0, 0.0, 0.0))
-        looks.paint(cone.GetPrim(), color, opacity)
-        looks.bind(cone.GetPrim(), color, opacity)
+        materials.paint(cone.GetPrim(), color, opacity)
+        materials.bind(cone.GetPrim(), color, opacity)

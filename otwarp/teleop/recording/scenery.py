@@ -40,7 +40,7 @@ _TYPES = {"arrow": 0, "box": 1, "sphere": 2, "cylinder": 3, "triangles": 11}
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Marker:
     """A marker.
 
     Attributes:
@@ -71,7 +71,7 @@ def moving(obstacle: Obstacle) -> bool:
     return obstacle.position.animated or obstacle.orientation.animated
 
 
-def shapes(scene: Scene) -> Iterator[Shape]:
+def shapes(scene: Scene) -> Iterator[Marker]:
     """All that is drawn of a scene."""
     for body in scene.bodies:
         yield from _of_body(body)
@@ -80,41 +80,41 @@ def shapes(scene: Scene) -> Iterator[Shape]:
     for obstacle in scene.obstacles:
         yield from _of_obstacle(obstacle)
     if scene.goal is not None:
-        yield Shape(WORLD, "goal", "sphere", (2.0 * scene.goal.tolerance,) * 3, scene.goal.position)
+        yield Marker(WORLD, "goal", "sphere", (2.0 * scene.goal.tolerance,) * 3, scene.goal.position)
 
 
-def _of_body(body: Body) -> Iterator[Shape]:
+def _of_body(body: Body) -> Iterator[Marker]:
     frame = frame_of(body.name)
     for sphere in body.spheres:
-        yield Shape(frame, body.kind, "sphere", (2.0 * sphere.radius,) * 3, sphere.offset)
+        yield Marker(frame, body.kind, "sphere", (2.0 * sphere.radius,) * 3, sphere.offset)
     for rod in body.rods:
         start, end = np.array(rod.start), np.array(rod.end)
         length = float(np.linalg.norm(end - start))
         size = (2.0 * rod.radius, 2.0 * rod.radius, length)
         if length > 0.0:
             middle, turn = 0.5 * (start + end), align_z((end - start) / length)
-            yield Shape(frame, body.kind, "cylinder", size, middle.tolist(), turn.tolist())
+            yield Marker(frame, body.kind, "cylinder", size, middle.tolist(), turn.tolist())
         for place in (rod.start, rod.end):
-            yield Shape(frame, body.kind, "sphere", (2.0 * rod.radius,) * 3, place)
+            yield Marker(frame, body.kind, "sphere", (2.0 * rod.radius,) * 3, place)
 
 
-def _of_trap(trap: Trap) -> Shape:
+def _of_trap(trap: Trap) -> Marker:
     """An arrow along the beam, to the focus; a trap's frame does not turn."""
     beam = rotate(np.array(trap.orientation), np.array([0.0, 0.0, BEAM]))
     size = (0.5 * FOCUS, FOCUS, 2.0 * FOCUS)  # of an arrow by points: shaft, head, length of the head
-    return Shape(frame_of(trap.prim), "trap", "arrow", size, points=np.stack([-beam, np.zeros(3)]))
+    return Marker(frame_of(trap.prim), "trap", "arrow", size, points=np.stack([-beam, np.zeros(3)]))
 
 
-def _of_obstacle(obstacle: Obstacle) -> Iterator[Shape]:
+def _of_obstacle(obstacle: Obstacle) -> Iterator[Marker]:
     """Its parts; a capsule has three."""
     frame, place, turn = WORLD, obstacle.position.at(0.0), obstacle.orientation.at(0.0)
     if moving(obstacle):
         frame, place, turn = frame_of(obstacle.prim), np.zeros(3), np.array(IDENTITY)
     turn = turn / np.linalg.norm(turn)
 
-    def part(kind: str, size: Sequence[float], offset: Sequence[float] = (0.0, 0.0, 0.0), **more: Any) -> Shape:
+    def part(kind: str, size: Sequence[float], offset: Sequence[float] = (0.0, 0.0, 0.0), **more: Any) -> Marker:
         where = place + rotate(turn, np.array(offset))
-        return Shape(frame, "obstacle", kind, size, where.tolist(), turn.tolist(), **more)
+        return Marker(frame, "obstacle", kind, size, where.tolist(), turn.tolist(), **more)
 
     x, y, z = obstacle.size
     if obstacle.shape == "plane":  # its normal is +Z, and what is below is solid

@@ -15,7 +15,7 @@ from otwarp.haptics.core import ZERO, ServoFrame
 from otwarp.haptics.core.realtime import process_ended
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices import KINDS
-from otwarp.haptics.servo.guardian import Side
+from otwarp.haptics.servo.guardian import GuardedSide
 from otwarp.haptics.servo.link import HandLayout, HandSetup
 from otwarp.haptics.servo.process import ServoProcess
 from tests.haptics.drivers import DRIVERS, Session
@@ -113,7 +113,7 @@ def test_a_guardian_that_is_kept_waiting_counts_all_of_the_time():
     """Two looks show that a servo stands still, however late they come; one that went on has left a newer cycle."""
     frames = Mailbox.create(HandLayout(1))
     try:
-        side = Side(Mailbox.attach(HandLayout(1), frames.name), Mailbox.attach(HandLayout(1), frames.name), None)
+        side = GuardedSide(Mailbox.attach(HandLayout(1), frames.name), Mailbox.attach(HandLayout(1), frames.name), None)
         for now in (10.0, 12.0):
             frames.write(ServoFrame(1, 0.0, ZERO, ZERO, (), "armed", 0.0))
             assert side.look(now) == 0.0
