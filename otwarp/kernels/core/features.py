@@ -21,7 +21,11 @@ BLOCK = 256
 """Threads of a block on CUDA."""
 
 WORLD_BLOCK = 64
-"""The same where a thread steps a world: few worlds are spread over more multiprocessors, many lose nothing."""
+"""The same where a thread steps a world, or a body that turns: few are spread over more multiprocessors, and more of
+them fit beside each other where each takes as many registers as a thread can have."""
+
+BODY_BLOCKS = 6
+"""Blocks of bodies that turn which a multiprocessor is to hold: 170 registers a thread, in place of 255."""
 
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
 """How a CPU's step is compiled: with every function in its place. Warp passes structs by value, and a call that the
@@ -114,7 +118,7 @@ class Features:
     @property
     def module_options(self) -> dict[str, Any]:
         """How Warp compiles the step."""
-        block = WORLD_BLOCK if self.driver == "world" else BLOCK
+        block = WORLD_BLOCK if self.driver == "world" or (self.driver == "solo" and self.rigid) else BLOCK
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property

@@ -18,6 +18,17 @@ def find_key(times: wp.array(dtype=wp.float64), first: int, last: int, time: wp.
 
 
 @wp.func
+def find_key_from(times: wp.array(dtype=wp.float64), key: int, first: int, last: int, time: wp.float64) -> int:
+    """The same by looking on from `key`, which a time that goes on seldom leaves far behind; by bisection if it did."""
+    found = wp.max(key, first)
+    if times[found] > time or (found + 1 < last and times[found + 1] <= time):
+        found = wp.min(found + 1, last - 1)
+        if times[found] > time or (found + 1 < last and times[found + 1] <= time):
+            found = find_key(times, first, last, time)
+    return found
+
+
+@wp.func
 def key_weight(times: wp.array(dtype=wp.float64), key: int, time: wp.float64) -> wp.float32:
     """Weight of key + 1 at `time`, clamped to [0, 1]."""
     weight = wp.float32((time - times[key]) / (times[key + 1] - times[key]))

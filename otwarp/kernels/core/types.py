@@ -89,6 +89,19 @@ class TrapConstants:
 
 
 @wp.struct
+class Piece:
+    """The line between two samples of a trap's command, kept in registers while it lasts; the empty one never does."""
+
+    since: wp.float64  # [s]; −inf for the first
+    until: wp.float64  # [s]; inf for the last
+    origin: wp.float64  # time of its first sample [s]
+    rate: wp.float64  # one over the time between both [1/s]
+    key: wp.int32  # index of its first sample
+    start: wp.vec4  # focus [µm] and power [mW]
+    end: wp.vec4
+
+
+@wp.struct
 class BeadConstants:
     """What one time step needs to know of a lone sphere, made once, kept in registers over a loop of steps."""
 
@@ -104,6 +117,8 @@ class BeadConstants:
     second: TrapConstants
     first_anchor: wp.vec4  # equilibrium point [µm] and power [mW] of traps that stay where they are
     second_anchor: wp.vec4
+    first_piece: Piece  # of traps that follow samples: not constant, but for many steps
+    second_piece: Piece
     # of the `lanes` form
     deviates: wp.uint64  # where in a block of noise the deviates of step 0 would be
 

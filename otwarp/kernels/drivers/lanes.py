@@ -27,6 +27,7 @@ from otwarp.kernels.drivers.lane_groups import (
 )
 from otwarp.kernels.drivers.lanes_alike import WIDE, alike_term, go_together, step_together_term
 from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
+from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
 
@@ -159,6 +160,7 @@ def start_lane_term(f: Features) -> wp.Function:
 def advance_lane_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of the launch for lane g."""
     move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
+    next_pieces = next_pieces_term(f)
     monitors = monitors_in_lane(f)
     look = look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitors else None
@@ -180,6 +182,10 @@ def advance_lane_term(f: Features) -> wp.Function:
             step = first + wp.int64(k)
             time = wp.float64(step) * model.time_step
             here = lane.position
+            if wp.static(takes_pieces(f)):
+                lane.bead = next_pieces(model, lane.bead, time)
+                lanes[g].bead.first_piece = lane.bead.first_piece
+                lanes[g].bead.second_piece = lane.bead.second_piece
             moved = here + move_freely(model, control, state, lane.bead, world, b, here, step, time)
             if finite(moved):
                 lanes[g].position = moved

@@ -5,7 +5,7 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
-from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, WORLD_BLOCK, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import (
     BeadConstants,
@@ -18,6 +18,7 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.inlets import kept_in_domain_term
+from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
@@ -78,6 +79,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     bead_constants = bead_constants_term(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
     monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
+    next_pieces = next_pieces_term(f)
     start_monitors, look = start_monitors_term(f), look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitor else None
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
@@ -111,6 +113,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
                 monitors = look(model, bead, monitors, world, position, start, i)
             step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
+            if wp.static(takes_pieces(f)):
+                bead = next_pieces(model, bead, time)
             moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
             if wp.static(f.walls > 0):
                 moved += out_of_walls(model.walls, b, Pose(moved, wp.quat_identity()))
@@ -139,6 +143,12 @@ def make_bead_step(f: Features) -> wp.Kernel:
     return bead_step
 
 
+def body_bounds(f: Features) -> tuple[int, ...]:
+    """Threads of a block on CUDA, and how many blocks are to fit; float64 and exact forces need all registers."""
+    exact = any(name.startswith("exact_") for name in f.trap_models)
+    return (WORLD_BLOCK,) if exact or f.precision == "float64" else (WORLD_BLOCK, BODY_BLOCKS)
+
+
 def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
     constants_of, dynamics = body_dynamics(f)
@@ -146,7 +156,9 @@ def make_body_step(f: Features) -> wp.Kernel:
     record_escapes = escape_term(f) if f.escapes else None
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
+    how = {"grid_stride": False, "launch_bounds": body_bounds(f), "module_options": f.module_options}
+
+    @wp.kernel(module="unique", enable_backward=False, **how)
     def body_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
         first_step: wp.int64, steps: int,

@@ -4,10 +4,47 @@ import warp as wp
 
 from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.periodic import nearest
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Piece, StateData, TrapConstants
 from otwarp.kernels.forces.zeros import ZEROS
-from otwarp.kernels.optics.trap_wrench import anchor_of, reach_term, trap_command_term
-from otwarp.kernels.optics.traps import anchored, trap_force_term
+from otwarp.kernels.optics.trap_wrench import anchor_of, piece_command_term, reach_term, trap_command_term
+from otwarp.kernels.optics.traps import anchored, piece_terms, trap_force_term
+
+
+def few_command_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, piece, time) -> vec4(focus, power)` of a stage, by a piece if it moves."""
+    if f.moving_traps:
+        return piece_command_term(f)
+    trap_command = trap_command_term(f, stage=True)
+
+    @wp.func
+    def unsampled(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, time: wp.float64
+    ) -> wp.vec4:
+        """Focus [µm] and power [mW] of a trap that follows no samples."""
+        return trap_command(model, control, state, world, trap, time)
+
+    return unsampled
+
+
+def next_pieces_term(f: Features) -> wp.Function:
+    """`(model, bead, time) -> BeadConstants` with the pieces of its traps' commands at `time`."""
+    piece_of, _ = piece_terms(f)
+
+    @wp.func
+    def next_pieces(model: ModelData, bead: BeadConstants, time: wp.float64) -> BeadConstants:
+        """The constants of a step from `time` [s] on."""
+        out = bead
+        out.first_piece = piece_of(model.traps, 0, bead.first_piece, time)
+        if wp.static(f.traps == FEW_TRAPS):
+            out.second_piece = piece_of(model.traps, 1, bead.second_piece, time)
+        return out
+
+    return next_pieces
+
+
+def takes_pieces(f: Features) -> bool:
+    """Whether a lone sphere keeps the pieces of its traps' commands over a launch."""
+    return f.moving_traps and bool(f.trap_models) and f.traps <= FEW_TRAPS
 
 
 def sum_over_traps_term(f: Features, what: str) -> wp.Function:
@@ -20,6 +57,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     prepare, value_at = term.prepare, getattr(term, what)
     kind, nothing = ZEROS[what]
     trap_command = trap_command_term(f, stage=True)
+    few_command = few_command_term(f)
     reach_of = reach_term(f)
 
     @wp.func
@@ -38,12 +76,12 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
         anchor = bead.first_anchor
         if wp.static(not f.still_traps):
-            anchor = anchored(bead.first, trap_command(model, control, state, world, 0, time))
+            anchor = anchored(bead.first, few_command(model, control, state, world, 0, bead.first_piece, time))
         total = one_of_few(model, bead.first, anchor, position)
         if wp.static(f.traps == FEW_TRAPS):
             other = bead.second_anchor
             if wp.static(not f.still_traps):
-                other = anchored(bead.second, trap_command(model, control, state, world, 1, time))
+                other = anchored(bead.second, few_command(model, control, state, world, 1, bead.second_piece, time))
             total += one_of_few(model, bead.second, other, position)
         return total
 

@@ -9,6 +9,7 @@ from otwarp.kernels.core.types import (
     Aim,
     ControlData,
     ModelData,
+    Piece,
     Pose,
     RigidConstants,
     StateData,
@@ -24,6 +25,7 @@ from otwarp.kernels.optics.traps import (
     commanded_staged,
     commanded_still,
     limited_focus,
+    piece_terms,
     table_name,
     trap_force_term,
 )
@@ -51,6 +53,25 @@ def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
         return command
 
     return trap_command
+
+
+def piece_command_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, piece, time) -> vec4(focus, power)` of a stage, by a piece."""
+    _, commanded = piece_terms(f)
+
+    @wp.func
+    def piece_command(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, time: wp.float64
+    ) -> wp.vec4:
+        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
+        command = commanded(model.traps, control, world, trap, piece, time)
+        if wp.static(f.speed_limits):
+            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
+                p = state.trap_position[world, trap]
+                command = wp.vec4(p[0], p[1], p[2], command[3])
+        return command
+
+    return piece_command
 
 
 def move_trap_term(f: Features) -> wp.Function:

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.keyframes import find_key, key_weight
+from otwarp.kernels.core.keyframes import find_key, find_key_from, key_weight
 from tests.kernels.samples import evaluate
 
 
@@ -45,3 +45,27 @@ def test_weights_stay_exact_late_in_a_run(device):
     given = [*arrays, 0, 2, wp.array(asked, dtype=wp.float64, device=device)]
     (got,) = evaluate(interpolate, 2, given, [float], device)
     np.testing.assert_allclose(got, [0.25, 2.5], rtol=1e-5)
+
+
+@wp.kernel(enable_backward=False)
+def look_on(
+    times: wp.array(dtype=wp.float64), first: int, last: int, time: wp.array(dtype=wp.float64),
+    key: wp.array(dtype=int), out: wp.array(dtype=int),
+):  # fmt: skip
+    i = wp.tid()
+    out[i] = find_key_from(times, key[i], first, last, time[i])
+
+
+def test_a_key_is_found_from_wherever_one_looks(device):
+    """Times that went on by nothing, a little or a lot, and back; the empty piece looks from key 0."""
+    rng = np.random.default_rng(1)
+    times = np.sort(rng.uniform(0.0, 10.0, 40))
+    first, last = 7, 31
+    asked = np.concatenate([rng.uniform(-2.0, 12.0, 400), times[first : last + 1]])
+    keys = rng.integers(first, last, len(asked))
+    keys[:50] = 0
+    given = [wp.array(times, dtype=wp.float64, device=device), first, last]
+    given += [wp.array(asked, dtype=wp.float64, device=device), wp.array(keys, dtype=int, device=device)]
+    (got,) = evaluate(look_on, len(asked), given, [int], device)
+    expected = np.clip(np.searchsorted(times, asked, side="right") - 1, first, last - 1)
+    np.testing.assert_array_equal(got, expected)

@@ -7,8 +7,9 @@ import pytest
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.types import ControlData, ModelData
-from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, limited_focus
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ControlData, ModelData, Piece
+from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, limited_focus, piece_terms
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, Sphere, Track, Trap
 from otwarp.simulation.model import Model
@@ -64,6 +65,9 @@ def model(device) -> Model:
     return Model.build(SCENE, device=device)
 
 
+piece_of, commanded_by_piece = piece_terms(Features())
+
+
 @wp.kernel(enable_backward=False)
 def probe_command(
     model: ModelData,
@@ -73,10 +77,14 @@ def probe_command(
     now: wp.array(dtype=wp.vec3),
     command: wp.array(dtype=wp.vec4),
     focus: wp.array(dtype=wp.vec3),
+    by_piece: wp.array(dtype=wp.vec4),
 ):
     i = wp.tid()
     c = commanded_animated(model.traps, control, 0, trap[i], time[i])
     command[i] = c
+    # a piece that was found at another time, and may have ended
+    piece = piece_of(model.traps, trap[i], Piece(), time[(7 * i) % time.shape[0]])
+    by_piece[i] = commanded_by_piece(model.traps, control, 0, trap[i], piece, time[i])
     focus[i] = limited_focus(model.traps, 0, trap[i], now[i], wp.vec3(c[0], c[1], c[2]), 0.05)
 
 
@@ -96,7 +104,9 @@ def test_commands_follow_key_frames_where_told_to(model, device):
     )
     inputs = [model.data, control.data()]
     inputs += on_device(device, (index, int), (time, wp.float64), (now, wp.vec3))
-    command, focus = evaluate(probe_command, n, inputs, [wp.vec4, wp.vec3], device)
+    command, focus, by_piece = evaluate(probe_command, n, inputs, [wp.vec4, wp.vec3, wp.vec4], device)
+    # a product with the inverse time between samples in place of a quotient: float64, rounded to float32
+    np.testing.assert_allclose(by_piece, command, rtol=3e-7, atol=3e-7)
     for i in range(n):
         t, k = TRAPS[index[i]], index[i]
         p = keyframes.interpolate(t.position.times, t.position.values, time[i]) if k in (1, 3) else position[0, k]
