@@ -2,15 +2,20 @@
 
 Whole sessions (parent, servo, guardian) run at the drivers of the tests: a ROS 1 node by a double of its master and by
 Debian's, a Haply service, a pseudo-terminal for a controller. The driver notes what it is told; the clock starts at the
-signal. Linux, with the extras of the devices; what cannot be run is left out, and said.
+signal. From then on the driver has real-time priority where that is allowed, below that of the guardian, so that a busy
+machine does not keep the witness waiting; `--busy` processes that compute keep the machine busy. Linux, with the extras of the devices; what cannot be run is left out, and said.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import statistics
+import subprocess
+import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,9 +24,36 @@ from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
+from otwarp.haptics.core.realtime import schedule_threads
 from tests.haptics.drivers import DRIVERS, Session
 
+WITNESS = 60
+"""Of SCHED_FIFO: of the driver, below the guardian's 70."""
+
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
+
+
+@contextmanager
+def punctual() -> Iterator[None]:
+    """All threads of this process are scheduled before ordinary ones, where the system allows it."""
+    schedule_threads(WITNESS)
+    try:
+        yield
+    finally:
+        for thread in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(thread.name), os.SCHED_OTHER, os.sched_param(0))
+
+
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes compute."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
 
 
 def zero_after(driver: str, what: signal.Signals) -> float:
@@ -37,8 +69,9 @@ def zero_after(driver: str, what: signal.Signals) -> float:
         ):
             run = Session(heard)
             try:
-                since = run.signal("servo", what)
-                after = heard.falls(since)
+                with punctual():
+                    since = run.signal("servo", what)
+                    after = heard.falls(since)
             finally:
                 run.close()
         if heard.at(since) > 0.0:

@@ -77,8 +77,13 @@ def test_a_stopped_servo_is_zeroed_meanwhile_and_goes_on_disarmed(session):
     run = session("once")
     run.heard.falls(run.signal("servo", signal.SIGSTOP))
     run.look()
-    before = run.hand
-    assert before.force != ZERO  # so the servo itself said last
+    while run.hand.force == ZERO:  # a busy machine had let a watchdog disarm it just before
+        print(run.status.hands[0].message)
+        run.signal("servo", signal.SIGCONT)
+        until(run.heard.pushes, lambda: (run.arm(), time.sleep(0.05)))
+        run.heard.falls(run.signal("servo", signal.SIGSTOP))
+        run.look()
+    before = run.hand  # so the servo itself said last
     time.sleep(2.0)
     run.signal("servo", signal.SIGCONT)
     until(lambda: run.hand.tick > before.tick + 100, run.look)
