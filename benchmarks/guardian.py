@@ -3,12 +3,13 @@
 Whole sessions (parent, servo, guardian) run at the drivers of the tests: a ROS 1 node by a double of its master and by
 Debian's, a Haply service, a pseudo-terminal for a controller. The driver notes what it is told; the clock starts at the
 signal. From then on the driver has real-time priority where that is allowed, below that of the guardian, so that a busy
-machine does not keep the witness waiting; `--busy` processes that compute keep the machine busy. Linux, with the extras
+machine does not keep the witness waiting; it is idle but for that, and beside 3 and 25 processes that compute. Linux, with the extras
 of the devices; what cannot be run is left out, and said.
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import statistics
@@ -30,6 +31,9 @@ from tests.haptics.drivers import DRIVERS, Session
 
 WITNESS = 60
 """Of SCHED_FIFO: of the driver, below the guardian's 70."""
+
+BUSY = (0, 3, 25)
+"""Processes that compute beside the session."""
 
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
 
@@ -79,18 +83,22 @@ def zero_after(driver: str, what: signal.Signals) -> float:
             return after
 
 
-def measure(device: str = "cpu", *, rounds: int = 10, drivers: Sequence[str] = tuple(DRIVERS)) -> Section:
-    """Each driver and each signal, `rounds` times. No GPU takes part."""
+def measure(
+    device: str = "cpu", *, rounds: int = 4, drivers: Sequence[str] = tuple(DRIVERS), loads: Sequence[int] = BUSY
+) -> Section:
+    """Each driver and each signal, `rounds` times beside each number of busy processes. No GPU takes part."""
     machine, rows, data, missing = Machine.look(pick_device(device)), [], {}, []
-    for driver in drivers:
+    for driver, count in itertools.product(drivers, loads):
         try:
-            found = {what.name: [zero_after(driver, what) for _ in range(rounds)] for what in SIGNALS}
+            with busy(count):
+                found = {what.name: [zero_after(driver, what) for _ in range(rounds)] for what in SIGNALS}
         except pytest.skip.Exception as why:
             missing.append(f"{driver}: {why}")
             continue
-        data[driver] = found
+        data[f"{driver}, {count} busy"] = found
         for name, times in found.items():
-            rows.append((driver, name, *(f"{1e3 * one(times):.0f}" for one in (min, statistics.median, max))))
+            spans = (f"{1e3 * one(times):.0f}" for one in (min, statistics.median, max))
+            rows.append((driver, str(count), name, *spans))
     return Section(
         name="guardian",
         kind="cpu",
@@ -98,7 +106,7 @@ def measure(device: str = "cpu", *, rounds: int = 10, drivers: Sequence[str] = t
         tables=[
             Table(
                 title=f"From the signal to zero force at the driver [ms], {rounds} sessions each",
-                head=("driver", "servo gets", "least", "median", "most"),
+                head=("driver", "busy beside", "servo gets", "least", "median", "most"),
                 rows=rows,
                 note="\n".join(missing),
             )
@@ -108,4 +116,4 @@ def measure(device: str = "cpu", *, rounds: int = 10, drivers: Sequence[str] = t
 
 
 if __name__ == "__main__":
-    command(measure, __doc__ or "", rounds=10)
+    command(measure, __doc__ or "", rounds=4)

@@ -42,14 +42,14 @@ def check_crate(path: Path, allowed: str) -> None:
     Raises:
         InputError: One line.
     """
-    path = path.resolve()
-    known = _sound.get(path)
+    whole = path.resolve()
+    known = _sound.get(whole)
     if (known is not None and known == _states(file for file, *_ in known)) or not _may_be_binary(path):
         return
     problem, layers = _read_through(path)
     if problem:
         raise InputError(f"{path}: contents = USD {problem}: {allowed}, whole and valid")
-    _sound[path] = _states((str(path), *layers))
+    _sound[whole] = _states((str(whole), *layers))
 
 
 def _states(files: Iterable[str]) -> States:
