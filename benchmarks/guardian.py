@@ -3,8 +3,8 @@
 Whole sessions (parent, servo, guardian) run at the drivers of the tests: a ROS 1 node by a double of its master and by
 Debian's, a Haply service, a pseudo-terminal for a controller. The driver notes what it is told; the clock starts at the
 signal. From then on the driver has real-time priority where that is allowed, below that of the guardian, so that a busy
-machine does not keep the witness waiting; it is idle but for that, and beside 3 and 25 processes that compute. Linux, with the extras
-of the devices; what cannot be run is left out, and said.
+machine does not keep the witness waiting; it is idle but for that, and beside 3 and 25 processes that compute. Linux,
+with the extras of the devices; what cannot be run is left out, and said.
 """
 
 from __future__ import annotations
