@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import (
     budget,
+    contact,
     crowd,
     forces,
     haptics,
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "time_step": time_step.measure,
     "precision": precision.measure,
     "speed": speed.measure,
+    "contact": contact.measure,
     "crowd": crowd.measure,
     "worlds": worlds.measure,
     "stability": stability.measure,

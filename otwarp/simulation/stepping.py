@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -15,6 +16,7 @@ from otwarp.simulation.compilation import load_kernels, usable_cores
 from otwarp.simulation.launches import RecordedLaunch
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
+from otwarp.simulation.world_scratch import allocate_world, spread_of
 
 STEPS_PER_LAUNCH = 20_000
 """Longest fused launch, so that an interrupt from the keyboard is answered in reasonable time."""
@@ -48,6 +50,17 @@ class FusedStepper:
         load_kernels([self.kernel, *beside], model.device)
         self.block = 1 if model.device.is_cpu else step.fused.module.options["block_dim"]
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
+        self.spread, self.scratch = 1, None
+        if step.features.driver == "world":
+            self.spread = spread_of(model.worlds, model.device)
+            rows = self.chunks if model.device.is_cpu else model.worlds
+            self.scratch = allocate_world(step.features, rows, model.place)
+
+    def _room(self, chunk: int) -> list[Any]:
+        """Arguments that only the `world` kernel takes: a thread of a CPU steps its worlds in one row, in turn."""
+        if self.scratch is None:
+            return []
+        return [self.scratch, self.spread, chunk if self.model.device.is_cpu else -1]
 
     def _launch(self, chunk: int, span: tuple[int, int], first_step: int, steps: int) -> None:
         features = self.step.features
@@ -57,7 +70,7 @@ class FusedStepper:
         if features.lanes:
             self.launches[chunk](threads_for(threads), *last, worlds)
         else:
-            self.launches[chunk](threads, *last)
+            self.launches[chunk](threads * self.spread, *last)
 
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
@@ -66,7 +79,8 @@ class FusedStepper:
             views = (self.model.data, control.data(), state.data(), readout.data())
             # one for each thread, which changes its arguments
             self.launches = [
-                RecordedLaunch(self.kernel, self.model.device, views, block_dim=self.block) for _ in range(self.chunks)
+                RecordedLaunch(self.kernel, self.model.device, [*views, *self._room(chunk)], block_dim=self.block)
+                for chunk in range(self.chunks)
             ]
             self.layout = control.layout
 

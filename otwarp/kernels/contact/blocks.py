@@ -6,6 +6,8 @@ nor cleared. Rows are eliminated from the first on, so that bodies which touch o
 
 import warp as wp
 
+from otwarp.kernels.core.roots import reciprocal_root
+
 
 def block_count(nodes: int) -> int:
     """Blocks of a lower triangle of so many rows, its diagonal included."""
@@ -21,12 +23,12 @@ def block_at(i: int, j: int) -> int:
 @wp.func
 def inverse_root(m: wp.mat33) -> wp.mat33:
     """L⁻¹ of the lower Cholesky factor L of a symmetric positive definite matrix."""
-    x = 1.0 / wp.sqrt(m[0, 0])
+    x = reciprocal_root(m[0, 0])
     yx = m[1, 0] * x
     zx = m[2, 0] * x
-    y = 1.0 / wp.sqrt(m[1, 1] - yx * yx)
+    y = reciprocal_root(m[1, 1] - yx * yx)
     zy = (m[2, 1] - zx * yx) * y
-    z = 1.0 / wp.sqrt(m[2, 2] - zx * zx - zy * zy)
+    z = reciprocal_root(m[2, 2] - zx * zx - zy * zy)
     below = -yx * x * y
     return wp.mat33(x, 0.0, 0.0, below, y, 0.0, -(zx * x + zy * below) * z, -zy * y * z, z)
 

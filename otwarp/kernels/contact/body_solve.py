@@ -7,12 +7,11 @@ law (`implicit_law`), backward Euler asks for
 
 where ½ xᵀ(M dt)⁻¹x + Σ Φ_i(s_i) is least, −Φ' = λ: a convex energy, whose minimum Newton's method finds,
 
-    ((M dt)⁻¹ + Σ k_i J_iᵀJ_i) Δx = Σ J_iᵀ λ_i − (M dt)⁻¹ x,  k_i = −dλ_i/ds_i,
+    ((M dt)⁻¹ + Σ k_i J_iᵀJ_i) Δx = Σ J_iᵀ λ_i − (M dt)⁻¹ x,  k_i = −dλ_i/ds_i.
 
-with each law by the line that stands for it, λ_i = force_i − k_i s_i. The unknowns are as many as the bodies have ways
-to move, however many contacts there are; there is no set of pressed contacts to be found, and no matrix of contacts. A
-force on a sphere runs through its centre, so that all contacts of a lone sphere with one other body make one matrix of
-3×3, Σ k nnᵀ, before they are spread over the unknowns.
+The unknowns are as many as the bodies have ways to move, however many contacts there are; there is no set of pressed
+contacts to be found, and no matrix of contacts. A force on a sphere runs through its centre, so that all contacts of a
+lone sphere with one other body make one matrix of 3×3, Σ k nnᵀ, before they are spread over the unknowns.
 
 The laws are the same as in `solve`, to the same tolerance. That one stays for scenes without a soft contact, and where
 bodies do not move by (M dt)⁻¹ of their own: near hydrodynamic walls, and coupled.
@@ -20,21 +19,27 @@ bodies do not move by (M dt)⁻¹ of their own: near hydrodynamic walls, and cou
 
 import warp as wp
 
+from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.contact.blocks import block_at, factorise, solve_factorised
-from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.implicit_law import PULL_TOLERANCE, depth_at, first_line, line_error
-from otwarp.kernels.contact.solve import opening_by_moves
+from otwarp.kernels.contact.contact_list import ContactList, face_term, law_of, load_at
+from otwarp.kernels.contact.implicit_law import Line, first_line, tangent
+from otwarp.kernels.contact.travel import lift_of, opening_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
-from otwarp.kernels.core.types import ModelData
+from otwarp.kernels.core.types import ModelData, Move, vec6
 
 ROUNDS = wp.constant(24)
 """Most looks at the laws, one more than Newton's steps."""
 
-WHOLE_ROUNDS = wp.constant(8)
+WHOLE_ROUNDS = wp.constant(20)
 """So many steps are whole; then halves, which cannot go to and fro."""
+
+BALANCED = wp.constant(1.0e-10 if wp.float32 is wp.float64 else 1.0e-5)
+"""How far [µm] what is out of balance would move a body at most: contacts are solved.
+
+Far less in the float64 instance of this module, as in `kernels.drivers.episodes.PRECISION`."""
 
 MAX_NODES = 24
 """Nodes of a world up to which its contacts may be solved so: a row's blocks are bits of a word."""
@@ -53,15 +58,10 @@ class SpaceRoom:
     """
 
     node: wp.array(dtype=int)  # (bodies + 1) first node of each
-    base: wp.array(
-        dtype=wp.mat33
-    )  # (3·bodies) (M dt)⁻¹, world axes: force and torque by displacement, torque by rotation
     block: wp.array(dtype=wp.mat33)  # lower triangle of the matrix, and its factor
     filled: wp.array(dtype=int)  # (nodes) bit j of row i: block (i, j) is not zero
     side: wp.array(dtype=wp.vec3)  # (nodes) right-hand sides, then the solution Δx
     moved: wp.array(dtype=wp.vec3)  # (nodes) what contact forces move [µm, rad]
-    opening: wp.array(dtype=float)  # (contacts) openings by the free moves [µm]
-    depth: wp.array(dtype=float)  # (contacts) δ of each law where it was looked at last [µm]
 
 
 def nodes_of(f: Features) -> int:
@@ -83,19 +83,41 @@ def turning_term(f: Features) -> wp.Function:
     return turning
 
 
-def fill_base_term(f: Features) -> wp.Function:
-    """`(model, world, rotation, space)`: (M dt)⁻¹ of all bodies as they are turned now."""
+def number_nodes_term(f: Features) -> wp.Function:
+    """`(model, space) -> nodes`: number the nodes, with no move yet."""
     turning = turning_term(f)
 
     @wp.func
-    def fill_base(model: ModelData, world: int, rotation: wp.array(dtype=wp.quat), space: SpaceRoom):
-        """Write the resistances over the time step [pN/µm, pN, pN·µm], and the first node of each body."""
+    def number_nodes(model: ModelData, space: SpaceRoom) -> int:
+        """How many nodes the bodies have."""
         bodies = int(wp.static(f.bodies))
-        over = 1.0 / step_over_viscosity(model, world)
         nodes = int(0)
         for b in range(bodies):
-            shape = model.body.shape[b]
             space.node[b] = nodes
+            space.moved[nodes] = wp.vec3(0.0)
+            nodes += 1
+            if turning(model, b):
+                space.moved[nodes] = wp.vec3(0.0)
+                nodes += 1
+        space.node[bodies] = nodes
+        return nodes
+
+    return number_nodes
+
+
+def start_matrix_term(f: Features) -> wp.Function:
+    """`(model, world, rotation, space)`: the matrix and right-hand sides without contacts."""
+    turning = turning_term(f)
+
+    @wp.func
+    def start_matrix(model: ModelData, world: int, rotation: wp.array(dtype=wp.quat), space: SpaceRoom):
+        """Write (M dt)⁻¹ [pN/µm, pN, pN·µm] as the matrix, world axes, and −(M dt)⁻¹x as right-hand sides."""
+        bodies = int(wp.static(f.bodies))
+        over = 1.0 / step_over_viscosity(model, world)
+        for b in range(bodies):
+            i = space.node[b]
+            shape = model.body.shape[b]
+            space.filled[i] = 0
             if turning(model, b):
                 r = model.body.resistance[shape]
                 turn = rotation_matrix(rotation[b])
@@ -103,41 +125,21 @@ def fill_base_term(f: Features) -> wp.Function:
                 tt = wp.mat33(r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2])
                 rt = wp.mat33(r[3, 0], r[3, 1], r[3, 2], r[4, 0], r[4, 1], r[4, 2], r[5, 0], r[5, 1], r[5, 2])
                 rr = wp.mat33(r[3, 3], r[3, 4], r[3, 5], r[4, 3], r[4, 4], r[4, 5], r[5, 3], r[5, 4], r[5, 5])
-                space.base[3 * b] = turn * tt * back
-                space.base[3 * b + 1] = turn * rt * back
-                space.base[3 * b + 2] = turn * rr * back
-                nodes += 2
-            else:
-                drag = over / model.body.translation[shape]
-                space.base[3 * b] = wp.diag(wp.vec3(drag, drag, drag))
-                nodes += 1
-        space.node[bodies] = nodes
-
-    return fill_base
-
-
-def start_matrix_term(f: Features) -> wp.Function:
-    """`(model, space)`: the matrix and right-hand sides without contacts."""
-    turning = turning_term(f)
-
-    @wp.func
-    def start_matrix(model: ModelData, space: SpaceRoom):
-        """Write (M dt)⁻¹ [pN/µm, pN, pN·µm] as the matrix, and −(M dt)⁻¹x as right-hand sides [pN, pN·µm]."""
-        bodies = int(wp.static(f.bodies))
-        for b in range(bodies):
-            i = space.node[b]
-            push = space.base[3 * b]
-            space.block[block_at(i, i)] = push
-            space.filled[i] = 0
-            space.side[i] = -(push * space.moved[i])
-            if turning(model, b):
-                both = space.base[3 * b + 1]
-                twist = space.base[3 * b + 2]
+                push = turn * tt * back
+                both = turn * rt * back
+                twist = turn * rr * back
+                space.block[block_at(i, i)] = push
                 space.block[block_at(i + 1, i)] = both
                 space.block[block_at(i + 1, i + 1)] = twist
                 space.filled[i + 1] = 1 << i
-                space.side[i] = space.side[i] - wp.transpose(both) * space.moved[i + 1]
-                space.side[i + 1] = -(both * space.moved[i] + twist * space.moved[i + 1])
+                way = space.moved[i]
+                angle = space.moved[i + 1]
+                space.side[i] = -(push * way + wp.transpose(both) * angle)
+                space.side[i + 1] = -(both * way + twist * angle)
+            else:
+                drag = over / model.body.translation[shape]
+                space.block[block_at(i, i)] = wp.diag(wp.vec3(drag, drag, drag))
+                space.side[i] = -drag * space.moved[i]
 
     return start_matrix
 
@@ -193,32 +195,35 @@ def join_bodies_term(f: Features) -> wp.Function:
 
 
 def unbalanced_term(f: Features) -> wp.Function:
-    """`(model, allowed, space) -> error`: how far forces out of balance move a body."""
+    """`(model, world, space) -> error`: how far forces out of balance move a body."""
     turning = turning_term(f)
 
     @wp.func
-    def unbalanced(model: ModelData, allowed: float, space: SpaceRoom) -> float:
-        """About how far [µm] the right-hand sides would move the body that they move farthest; 0 within `allowed`."""
+    def unbalanced(model: ModelData, world: int, space: SpaceRoom) -> float:
+        """About how far [µm] the right-hand sides would move the body that they move farthest."""
         error = float(0.0)
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
             i = space.node[b]
-            push = space.base[3 * b][0, 0]
-            way = wp.length(space.side[i]) / push
+            shape = model.body.shape[b]
+            way = float(0.0)
             if turning(model, b):
-                way += wp.length(space.side[i + 1]) / wp.sqrt(push * space.base[3 * b + 2][0, 0])
+                push = model.body.resistance[shape][0, 0]
+                twist = model.body.resistance[shape][3, 3]
+                way = wp.length(space.side[i]) / push + wp.length(space.side[i + 1]) / wp.sqrt(push * twist)
+            else:
+                way = wp.length(space.side[i]) * model.body.translation[shape]
             error = wp.max(error, way)
-        return wp.where(error > allowed, error, 0.0)
+        return error * step_over_viscosity(model, world)
 
     return unbalanced
 
 
 def gather_term(f: Features) -> wp.Function:
-    """`(model, contacts, count, position, follow, space) -> float`: all that one of Newton's steps needs."""
+    """`(model, world, listed, count, position, rotation, first, space)`: all that one of Newton's steps needs."""
     turning = turning_term(f)
     start_matrix = start_matrix_term(f)
     join_bodies = join_bodies_term(f)
-    unbalanced = unbalanced_term(f)
 
     @wp.func
     def moved_at(model: ModelData, b: int, arm: wp.vec3, space: SpaceRoom) -> wp.vec3:
@@ -232,38 +237,35 @@ def gather_term(f: Features) -> wp.Function:
         return way
 
     @wp.func
-    def follow_law(contacts: wp.array(dtype=Contact), i: int, s: float, space: SpaceRoom) -> float:
-        """The error of contact i's line at the opening `s` [µm]; unless it is little, the tangent there as new line."""
-        c = contacts[i]
-        d = depth_at(c, s, space.depth[i])
-        root = wp.sqrt(d.value)
-        load = c.floor + c.hardness * d.value * root
-        missed = line_error(c, s, d, load)
-        if missed > 0.0:
-            k = 1.5 * c.hardness * root * d.slope
-            space.depth[i] = d.value
-            contacts[i].stiffness = k
-            contacts[i].force = load + k * s
-        return missed
+    def line_at(listed: ContactList, i: int, opening: float, first: bool) -> Line:
+        """Load and slope of contact i where its gap opens by `opening` [µm]; `first`: where it would end alone."""
+        c = law_of(listed, i)
+        line = Line(0.0, 0.0, listed.depth[i])
+        if first:  # noqa: SIM108 (Warp would work out both)
+            line = first_line(c, opening)
+        else:
+            line = tangent(c, opening, line.depth)
+        listed.depth[i] = line.depth
+        return line
 
     @wp.func
     def gather(
-        model: ModelData, contacts: wp.array(dtype=Contact), count: int, position: wp.array(dtype=wp.vec3),
-        follow: bool, space: SpaceRoom,
-    ) -> float:  # fmt: skip
-        """Fill matrix and right-hand sides from the lines of the contacts, new ones where these miss their laws.
+        model: ModelData, world: int, listed: ContactList, count: int, position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), first: bool, space: SpaceRoom,
+    ):  # fmt: skip
+        """Fill matrix and right-hand sides from the laws of the contacts.
 
         Neighbours in the list that are contacts of the same two bodies, one of them a lone sphere, go together, as one
-        at its centre. Writes the loads [pN] as well; returns the largest error of a gap [µm], 0 unless `follow`.
+        at its centre.
         """
-        start_matrix(model, space)
-        worst = float(0.0)
+        start_matrix(model, world, rotation, space)
         i = int(0)
         while i < count:
-            a = contacts[i].a
-            b = contacts[i].b
-            arm_a = contacts[i].arm_a
-            arm_b = contacts[i].arm_b
+            pair = listed.pair[i]
+            a = pair[0]
+            b = pair[1]
+            at = listed.arm_a[i]
+            arm_a = wp.vec3(at[0], at[1], at[2])
             lone_a = not turning(model, a)
             lone_b = b >= 0 and not turning(model, wp.max(b, 0))
             between = position[wp.max(b, 0)] - position[a]
@@ -271,70 +273,95 @@ def gather_term(f: Features) -> wp.Function:
                 between += image_shift(model.period, between)
             if lone_b:
                 arm_a = between
-            elif lone_a and b >= 0:
-                arm_b = -between
+            elif lone_a:
+                arm_a = wp.vec3(0.0)
+            # forces run through both arms of a contact, so that one point serves for both bodies
+            arm_b = arm_a - between
             way = moved_at(model, a, arm_a, space) - moved_at(model, b, arm_b, space)
             stiffness = wp.mat33(0.0)
             force = wp.vec3(0.0)
-            presses = bool(False)
             joined = bool(True)
             while joined:
-                n = contacts[i].normal
-                s = space.opening[i] + wp.dot(way, n)
-                if follow:
-                    worst = wp.max(worst, follow_law(contacts, i, s, space))
-                k = contacts[i].stiffness
-                load = contacts[i].force - k * s
-                contacts[i].load = wp.max(load, contacts[i].floor)
-                presses = presses or k > 0.0 or load != 0.0
-                stiffness = stiffness + wp.outer(k * n, n)
-                force = force + load * n
+                face = listed.face[i]
+                n = wp.vec3(face[0], face[1], face[2])
+                line = line_at(listed, i, face[3] + wp.dot(way, n), first)
+                stiffness = stiffness + wp.outer(line.slope * n, n)
+                force = force + line.load * n
                 i += 1
                 joined = i < count and (lone_a or lone_b)
                 if joined:
-                    joined = contacts[i].a == a and contacts[i].b == b
-            if presses:
+                    joined = listed.pair[i] == pair
+            if stiffness[0, 0] + stiffness[1, 1] + stiffness[2, 2] > 0.0 or wp.length_sq(force) > 0.0:
                 join_bodies(model, a, b, arm_a, arm_b, stiffness, force, space)
-        if follow and worst == 0.0:
-            # what float32 left of the equation of motion, where contacts are stiff
-            worst = unbalanced(model, PULL_TOLERANCE * contacts[0].radius, space)
-        return worst
 
     return gather
 
 
+def open_gaps_term(f: Features) -> wp.Function:
+    """`(listed, count, again, linear, angular, free, drift)`: how far gaps open without contact forces."""
+    face = face_term(f)
+
+    @wp.func
+    def open_gaps(
+        listed: ContactList, count: int, again: bool, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
+        free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6),
+    ):  # fmt: skip
+        """Write the openings by the moves `linear` and `angular` [µm, rad], lifted by the moves `free` − `drift`.
+
+        These are the noise in the first stage, and whole moves in the second, where contacts that push are lifted, too.
+        """
+        for i in range(count):
+            c = face(listed, i)
+            other = wp.max(c.b, 0)
+            opening = opening_of(c, Move(linear[c.a], angular[c.a]), Move(linear[other], angular[other]))
+            if wp.static(f.bends):
+                if listed.path[i][0] > 0.0 or (again and load_at(listed, i) != 0.0):
+                    a = free[c.a] - drift[c.a]
+                    b = free[other] - drift[other]
+                    opening += lift_of(
+                        c, Move(linear_part(a), angular_part(a)), Move(linear_part(b), angular_part(b))
+                    )  # fmt: skip
+            n = c.normal
+            listed.face[i] = wp.vec4(n[0], n[1], n[2], opening)
+
+    return open_gaps
+
+
 def solve_bodies_term(f: Features) -> wp.Function:
-    """`(model, contacts, count, position, again, linear, angular, space) -> float`: solve all contacts."""
+    """`(model, world, listed, count, position, rotation, again, linear, angular, space) -> float`: solve all contacts.
+
+    The gaps are those that `open_gaps_term` wrote.
+    """
     turning = turning_term(f)
+    number_nodes = number_nodes_term(f)
     gather = gather_term(f)
+    unbalanced = unbalanced_term(f)
 
     @wp.func
     def solve_bodies(
-        model: ModelData, contacts: wp.array(dtype=Contact), count: int, position: wp.array(dtype=wp.vec3), again: bool,
-        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), space: SpaceRoom,
+        model: ModelData, world: int, listed: ContactList, count: int, position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), again: bool, linear: wp.array(dtype=wp.vec3),
+        angular: wp.array(dtype=wp.vec3), space: SpaceRoom,
     ) -> float:  # fmt: skip
-        """Write the loads of one step, and add what they move to the free moves of the bodies [µm, rad].
+        """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
 
-        `again`: the lines of the contacts are those of an earlier solution of this step. Returns the largest error
-        left in a gap [µm]: 0 unless the rounds ran out.
+        `again`: start from an earlier solution of this step. Returns how far forces out of balance would move a body
+        [µm]: 0 unless the rounds ran out.
         """
         bodies = int(wp.static(f.bodies))
+        if not again:
+            number_nodes(model, space)
         nodes = space.node[bodies]
-        for i in range(count):
-            opening = opening_by_moves(contacts[i], linear, angular)
-            space.opening[i] = opening
-            if not again:
-                line = first_line(contacts[i], opening)
-                contacts[i].force = line[0]
-                contacts[i].stiffness = line[1]
-                space.depth[i] = line[2]
-        for i in range(nodes):
-            space.moved[i] = wp.vec3(0.0)
-        worst = float(0.0)
+        error = float(0.0)
         for round in range(ROUNDS):
-            worst = gather(model, contacts, count, position, round > 0, space)
-            if round > 0 and (worst == 0.0 or round == ROUNDS - 1):
-                break
+            first = round == 0 and not again
+            gather(model, world, listed, count, position, rotation, first, space)
+            if not first:
+                error = unbalanced(model, world, space)
+                if error <= BALANCED:
+                    error = 0.0
+                if error == 0.0 or round == ROUNDS - 1:
+                    break
             factorise(nodes, space.filled, space.block)
             solve_factorised(nodes, space.filled, space.block, space.side)
             share = wp.where(round < WHOLE_ROUNDS, 1.0, 0.5)
@@ -345,6 +372,6 @@ def solve_bodies_term(f: Features) -> wp.Function:
             linear[b] = linear[b] + space.moved[i]
             if turning(model, b):
                 angular[b] = angular[b] + space.moved[i + 1]
-        return worst
+        return error
 
     return solve_bodies

@@ -16,6 +16,7 @@ from otwarp.kernels.contact.contact import (
     pair_law,
     pair_reach,
 )
+from otwarp.kernels.contact.contact_list import ContactList, put_term
 from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relative_radius_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
@@ -158,18 +159,6 @@ def element_term(f: Features) -> wp.Function:
     return element
 
 
-@wp.func
-def put(
-    readout: ReadoutData, world: int, contacts: wp.array(dtype=Contact), count: int, c: Contact, step: wp.int64
-) -> int:
-    """Append a contact to a world's list: the new count; a fault when the list is full."""
-    if count < contacts.shape[0]:
-        contacts[count] = c
-        return count + 1
-    raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
-    return count
-
-
 def element_pair_term(f: Features) -> wp.Function:
     """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj, reach, …)`.
 
@@ -177,6 +166,7 @@ def element_pair_term(f: Features) -> wp.Function:
     the moves close it.
     """
     touch = touch_term(f)
+    put = put_term(f)
     excursion = excursion_term(f)
     valley = valley_term(segment_slope) if f.rods else None
 
@@ -184,7 +174,7 @@ def element_pair_term(f: Features) -> wp.Function:
     def element_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
         move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, ri: float, rj: float, reach: float,
-        contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+        listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points."""
         between = pose_a.position - pose_b.position
@@ -195,7 +185,7 @@ def element_pair_term(f: Features) -> wp.Function:
                     model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step
                 )  # fmt: skip
                 c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
-                count = put(readout, world, contacts, count, c, step)
+                count = put(readout, world, listed, count, c, step)
         else:
             # all relative to the reference point of a, so that a place far from the origin costs no digits
             other = Segment(rod_b.centre - between, rod_b.half)
@@ -221,14 +211,14 @@ def element_pair_term(f: Features) -> wp.Function:
                             )  # fmt: skip
                             c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
                             c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
-                            count = put(readout, world, contacts, count, c, step)
+                            count = put(readout, world, listed, count, c, step)
         return count
 
     return element_pair
 
 
 def pair_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, pushed, contacts, count, step) -> count`.
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, pushed, listed, count, step) -> count`.
 
     The moves are the free ones of this step; `pushed` [µm]: how much nearer other contacts may push the bodies.
     """
@@ -238,7 +228,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
     @wp.func
     def pair_contacts(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move,
-        move_b: Move, pushed: float, contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+        move_b: Move, pushed: float, listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """New count; tests bounding spheres, then element against body, then element against element."""
         reach = pair_reach(model.contact, a, b) + pushed
@@ -258,7 +248,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
                         rj = model.contact.sphere[j][3]
                         count = element_pair(
                             model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj,
-                            reach, contacts, count, step,
+                            reach, listed, count, step,
                         )  # fmt: skip
         return count
 
@@ -266,11 +256,12 @@ def pair_contacts_term(f: Features) -> wp.Function:
 
 
 def element_wall_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, i, pose, move, wall, later, reach, contacts, count, step) -> count`.
+    """`(model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step) -> count`.
 
     Element i of body a against obstacle o; `reach` [µm]: gap up to which its own move need not close it.
     """
     touch_wall = touch_wall_term(f)
+    put = put_term(f)
     excursion = excursion_term(f)
     element = element_term(f)
     distance_to = distance_term(f.obstacles)
@@ -280,7 +271,7 @@ def element_wall_term(f: Features) -> wp.Function:
     def element_wall(
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
         pose: Pose, move: Move, wall: Pose, later: Pose, reach: float,
-        contacts: wp.array(dtype=Contact), count: int, step: wp.int64,
+        listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """A sphere at its centre; a rod at the valley of its distance to the obstacle, piece by piece."""
         rod = element(model, i, pose.rotation)
@@ -298,7 +289,7 @@ def element_wall_term(f: Features) -> wp.Function:
                 if hit[3] < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
                     c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
                     c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
-                    count = put(readout, world, contacts, count, c, step)
+                    count = put(readout, world, listed, count, c, step)
             elif wp.static(f.rods):
                 inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
                 far += half  # so that a mesh answers everywhere along the rod
@@ -321,14 +312,14 @@ def element_wall_term(f: Features) -> wp.Function:
                                 c = excursion(
                                     model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
                                 )  # fmt: skip
-                                count = put(readout, world, contacts, count, c, step)
+                                count = put(readout, world, listed, count, c, step)
         return count
 
     return element_wall
 
 
 def obstacle_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, pose, move, pushed, contacts, count, step, time) -> count`: a body and all obstacles.
+    """`(model, readout, world, a, pose, move, pushed, listed, count, step, time) -> count`: a body and all obstacles.
 
     `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body on top of it.
     """
@@ -339,7 +330,7 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
     @wp.func
     def obstacle_contacts(
         model: ModelData, readout: ReadoutData, world: int, a: int, pose: Pose, move: Move, pushed: float,
-        contacts: wp.array(dtype=Contact), count: int, step: wp.int64, time: wp.float64,
+        listed: ContactList, count: int, step: wp.int64, time: wp.float64,
     ) -> int:  # fmt: skip
         """New count; tests the bounding sphere, then the true shape, then element by element."""
         travel = free_travel(model, a, move)
@@ -363,7 +354,7 @@ def obstacle_contacts_term(f: Features) -> wp.Function:
             if near:
                 for i in range(model.contact.start[a], model.contact.start[a + 1]):
                     count = element_wall(
-                        model, readout, world, a, o, i, pose, move, wall, later, reach, contacts, count, step
+                        model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step
                     )  # fmt: skip
         return count
 

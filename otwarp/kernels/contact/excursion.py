@@ -35,6 +35,7 @@ from otwarp.kernels.contact.contact import FIRST_OVERLAP, SETTLED, Contact, over
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import thermal_energy_of
 from otwarp.kernels.core.random import Stream, noise_words, squared_radius
+from otwarp.kernels.core.roots import reciprocal, square_root
 from otwarp.kernels.core.types import ModelData
 from otwarp.kernels.core.worlds import number_term
 
@@ -104,10 +105,10 @@ def excursion_term(f: Features) -> wp.Function:
 @wp.func
 def above_least(apart: float, wander: float) -> float:
     """½ (p + √(p² + W)): how far the end of a path is above its least gap [µm], where it opens by p = `apart` [µm]."""
-    larger = 0.5 * (wp.abs(apart) + wp.sqrt(apart * apart + wander))
+    larger = 0.5 * (wp.abs(apart) + square_root(apart * apart + wander))
     above = larger
     if apart < 0.0:
-        above = 0.25 * wander / larger
+        above = 0.25 * wander * reciprocal(larger)
     return above
 
 

@@ -6,6 +6,7 @@ from otwarp.kernels.contact.contact import Contact, along
 from otwarp.kernels.contact.excursion import FARTHEST
 from otwarp.kernels.core.faults import finite
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
+from otwarp.kernels.core.roots import reciprocal, square_root
 from otwarp.kernels.core.types import ModelData, Move, Pose
 
 
@@ -65,7 +66,7 @@ def lift_of(c: Contact, move_a: Move, move_b: Move) -> float:
         bow -= wp.cross(move_b.angular, wp.cross(move_b.angular, c.arm_b))
     across = way - wp.dot(way, c.normal) * c.normal - wp.dot(way, c.ridge) * c.ridge
     square = wp.length_sq(across)
-    bent = c.curvature * square / (1.0 + wp.sqrt(wp.max(1.0 - c.curvature * c.curvature * square, 0.0)))
+    bent = c.curvature * square * reciprocal(1.0 + square_root(wp.max(1.0 - c.curvature * c.curvature * square, 0.0)))
     return bent + 0.5 * wp.dot(bow, c.normal)
 
 

@@ -20,9 +20,9 @@ FEW_TRAPS = 2
 BLOCK = 256
 """Threads of a block on CUDA."""
 
-WORLD_BLOCK = 64
-"""The same where a thread steps a world, or a body that turns: few are spread over more multiprocessors, and more of
-them fit beside each other where each takes as many registers as a thread can have."""
+TURNING_BLOCK = 64
+"""The same where a thread steps a body that turns: few are spread over more multiprocessors, and more of them fit
+beside each other where each takes as many registers as a thread can have."""
 
 BODY_BLOCKS = 6
 """Blocks of bodies that turn which a multiprocessor is to hold: 170 registers a thread, in place of 255."""
@@ -118,7 +118,7 @@ class Features:
     @property
     def module_options(self) -> dict[str, Any]:
         """How Warp compiles the step."""
-        block = WORLD_BLOCK if self.driver == "world" or (self.driver == "solo" and self.rigid) else BLOCK
+        block = TURNING_BLOCK if self.driver == "solo" and self.rigid else BLOCK
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property

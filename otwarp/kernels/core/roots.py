@@ -1,8 +1,8 @@
-"""Square roots that cost one instruction on CUDA.
+"""Square roots and reciprocals that cost one instruction on CUDA.
 
 The compiler's own are rounded correctly, which takes some ten instructions and a slow path that blocks the scheduling
-of what surrounds it. These are PTX `sqrt.approx.ftz` and `rsqrt.approx.ftz`, with the error bounds of the PTX ISA; on a
-CPU they are the ordinary ones.
+of what surrounds it. These are PTX `sqrt.approx.ftz`, `rsqrt.approx.ftz` and `rcp.approx.ftz`, with the error bounds of
+the PTX ISA; on a CPU they are the ordinary ones.
 """
 
 import warp as wp
@@ -33,4 +33,18 @@ def square_root(x: wp.float32) -> wp.float32:
 """)
 def reciprocal_root(x: wp.float32) -> wp.float32:
     """1/√x of normal x > 0, relative error at most 2⁻²²·⁴; inf for x = 0."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    float result;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(x));
+    return result;
+#else
+    return 1.0f / x;
+#endif
+""")
+def reciprocal(x: wp.float32) -> wp.float32:
+    """1/x of normal x, relative error at most 2⁻²³; inf for x = 0."""
     ...

@@ -8,6 +8,7 @@ import warp as wp
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.contact import UNSETTLED
 from otwarp.kernels.contact.coupled_solve import carry_gives, solve_coupled_contacts
+from otwarp.kernels.contact.solve import lift_gaps
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.rotation import rotate_by
@@ -97,7 +98,7 @@ def find_coupled_term(f: Features) -> wp.Function:
     ) -> int:  # fmt: skip
         """Contacts as without coupling, their gives [µm/pN] then with what is carried along: how many there are."""
         count = find_contacts(model, readout, world, body, room, carry, step, time)
-        carry_gives(room.contacts, count, carry.pair)
+        carry_gives(room.listed.whole, count, carry.pair)
         return count
 
     return find_coupled
@@ -116,12 +117,16 @@ def settle_coupled_term(f: Features) -> wp.Function:
             return
         bodies = int(wp.static(f.bodies))
         sane = bounded(bodies, body)
+        contacts = room.listed.whole
+        if wp.static(f.bends):
+            if wp.static(f.brownian) or again:
+                lift_gaps(contacts, count, body.free, body.drift)
         error = solve_coupled_contacts(
-            room.contacts, count, bodies, carry.pair, body.linear, body.angular, room.solve.matrix, room.solve.gap,
+            contacts, count, bodies, carry.pair, body.linear, body.angular, room.solve.matrix, room.solve.gap,
             room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
         )  # fmt: skip
-        if error > UNSETTLED * room.contacts[0].radius and sane:
-            raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+        if error > UNSETTLED * contacts[0].radius and sane:
+            raise_fault(readout, world, contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
 
     return settle_coupled
 

@@ -5,7 +5,7 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
-from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, WORLD_BLOCK, Features
+from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, TURNING_BLOCK, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import (
     BeadConstants,
@@ -146,7 +146,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
 def body_bounds(f: Features) -> tuple[int, ...]:
     """Threads of a block on CUDA, and how many blocks are to fit; float64 and exact forces need all registers."""
     exact = any(name.startswith("exact_") for name in f.trap_models)
-    return (WORLD_BLOCK,) if exact or f.precision == "float64" else (WORLD_BLOCK, BODY_BLOCKS)
+    return (TURNING_BLOCK,) if exact or f.precision == "float64" else (TURNING_BLOCK, BODY_BLOCKS)
 
 
 def make_body_step(f: Features) -> wp.Kernel:

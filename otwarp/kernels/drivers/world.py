@@ -1,4 +1,4 @@
-"""The `world` driver: a few bodies that may touch, one thread per world, state in local arrays for many steps."""
+"""The `world` driver: a few bodies that may touch, one thread per world, bodies in local arrays for many steps."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,6 @@ import warp as wp
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of
-from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.solve import lift_gaps
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
@@ -16,13 +14,15 @@ from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.inlets import let_all_in_term
-from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts, settle_term
+from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
 from otwarp.kernels.drivers.world_room import (
     BodyRoom,
     CarryRoom,
     ContactRoom,
-    SolveRoom,
+    WorldScratch,
+    list_in_term,
     load_bodies_term,
+    solve_room_in,
     store_bodies_term,
 )
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
@@ -30,6 +30,20 @@ from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.kernels.optics.escapes import escape_term
 from otwarp.kernels.optics.trap_wrench import move_trap_term
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+""")
+def keep_together():
+    """Wait until all threads of the block are here; those that have left do not count.
+
+    A step is more code than the instruction cache of a multiprocessor holds: threads that go through it together fetch
+    it once.
+    """
+    ...
 
 
 @wp.func
@@ -214,6 +228,7 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
     """`(model, control, state, readout, world, body, room, carry, step, report) -> bool`: one step of one world."""
     predict, correct, find_contacts, settle = stages.predict, stages.correct, stages.find, stages.settle
     move_traps = move_traps_term(f) if f.speed_limits else None
+    report_contacts = report_contacts_term(f) if f.contacts else None
     finish = finish_term(f)
 
     @wp.func
@@ -223,40 +238,51 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
     ) -> bool:  # fmt: skip
         """Take a step, and write the contact forces if they are wanted; false, and nothing moved, after a fault."""
         time = wp.float64(step) * model.time_step
-        predict(model, control, state, world, body, carry, step, time)
-        if wp.static(f.speed_limits):
-            move_traps(model, control, state, world, time)
-        if wp.static(f.contacts):
-            count = find_contacts(model, readout, world, body, room, carry, step, time)
-            if wp.static(f.bends and f.brownian):
-                lift_gaps(room.contacts, count, body.free, body.drift)
-            settle(model, readout, world, body, room, carry, count, False, step)
-        if wp.static(correct is not None):
-            correct(model, control, state, world, body, carry, step, time)
-            if wp.static(f.bends):
-                lift_gaps(room.contacts, count, body.free, body.drift)
+        count = int(0)
+        stages = int(wp.static(1 if correct is None else 2))
+        # a loop, so that the code of the contacts is there once: a GPU fetches instructions slower than it runs them
+        for stage in range(stages):
+            if stage == 0:
+                predict(model, control, state, world, body, carry, step, time)
+                if wp.static(f.speed_limits):
+                    move_traps(model, control, state, world, time)
+                if wp.static(f.contacts):
+                    count = find_contacts(model, readout, world, body, room, carry, step, time)
+            elif wp.static(correct is not None):
+                correct(model, control, state, world, body, carry, step, time)
+            keep_together()
             if wp.static(f.contacts):
-                settle(model, readout, world, body, room, carry, count, True, step)
+                settle(model, readout, world, body, room, carry, count, stage > 0, step)
+            keep_together()
         if wp.static(f.contacts):
             if report:
-                report_contacts(readout, world, wp.static(f.bodies), room.contacts, count)
+                report_contacts(readout, world, room.listed, count)
         return finish(model, control, state, readout, world, body, step)
 
     return take_step
 
 
 def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
-    """One thread per world, state in local arrays for all `steps`."""
+    """One thread per world, bodies in local arrays for all `steps`."""
     take_step = take_step_term(f, stages)
     load_bodies, store_bodies = load_bodies_term(f), store_bodies_term(f)
+    list_in = list_in_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def world_step(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
-        first_step: wp.int64, steps: int,
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
+        spread: int, shared_row: int, first_world: int, first_step: wp.int64, steps: int,
     ):  # fmt: skip
-        """Take `steps` steps from `first_step` for the worlds from `first_world` on, one world a thread."""
-        world = first_world + wp.tid()
+        """Take `steps` steps from `first_step` for the worlds from `first_world` on, one world every `spread` threads.
+
+        Few worlds are spread over more threads than they need: those of a warp wait for each other wherever their
+        contacts differ. `shared_row` is the row of the scratch that these worlds use in turn, or −1: each has its own.
+        """
+        turn = wp.tid()
+        if turn % spread != 0:
+            return
+        world = first_world + turn // spread
+        row = wp.where(shared_row < 0, turn // spread, shared_row)
         start = first_step
         if wp.static(f.episodes):
             world = living_world(model, world)
@@ -281,28 +307,16 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
             carry = CarryRoom(pair, root, force, there, turned, later)
         room = ContactRoom()
         if wp.static(f.contacts):
-            contacts = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
-            solve = SolveRoom()
-            space = SpaceRoom()
+            room.listed = list_in(scratch, row)
             if wp.static(f.body_space):
                 node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
-                base = wp.zeros(shape=(wp.static(3 * f.bodies),), dtype=wp.mat33)
                 block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
                 filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
                 side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
                 moved = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
-                opening = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-                depth = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-                space = SpaceRoom(node, base, block, filled, side, moved, opening, depth)
+                room.space = SpaceRoom(node, block, filled, side, moved)
             else:
-                matrix = wp.zeros(shape=(wp.static(f.max_contacts * f.max_contacts),), dtype=float)
-                gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-                right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-                pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
-                order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
-                on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
-                solve = SolveRoom(matrix, gap, right, pivot, order, on)
-            room = ContactRoom(contacts, solve, space)
+                room.solve = solve_room_in(scratch, row)
         load_bodies(state, world, body)
         for i in range(steps):
             step = start + wp.int64(i)

@@ -2,10 +2,11 @@
 
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import fill_base_term, solve_bodies_term
-from otwarp.kernels.contact.contact import UNSETTLED, Contact
+from otwarp.kernels.contact.body_solve import open_gaps_term, solve_bodies_term
+from otwarp.kernels.contact.contact import UNSETTLED
+from otwarp.kernels.contact.contact_list import ContactList, solved_term
 from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
-from otwarp.kernels.contact.solve import solve_contacts
+from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
@@ -63,7 +64,7 @@ def find_contacts_term(f: Features) -> wp.Function:
                 if wp.static(f.brownian):
                     near = wp.max(near, thermal_reach(wander[a]))
                 count = obstacle_contacts(
-                    model, readout, world, a, pose_a, move_a, near, room.contacts, count, step, time
+                    model, readout, world, a, pose_a, move_a, near, room.listed, count, step, time
                 )
             if wp.static(f.pairs):
                 for b in range(a):
@@ -75,7 +76,7 @@ def find_contacts_term(f: Features) -> wp.Function:
                     if wp.static(f.brownian):
                         near = wp.max(near, thermal_reach(wander[a] + wander[b]))
                     count = pair_contacts(
-                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, room.contacts, count, step
+                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, room.listed, count, step
                     )  # fmt: skip
         return count
 
@@ -84,8 +85,13 @@ def find_contacts_term(f: Features) -> wp.Function:
 
 def settle_term(f: Features) -> wp.Function:
     """`settle` of `Stages`, for bodies that move by their own contacts alone."""
-    fill_base = fill_base_term(f) if f.body_space else None
-    solve_bodies = solve_bodies_term(f) if f.body_space else None
+    return settle_moves_term(f) if f.body_space else settle_forces_term(f)
+
+
+def settle_moves_term(f: Features) -> wp.Function:
+    """`settle` of `Stages` where contacts are solved for what they move."""
+    open_gaps = open_gaps_term(f)
+    solve_bodies = solve_bodies_term(f)
 
     @wp.func
     def settle(
@@ -100,37 +106,63 @@ def settle_term(f: Features) -> wp.Function:
             return
         # a free move without bound is the fault that `all_good` reports
         sane = bounded(int(wp.static(f.bodies)), body)
-        error = float(0.0)
-        if wp.static(f.body_space):
-            if not again:
-                fill_base(model, world, body.rotation, room.space)
-            error = solve_bodies(
-                model, room.contacts, count, body.position, again, body.linear, body.angular, room.space
-            )
-        else:
-            error = solve_contacts(
-                room.contacts, count, body.linear, body.angular, room.solve.matrix, room.solve.gap,
-                room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
-            )  # fmt: skip
-        if error > UNSETTLED * room.contacts[0].radius and sane:
-            raise_fault(readout, world, room.contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+        listed = room.listed
+        open_gaps(listed, count, again, body.linear, body.angular, body.free, body.drift)
+        error = solve_bodies(
+            model, world, listed, count, body.position, body.rotation, again, body.linear, body.angular, room.space
+        )
+        if error > UNSETTLED * listed.arm_a[0][3] and sane:
+            raise_fault(readout, world, listed.pair[0][0], wp.static(int(Fault.UNSETTLED)), step)
 
     return settle
 
 
-@wp.func
-def report_contacts(readout: ReadoutData, world: int, bodies: int, contacts: wp.array(dtype=Contact), count: int):
-    """Write net contact force and sum of |normal forces| [pN] of every body from the solved contacts."""
-    for b in range(bodies):
-        force = wp.vec3(0.0)
-        load = float(0.0)
-        for i in range(count):
-            c = contacts[i]
-            if c.a == b:
-                force += c.load * c.normal
-                load += wp.abs(c.load)
-            if c.b == b:
-                force -= c.load * c.normal
-                load += wp.abs(c.load)
-        readout.contact_force[world, b] = force
-        readout.contact_load[world, b] = load
+def settle_forces_term(f: Features) -> wp.Function:
+    """`settle` of `Stages` where contacts are solved for their forces."""
+
+    @wp.func
+    def settle(
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
+        count: int, again: bool, step: wp.int64,
+    ):  # fmt: skip
+        """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
+        if count == 0:
+            return
+        contacts = room.listed.whole
+        sane = bounded(int(wp.static(f.bodies)), body)
+        if wp.static(f.bends):
+            if wp.static(f.brownian) or again:
+                lift_gaps(contacts, count, body.free, body.drift)
+        error = solve_contacts(
+            contacts, count, body.linear, body.angular, room.solve.matrix, room.solve.gap,
+            room.solve.right, room.solve.pivot, room.solve.order, room.solve.on,
+        )  # fmt: skip
+        if error > UNSETTLED * contacts[0].radius and sane:
+            raise_fault(readout, world, contacts[0].a, wp.static(int(Fault.UNSETTLED)), step)
+
+    return settle
+
+
+def report_contacts_term(f: Features) -> wp.Function:
+    """`(readout, world, listed, count)`: write what the solved contacts do to each body."""
+    solved = solved_term(f)
+
+    @wp.func
+    def report_contacts(readout: ReadoutData, world: int, listed: ContactList, count: int):
+        """Net contact force and sum of |normal forces| [pN] of every body."""
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            force = wp.vec3(0.0)
+            load = float(0.0)
+            for i in range(count):
+                c = solved(listed, i)
+                if c.a == b:
+                    force += c.load * c.normal
+                    load += wp.abs(c.load)
+                if c.b == b:
+                    force -= c.load * c.normal
+                    load += wp.abs(c.load)
+            readout.contact_force[world, b] = force
+            readout.contact_load[world, b] = load
+
+    return report_contacts

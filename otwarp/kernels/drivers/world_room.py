@@ -1,12 +1,15 @@
-"""Room that a thread of the `world` driver has for its world: local arrays, handed on together in structs.
+"""Room that a thread of the `world` driver has for its world: arrays, handed on together in structs.
 
-Local arrays live as long as the function that makes them, so the kernel makes them, and the structs with them.
+Local arrays live as long as the function that makes them, so the kernel makes them, and the structs with them. A GPU
+reserves them for as many threads as it can hold, used or not; what grows with the contacts that a world can have is
+therefore a row of arrays of all worlds, `WorldScratch`.
 """
 
 import warp as wp
 
 from otwarp.kernels.contact.body_solve import SpaceRoom
 from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.contact.contact_list import ContactList, has_ridges
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import StateData, vec6
 
@@ -37,11 +40,33 @@ class SolveRoom:
 
 @wp.struct
 class ContactRoom:
-    """(contacts) of a world, and what it takes to solve them, one way or the other."""
+    """Contacts of a world, and what it takes to solve them, one way or the other."""
 
-    contacts: wp.array(dtype=Contact)
+    listed: ContactList
     solve: SolveRoom
     space: SpaceRoom
+
+
+@wp.struct
+class WorldScratch:
+    """(worlds, contacts) of `ContactList` and `SolveRoom`, one row a world; those without use have no length."""
+
+    whole: wp.array2d(dtype=Contact)
+    pair: wp.array2d(dtype=wp.vec2i)
+    face: wp.array2d(dtype=wp.vec4)
+    law: wp.array2d(dtype=wp.vec4)
+    path: wp.array2d(dtype=wp.vec2)
+    depth: wp.array2d(dtype=float)
+    arm_a: wp.array2d(dtype=wp.vec4)
+    arm_b: wp.array2d(dtype=wp.vec4)
+    ridge: wp.array2d(dtype=wp.vec3)
+    drift: wp.array2d(dtype=wp.vec3)
+    matrix: wp.array2d(dtype=float)
+    gap: wp.array2d(dtype=float)
+    right: wp.array2d(dtype=float)
+    pivot: wp.array2d(dtype=float)
+    order: wp.array2d(dtype=int)
+    on: wp.array2d(dtype=int)
 
 
 @wp.struct
@@ -54,6 +79,41 @@ class CarryRoom:
     there: wp.array(dtype=wp.vec3)  # (bodies) positions at the end of the step, where an integrator looks again
     turned: wp.array(dtype=wp.quat)  # rotations there
     later: wp.array(dtype=vec6)  # drift there
+
+
+def list_in_term(f: Features) -> wp.Function:
+    """`(scratch, row) -> ContactList`: a world's list in the scratch of all."""
+
+    @wp.func
+    def list_in(scratch: WorldScratch, row: int) -> ContactList:
+        """Views of a row."""
+        listed = ContactList()
+        if wp.static(f.body_space):
+            listed.pair = scratch.pair[row]
+            listed.face = scratch.face[row]
+            listed.law = scratch.law[row]
+            listed.path = scratch.path[row]
+            listed.depth = scratch.depth[row]
+            listed.arm_a = scratch.arm_a[row]
+            listed.arm_b = scratch.arm_b[row]
+            if wp.static(has_ridges(f)):
+                listed.ridge = scratch.ridge[row]
+            if wp.static(f.moving_obstacles):
+                listed.drift = scratch.drift[row]
+        else:
+            listed.whole = scratch.whole[row]
+        return listed
+
+    return list_in
+
+
+@wp.func
+def solve_room_in(scratch: WorldScratch, row: int) -> SolveRoom:
+    """Views of a row of the scratch of all worlds."""
+    return SolveRoom(
+        scratch.matrix[row], scratch.gap[row], scratch.right[row], scratch.pivot[row], scratch.order[row],
+        scratch.on[row],
+    )  # fmt: skip
 
 
 def load_bodies_term(f: Features) -> wp.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.contact.contact_list import ContactList
 from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
@@ -73,6 +75,7 @@ def alone(shape: str, **more) -> Scene:
 @functools.lru_cache(maxsize=8)
 def probe(features: Features, obstacle: bool) -> wp.Kernel:
     """Kernel that lists the contacts of a pair of bodies, or of body 0 with the obstacles, for poses as given."""
+    features = dataclasses.replace(features, max_contacts=ROOM, body_space=False)
     pairs = None if obstacle else pair_contacts_term(features)
     walls = obstacle_contacts_term(features) if obstacle else None
 
@@ -89,14 +92,20 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
     ):
         i = wp.tid()
         contacts = wp.zeros(shape=(ROOM,), dtype=Contact)
+        pair = wp.zeros(shape=(1,), dtype=wp.vec2i)
+        four = wp.zeros(shape=(1,), dtype=wp.vec4)
+        three = wp.zeros(shape=(1,), dtype=wp.vec3)
+        two = wp.zeros(shape=(1,), dtype=wp.vec2)
+        one = wp.zeros(shape=(1,), dtype=float)
+        listed = ContactList(contacts, pair, four, four, two, one, four, four, three, three)
         first = Pose(position[i, 0], rotation[i, 0])
         rest = Move(wp.vec3(0.0), wp.vec3(0.0))
         n = 0
         if wp.static(obstacle):
-            n = walls(model, readout, 0, 0, first, rest, ahead, contacts, 0, wp.int64(0), wp.float64(0.0))
+            n = walls(model, readout, 0, 0, first, rest, ahead, listed, 0, wp.int64(0), wp.float64(0.0))
         else:
             second = Pose(position[i, 1], rotation[i, 1])
-            n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, ahead, contacts, 0, wp.int64(0))
+            n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, ahead, listed, 0, wp.int64(0))
         count[i] = n
         for k in range(n):
             c = contacts[k]

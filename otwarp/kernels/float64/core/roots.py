@@ -1,4 +1,4 @@
-"""Square roots in float64, rounded correctly: as `otwarp.kernels.core.roots`."""
+"""Square roots and reciprocals in float64, rounded correctly: as `otwarp.kernels.core.roots`."""
 
 import warp as wp
 
@@ -13,3 +13,9 @@ def square_root(x: wp.float64) -> wp.float64:
 def reciprocal_root(x: wp.float64) -> wp.float64:
     """1/√x of x > 0 by a root and a division, each rounded correctly; inf for x = 0."""
     return wp.float64(1.0) / wp.sqrt(x)
+
+
+@wp.func
+def reciprocal(x: wp.float64) -> wp.float64:
+    """1/x, rounded correctly; inf for x = 0."""
+    return wp.float64(1.0) / x

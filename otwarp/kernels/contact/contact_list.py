@@ -1,0 +1,141 @@
+"""The list of a world's contacts: whole records, or field by field where contacts are solved for moves.
+
+Threads of a GPU read field after field of their own worlds next to each other, and a list is as long as a world can
+have contacts: fields lie in arrays of all worlds, and what a solver can compute again is not kept.
+"""
+
+import warp as wp
+
+from otwarp.kernels.contact.contact import Contact
+from otwarp.kernels.core.faults import Fault, raise_fault
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ReadoutData
+
+NO_RIDGE = ("plane", "mesh", "sphere")
+"""Shapes that are curved both ways or not at all."""
+
+
+@wp.struct
+class ContactList:
+    """(contacts) of one world; see `Contact`. Either `whole` has a length, or the others have."""
+
+    whole: wp.array(dtype=Contact)
+    pair: wp.array(dtype=wp.vec2i)  # bodies a and b
+    face: wp.array(dtype=wp.vec4)  # normal, and how far the moves of this stage open the gap [µm]
+    law: wp.array(dtype=wp.vec4)  # overlap, hardness, give, floor
+    path: wp.array(dtype=wp.vec2)  # wander, layer
+    depth: wp.array(dtype=float)  # δ that carries the load above the floor [µm]
+    arm_a: wp.array(dtype=wp.vec4)  # and the effective radius
+    arm_b: wp.array(dtype=wp.vec4)  # and the curvature
+    ridge: wp.array(dtype=wp.vec3)  # only where elements or obstacles have one
+    drift: wp.array(dtype=wp.vec3)  # only where obstacles move
+
+
+def has_ridges(f: Features) -> bool:
+    """Whether something that can be touched is flat one way and curved the other."""
+    return f.rods or bool(set(f.obstacles) - set(NO_RIDGE))
+
+
+def unused_fields(f: Features) -> set[str]:
+    """Arrays of a `ContactList` that a scene has no use for."""
+    if not f.body_space:
+        return set(ContactList.vars) - {"whole"}
+    return {"whole", *(() if has_ridges(f) else ("ridge",)), *(() if f.moving_obstacles else ("drift",))}
+
+
+def put_term(f: Features) -> wp.Function:
+    """`(readout, world, listed, count, c, step) -> count`: append a contact to a world's list."""
+
+    @wp.func
+    def put(readout: ReadoutData, world: int, listed: ContactList, count: int, c: Contact, step: wp.int64) -> int:
+        """The new count; a fault when the list is full."""
+        if count >= wp.static(f.max_contacts):
+            raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
+            return count
+        if wp.static(f.body_space):
+            listed.pair[count] = wp.vec2i(c.a, c.b)
+            listed.face[count] = wp.vec4(c.normal[0], c.normal[1], c.normal[2], 0.0)
+            listed.law[count] = wp.vec4(c.overlap, c.hardness, c.give, c.floor)
+            listed.path[count] = wp.vec2(c.wander, c.layer)
+            listed.depth[count] = 0.0
+            listed.arm_a[count] = wp.vec4(c.arm_a[0], c.arm_a[1], c.arm_a[2], c.radius)
+            listed.arm_b[count] = wp.vec4(c.arm_b[0], c.arm_b[1], c.arm_b[2], c.curvature)
+            if wp.static(has_ridges(f)):
+                listed.ridge[count] = c.ridge
+            if wp.static(f.moving_obstacles):
+                listed.drift[count] = c.drift
+        else:
+            listed.whole[count] = c
+        return count + 1
+
+    return put
+
+
+@wp.func
+def law_of(listed: ContactList, i: int) -> Contact:
+    """Contact i as far as its law of force goes."""
+    c = Contact()
+    law = listed.law[i]
+    path = listed.path[i]
+    c.overlap = law[0]
+    c.hardness = law[1]
+    c.give = law[2]
+    c.floor = law[3]
+    c.wander = path[0]
+    c.layer = path[1]
+    return c
+
+
+def face_term(f: Features) -> wp.Function:
+    """`(listed, i) -> Contact`: contact i as far as its geometry goes."""
+
+    @wp.func
+    def face(listed: ContactList, i: int) -> Contact:
+        """Bodies, normal, arms, curvature, ridge and drift."""
+        c = Contact()
+        pair = listed.pair[i]
+        normal = listed.face[i]
+        a = listed.arm_a[i]
+        b = listed.arm_b[i]
+        c.a = pair[0]
+        c.b = pair[1]
+        c.normal = wp.vec3(normal[0], normal[1], normal[2])
+        c.arm_a = wp.vec3(a[0], a[1], a[2])
+        c.arm_b = wp.vec3(b[0], b[1], b[2])
+        c.curvature = b[3]
+        if wp.static(has_ridges(f)):
+            c.ridge = listed.ridge[i]
+        if wp.static(f.moving_obstacles):
+            c.drift = listed.drift[i]
+        return c
+
+    return face
+
+
+@wp.func
+def load_at(listed: ContactList, i: int) -> float:
+    """Load of contact i [pN], from the depth that carries it."""
+    law = listed.law[i]
+    depth = listed.depth[i]
+    return law[3] + law[1] * depth * wp.sqrt(depth)
+
+
+def solved_term(f: Features) -> wp.Function:
+    """`(listed, i) -> Contact`: contact i as far as its force goes, once it is solved."""
+
+    @wp.func
+    def solved(listed: ContactList, i: int) -> Contact:
+        """Bodies, normal, load [pN]."""
+        c = Contact()
+        if wp.static(f.body_space):
+            pair = listed.pair[i]
+            normal = listed.face[i]
+            c.a = pair[0]
+            c.b = pair[1]
+            c.normal = wp.vec3(normal[0], normal[1], normal[2])
+            c.load = load_at(listed, i)
+        else:
+            c = listed.whole[i]
+        return c
+
+    return solved

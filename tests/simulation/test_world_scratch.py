@@ -1,0 +1,31 @@
+"""Memory of the world driver: no more than a scene needs, and threads for few worlds."""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.simulation.packing.arrays import Place
+from otwarp.simulation.world_scratch import allocate_world, spread_of
+
+GPU = SimpleNamespace(is_cuda=True, sm_count=132)
+
+
+def test_few_worlds_are_spread():
+    """Up to one thread of a warp, while a GPU has room for as many threads; never on a CPU."""
+    assert [spread_of(worlds, GPU) for worlds in (1, 1_024, 2_048, 16_384, 131_072)] == [32, 32, 16, 2, 1]
+    assert spread_of(1, wp.get_device("cpu")) == 1
+
+
+def test_scratch_has_what_the_solver_reads(device):
+    """Solved for moves: fields, and no matrix. For forces: records, and a matrix."""
+    place = Place(wp.get_device(device))
+    f = Features(driver="world", bodies=2, pairs=True, obstacles=("plane",), max_contacts=8, body_space=True)
+    moves = allocate_world(f, 3, place)
+    assert moves.face.shape == (3, 8) and moves.matrix.size == moves.whole.size == moves.ridge.size == 0
+    forces = allocate_world(Features(driver="world", bodies=2, pairs=True, max_contacts=8), 3, place)
+    assert forces.whole.shape == (3, 8) and forces.matrix.shape == (3, 64) and forces.face.size == 0
+    nothing = allocate_world(Features(driver="world"), 3, place)
+    assert nothing.whole.size == nothing.face.size == 0
+    # neighbouring worlds side by side
+    assert moves.face.strides[0] == 16
