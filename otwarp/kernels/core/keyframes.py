@@ -3,6 +3,19 @@
 import warp as wp
 
 
+@wp.struct
+class Piece:
+    """The line between two samples of a trap's command, kept in registers while it lasts; the empty one never does."""
+
+    since: wp.float64  # [s]; −inf for the first
+    until: wp.float64  # [s]; inf for the last
+    origin: wp.float64  # time of its first sample [s]
+    rate: wp.float64  # one over the time between both [1/s]
+    key: wp.int32  # index of its first sample
+    start: wp.vec4  # focus [µm] and power [mW]
+    end: wp.vec4
+
+
 @wp.func
 def find_key(times: wp.array(dtype=wp.float64), first: int, last: int, time: wp.float64) -> int:
     """Index i in [first, last - 1] with times[i] ≤ time < times[i + 1] (clamped), by bisection; last > first."""

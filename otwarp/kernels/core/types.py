@@ -7,6 +7,7 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 import warp as wp
 
 from otwarp.kernels.core.exact_data import ExactData
+from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 
 vec4 = wp.vec4
@@ -86,19 +87,6 @@ class TrapConstants:
     reach2: wp.float32  # the larger of the two squared cutoffs [µm²]
     table: wp.int32  # index of the force table
     finest: GridLevel
-
-
-@wp.struct
-class Piece:
-    """The line between two samples of a trap's command, kept in registers while it lasts; the empty one never does."""
-
-    since: wp.float64  # [s]; −inf for the first
-    until: wp.float64  # [s]; inf for the last
-    origin: wp.float64  # time of its first sample [s]
-    rate: wp.float64  # one over the time between both [1/s]
-    key: wp.int32  # index of its first sample
-    start: wp.vec4  # focus [µm] and power [mW]
-    end: wp.vec4
 
 
 @wp.struct

@@ -16,7 +16,7 @@ from otwarp.kernels.core.worlds import number_term
 
 @wp.func
 def collides(model: ModelData, b: int) -> bool:
-    """Whether a body touches anything."""
+    """Whether a body has spheres that contacts act on, so that it must come in clear of all others."""
     return model.contact.start[b + 1] > model.contact.start[b]
 
 

@@ -77,9 +77,7 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
             if wp.static(step_together is not None):
                 if together:
                     world = first_world + before
-                    stepped = step_together(
-                        model, control, state, lanes, deviates, world, first_step, done, count
-                    )  # fmt: skip
+                    stepped = step_together(model, control, state, lanes, deviates, world, first_step, done, count)
             if not stepped:
                 if wp.static(draw is not None):
                     for g1 in range(bodies):
@@ -92,18 +90,8 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
                     for g2 in range(bodies):
                         w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
                         b2 = (before + g2) % wp.static(f.bodies)
-                        advance(
-                            model,
-                            control,
-                            state,
-                            readout,
-                            lanes,
-                            from_start(g2),
-                            w2,
-                            b2,
-                            start_of(model, w2, first_step),
-                            k,
-                        )
+                        first = start_of(model, w2, first_step)
+                        advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first, k)
             done += count
         for g3 in range(bodies):
             w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))

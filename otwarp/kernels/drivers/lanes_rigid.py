@@ -163,18 +163,8 @@ def make_body_lanes(f: Features) -> wp.Kernel:
                 for g2 in range(bodies):
                     w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
                     b2 = (before + g2) % wp.static(f.bodies)
-                    advance(
-                        model,
-                        control,
-                        state,
-                        readout,
-                        lanes,
-                        from_start(g2),
-                        w2,
-                        b2,
-                        start_of(model, w2, first_step),
-                        k,
-                    )
+                    first = start_of(model, w2, first_step)
+                    advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first, k)
             done += wp.static(fresh)
         for g3 in range(bodies):
             w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))

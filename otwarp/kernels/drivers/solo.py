@@ -74,13 +74,36 @@ def look_term(f: Features) -> wp.Function:
     return look
 
 
+def place_term(f: Features) -> wp.Function:
+    """`(model, first_world, first_step, thread) -> (world, body, first step)`: what a thread owns; world -1: none."""
+
+    @wp.func
+    def place_of(
+        model: ModelData, first_world: int, first_step: wp.int64, thread: int
+    ) -> tuple[int, int, wp.int64]:  # fmt: skip
+        """Indices of a thread's world and body, and the step [1] from which it takes that world on."""
+        world = first_world + thread
+        b = int(0)
+        if wp.static(f.bodies > 1):
+            b = thread % wp.static(f.bodies)
+            world = first_world + thread // wp.static(f.bodies)
+        start = first_step
+        if wp.static(f.episodes):
+            world = living_world(model, world)
+            if world >= 0:
+                start = own_step(model, world, first_step)
+        return world, b, start
+
+    return place_of
+
+
 def make_bead_step(f: Features) -> wp.Kernel:
     """Step for lone spheres: whatever does not change over a launch is read once."""
     bead_constants = bead_constants_term(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
     monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
     next_pieces = next_pieces_term(f)
-    start_monitors, look = start_monitors_term(f), look_term(f)
+    place_of, start_monitors, look = place_term(f), start_monitors_term(f), look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitor else None
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
 
@@ -91,17 +114,10 @@ def make_bead_step(f: Features) -> wp.Kernel:
         first_step: wp.int64, steps: int,
     ):  # fmt: skip
         """Take `steps` steps from `first_step` for the worlds from `first_world` on, one sphere a thread."""
-        world = first_world + wp.tid()
-        b = int(0)
-        if wp.static(f.bodies > 1):
-            b = wp.tid() % wp.static(f.bodies)
-            world = first_world + wp.tid() // wp.static(f.bodies)
-        start = first_step
+        world, b, start = place_of(model, first_world, first_step, wp.tid())
         if wp.static(f.episodes):
-            world = living_world(model, world)
             if world < 0:
                 return
-            start = own_step(model, world, first_step)
         position = state.position[world, b]
         bead = bead_constants(model, control, world, b)
         monitors = EscapeMonitors()
@@ -151,6 +167,7 @@ def body_bounds(f: Features) -> tuple[int, ...]:
 
 def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
+    place_of = place_term(f)
     constants_of, dynamics = body_dynamics(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     record_escapes = escape_term(f) if f.escapes else None
@@ -164,17 +181,10 @@ def make_body_step(f: Features) -> wp.Kernel:
         first_step: wp.int64, steps: int,
     ):  # fmt: skip
         """Take `steps` steps from `first_step` for the worlds from `first_world` on, one body a thread."""
-        world = first_world + wp.tid()
-        b = int(0)
-        if wp.static(f.bodies > 1):
-            b = wp.tid() % wp.static(f.bodies)
-            world = first_world + wp.tid() // wp.static(f.bodies)
-        start = first_step
+        world, b, start = place_of(model, first_world, first_step, wp.tid())
         if wp.static(f.episodes):
-            world = living_world(model, world)
             if world < 0:
                 return
-            start = own_step(model, world, first_step)
         pose = Pose(state.position[world, b], state.orientation[world, b])
         body = constants_of(model, control, world, b)
         bound = model.body.bound[b]

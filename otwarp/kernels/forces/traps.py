@@ -3,8 +3,9 @@
 import warp as wp
 
 from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.periodic import nearest
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Piece, StateData, TrapConstants
+from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_wrench import anchor_of, piece_command_term, reach_term, trap_command_term
 from otwarp.kernels.optics.traps import anchored, piece_terms, trap_force_term

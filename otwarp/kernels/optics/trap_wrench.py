@@ -3,13 +3,13 @@
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.types import (
     Aim,
     ControlData,
     ModelData,
-    Piece,
     Pose,
     RigidConstants,
     StateData,

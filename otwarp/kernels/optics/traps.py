@@ -13,8 +13,8 @@ from typing import NamedTuple
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.keyframes import find_key, find_key_from, key_weight
-from otwarp.kernels.core.types import ControlData, Piece, TrapConstants, TrapData, world_row
+from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
+from otwarp.kernels.core.types import ControlData, TrapConstants, TrapData, world_row
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
 from otwarp.kernels.optics.trap_laws import (

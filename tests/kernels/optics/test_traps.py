@@ -8,7 +8,8 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ControlData, ModelData, Piece
+from otwarp.kernels.core.keyframes import Piece
+from otwarp.kernels.core.types import ControlData, ModelData
 from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, limited_focus, piece_terms
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, Sphere, Track, Trap
