@@ -46,5 +46,5 @@ def test_it_reports_speed_and_kernels(device):
     assert 1.0 <= found["steps_per_list"] < 40.0
     kernels = data["kernels"]
     assert kernels["soft_step"]["launches_per_step"] == 1.0
-    assert 0.0 < kernels["list_neighbours"]["launches_per_step"] < 1.0
+    assert 0.0 < kernels["list_slots"]["launches_per_step"] < 1.0
     assert "soft_step" in section.markdown()

@@ -184,13 +184,13 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "samples finer than the step": (
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",), moving_traps=True, leaps=True),
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",), moving_traps=True),
-        ("commanded_staged", "just_before_end"),
+        ("just_before_end",),
     ),
     "crossings": (EVERYTHING, dataclasses.replace(EVERYTHING, crossings=False), ("crossed", "spread2")),
     "contacts solved for moves": (
         dataclasses.replace(EVERYTHING, body_space=True),
         EVERYTHING,
-        ("join_bodies", "fill_base", "solve_bodies"),
+        ("join_bodies", "solve_bodies"),
     ),
     "contacts solved for forces": (
         EVERYTHING,
