@@ -125,7 +125,7 @@ def solved_term(f: Features) -> wp.Function:
 
     @wp.func
     def solved(listed: ContactList, i: int) -> Contact:
-        """Bodies, normal, load [pN]."""
+        """Contact i with its bodies, its unit normal and its load [pN]; the rest of it is 0 where moves are solved."""
         c = Contact()
         if wp.static(f.body_space):
             pair = listed.pair[i]

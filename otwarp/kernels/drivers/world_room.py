@@ -86,7 +86,7 @@ def list_in_term(f: Features) -> wp.Function:
 
     @wp.func
     def list_in(scratch: WorldScratch, row: int) -> ContactList:
-        """Views of a row."""
+        """The contacts that row `row` has room for, as views into arrays of all worlds: nothing is copied."""
         listed = ContactList()
         if wp.static(f.body_space):
             listed.pair = scratch.pair[row]
