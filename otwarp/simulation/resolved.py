@@ -87,7 +87,7 @@ class ResolvedScene:
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(scene, values, optics, device, forces.laws, options, part=part)
+        features = compose(scene, values, optics, device, forces.laws, options, worlds=worlds, part=part)
         check_flow(scene, values)
         loads = steady_loads(scene, moves, values, forces, device)
         gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)

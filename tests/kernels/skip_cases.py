@@ -243,6 +243,11 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         ("relax_body", "guess_scale", "row_sum_of"),
     ),
     "lanes": (dataclasses.replace(BASE, lanes=True), BASE, ("BeadLane", "noise_block", "advance_lane")),
+    "vectors": (
+        dataclasses.replace(BASE, lanes=True, vectors=True),
+        dataclasses.replace(BASE, lanes=True),
+        ("step_together", "same_bits", "lay_out"),
+    ),
     "three-point noise": (dataclasses.replace(BASE, noise="threePoint"), BASE, ("three_point", "three_weak")),
     "uniform noise": (dataclasses.replace(BASE, noise="uniform"), BASE, ("uniform_deviate", "three_weak")),
     "Gaussian noise": (BASE, dataclasses.replace(BASE, noise="uniform"), ("gaussian_pair", "squared_radius")),

@@ -74,6 +74,7 @@ class Features:
         in_turn: CPU form of the contacts of the `grid` driver: solved one after the other, not all at once in sweeps.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
+        vectors: In `lanes` of lone spheres, there are worlds enough to step equal ones in a processor's vectors.
     """
 
     driver: Literal["solo", "world", "grid"] = "solo"
@@ -109,6 +110,7 @@ class Features:
     episodes: bool = False
     in_turn: bool = False
     lanes: bool = False
+    vectors: bool = False
 
     @property
     def still_traps(self) -> bool:

@@ -25,7 +25,7 @@ from otwarp.kernels.drivers.lane_groups import (
     from_start,
     monitors_in_lane,
 )
-from otwarp.kernels.drivers.lanes_alike import WIDE, alike_term, go_together, step_together_term
+from otwarp.kernels.drivers.lanes_alike import WIDE, alike_term, step_together_term
 from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
 from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
@@ -45,7 +45,7 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
     start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
-    alike, step_together = (alike_term(f), step_together_term(f)) if go_together(f) else (None, None)
+    alike, step_together = (alike_term(f), step_together_term(f)) if f.vectors else (None, None)
     options = {"cpu_compiler_flags": WIDE} if step_together else {}
     number = number_term(f)
     worlds_in, world_in, start_of = worlds_term(f), world_term(f), start_term(f)

@@ -22,7 +22,7 @@ WIDE = "-march=native -mprefer-vector-width=512"
 
 
 def go_together(f: Features) -> bool:
-    """Whether the spheres of a scene can share vectors: one a world, nothing to keep but places, no look-ups.
+    """Whether spheres of many worlds can share vectors: one a world, nothing to keep but places, no look-ups.
 
     Traps that follow key frames and tables would be found for one lane after the other.
     """

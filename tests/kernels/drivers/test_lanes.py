@@ -91,7 +91,8 @@ def simulation(
         integrator=integrator,
         threads=threads,
     )
-    features = replace(sim.model.features, lanes=lanes, noise=noise)
+    f = sim.model.features
+    features = replace(f, lanes=lanes, vectors=lanes and f.vectors, noise=noise)
     parts = (sim.model, sim.state, sim.control, sim._readout)
     sim._stepper = FusedStepper(make_step(features), *parts, threads)
     return sim
