@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections import defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -69,14 +70,21 @@ class ShardedSimulation:
             Simulation(scene, worlds=self.worlds, device=device, part=(part.start, part.stop), **options)
             for device, part in zip(devices, self.parts, strict=True)
         ]
-        self._pool = ThreadPoolExecutor(len(devices))
+        self._threads = _threads(self.shards)
         self.state = Gathered(lambda: [s.state for s in self.shards])
         self.episodes = Gathered(lambda: [s.episodes for s in self.shards])
         self.readout = Gathered(lambda: self._each(lambda s, _: s.readout))
 
     def _each(self, work: Callable[[Simulation, slice], Any]) -> list[Any]:
-        """What every shard gives, each in a thread of its own, which waits for its device."""
-        return list(self._pool.map(work, self.shards, self.parts))
+        """What every shard gives when all of them are done, even if one fails; threads wait for their devices."""
+        # Warp makes a device the default one while it copies from there to the host
+        with wp.ScopedDevice(wp.get_device()):
+            given = [
+                thread.submit(work, shard, part)
+                for thread, shard, part in zip(self._threads, self.shards, self.parts, strict=True)
+            ]
+            wait(given)
+        return [one.result() for one in given]
 
     @property
     def time_step(self) -> float:
@@ -148,3 +156,12 @@ class ShardedSimulation:
         """The rows of a part in what has one per world; the whole of what serves all."""
         array = np.asarray(values)
         return array[part] if array.ndim == (1 if name == "number" else 3) else array
+
+
+def _threads(shards: Sequence[Simulation]) -> list[ThreadPoolExecutor]:
+    """The thread in which each shard works: one a GPU, whose stream Warp changes for all threads while it copies from
+    there to the host; one a shard on a CPU.
+    """
+    threads: defaultdict[Any, ThreadPoolExecutor] = defaultdict(lambda: ThreadPoolExecutor(1))
+    places = [shard.model.device for shard in shards]
+    return [threads[place.alias if place.is_cuda else n] for n, place in enumerate(places)]

@@ -93,6 +93,24 @@ def test_a_fault_in_a_part_names_its_world(device):
         parts.step(10)
 
 
+def test_all_parts_have_taken_their_steps_when_one_fails(device):
+    parts = ot.ShardedSimulation(lossy_scene(), devices=[device, device], worlds=WORLDS, **options(device))
+    place = np.zeros((WORLDS, 1, 3))
+    place[0] = (9e8, 1.1e8, 0.0)
+    parts.set_state(position=place)
+    steps = 300_000 // WORLDS
+    with pytest.raises(ot.SimulationError, match="world 0"):
+        parts.step(steps)
+    assert parts.shards[1].time == pytest.approx(steps * parts.time_step)
+
+
+def test_one_gpu_is_waited_for_by_one_thread(device):
+    """Two would use its stream at once; those of a CPU step side by side."""
+    parts = ot.ShardedSimulation(lossy_scene(), devices=[device, device], worlds=WORLDS, **options(device))
+    on_gpu = parts.shards[0].model.device.is_cuda
+    assert (parts._threads[0] is parts._threads[1]) == on_gpu
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
