@@ -20,7 +20,7 @@ from benchmarks import (
     time_step,
     worlds,
 )
-from benchmarks.report import options, run, save_json, write_pages
+from benchmarks.report import PAGES, check_places, options, run, save_json, write_pages
 
 BENCHMARKS = {
     "startup": startup.measure,
@@ -48,12 +48,14 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks")
     arguments = parser.parse_args()
     rounds = {} if arguments.rounds is None else {"rounds": arguments.rounds}
+    asked = [arguments.only] if arguments.only else list(BENCHMARKS)
+    pages = [*(PAGES / f"{name}.md" for name in asked), headlines.SUMMARY]
+    check_places(arguments.out, pages if arguments.write else ())
     sections = []
-    for name, measure in BENCHMARKS.items():
-        if arguments.only in (None, name):
-            section = measure(arguments.device, **rounds)
-            print(section.markdown(), flush=True)
-            sections.append(section)
+    for name in asked:
+        section = BENCHMARKS[name](arguments.device, **rounds)
+        print(section.markdown(), flush=True)
+        sections.append(section)
     if arguments.out:
         save_json(arguments.out, sections)
     if arguments.write:

@@ -29,6 +29,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 import otwarp as ot
+from benchmarks.report import check_places, run
 
 SCENES = Path(__file__).parents[1] / "scenes"
 INTEGRATORS = ("eulerMaruyama", "leimkuhlerMatthews", "heun", "exponential")
@@ -329,6 +330,7 @@ def main() -> None:
     parser.add_argument("--recording", action="append", default=[], type=Path, help="haptic recording to replay")
     asked = parser.parse_args()
     if asked.what == "record":
+        check_places(asked.file)
         known = json.loads(asked.file.read_text()) if asked.only and asked.file.exists() else {}
         for name, found in measure(asked.scenes, asked.only):
             known[name] = found
@@ -345,4 +347,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -7,11 +7,10 @@ short page cannot say anything else than the pages that the scripts write.
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.report import PAGES, markers
+from benchmarks.report import PAGES, check_places, markers, run, save_page
 from otwarp.errors import InputError
 
 SUMMARY = PAGES.parent / "benchmarks.md"
@@ -229,18 +228,19 @@ def summary(pages: Path = PAGES) -> str:
 def write() -> None:
     """Put the headlines between the markers of docs/benchmarks.md."""
     before, _, rest = SUMMARY.read_text(encoding="utf-8").partition(BEGIN)
-    SUMMARY.write_text(f"{before}{BEGIN}\n{summary()}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    save_page(SUMMARY, f"{before}{BEGIN}\n{summary()}\n{END}{rest.partition(END)[2]}")
 
 
-def main() -> int:
+def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="The figures that docs/benchmarks.md states.")
     parser.add_argument("--write", action="store_true", help="put them into docs/benchmarks.md")
+    arguments = parser.parse_args()
+    check_places(None, (SUMMARY,) if arguments.write else ())
     print(summary())
-    if parser.parse_args().write:
+    if arguments.write:
         write()
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.errors import InputError
+from otwarp.files import check_place, written
 
 PAGES = Path(__file__).resolve().parent.parent / "docs" / "benchmarks"
 """One page for each benchmark, named after its module: `terms.md` holds what `benchmarks.terms` found."""
@@ -69,22 +70,40 @@ def put_on_page(page: str, section: Section) -> str:
     return f"{before}{begin}\n{section.markdown()}\n{end}{after}"
 
 
+def check_places(out: Path | None, pages: Iterable[Path] = ()) -> None:
+    """Find out before anything is measured whether its numbers can be written to `out`, and its tables on the pages.
+
+    Raises:
+        InputError: They cannot.
+    """
+    if out is not None:
+        check_place(out, "--out")
+    for page in pages:
+        check_place(page, "--write")
+
+
+def save_page(page: Path, text: str) -> None:
+    """Replace a page, as a whole or not at all."""
+    with written(page, f"docs/{page.name}") as part:
+        part.write_text(text, encoding="utf-8")
+
+
 def write_pages(sections: Sequence[Section], pages: Path = PAGES) -> None:
     """Put each section on its page; either all are written or none.
 
     Raises:
         InputError: A page cannot be read, or lacks the markers.
     """
-    written = {}
+    pages_of = {}
     for section in sections:
         page = pages / f"{section.name}.md"
         try:
             text = page.read_text(encoding="utf-8")
         except OSError as error:
             raise InputError(f"docs/benchmarks/{page.name} cannot be read: {error.strerror}") from error
-        written[page] = put_on_page(text, section)
-    for page, text in written.items():
-        page.write_text(text, encoding="utf-8")
+        pages_of[page] = put_on_page(text, section)
+    for page, text in pages_of.items():
+        save_page(page, text)
 
 
 def save_json(file: Path, sections: Sequence[Section]) -> None:
@@ -93,11 +112,10 @@ def save_json(file: Path, sections: Sequence[Section]) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    text = json.dumps({s.name: s.json() for s in sections}, indent=1, ensure_ascii=False, allow_nan=False)
-    try:
-        file.write_text(text + "\n")
-    except OSError as error:
-        raise InputError(f"--out {file} cannot be written: {error.strerror}") from error
+    with written(file, f"--out {file}") as part:
+        part.write_text(
+            json.dumps({s.name: s.json() for s in sections}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        )
 
 
 def positive(text: str) -> int:
@@ -146,6 +164,7 @@ def command(measure: Callable[..., Section], about: str, *, rounds: int, **more:
     file, device = asked.pop("out"), asked.pop("device")
 
     def main() -> None:
+        check_places(file)
         section = measure(device, **asked)
         print(section.markdown())
         if file:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks import headlines
-from benchmarks.report import Section, options, run, save_json, write_pages
+from benchmarks.report import PAGES, Section, check_places, options, run, save_json, write_pages
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.stability.measure import bench_stability
@@ -45,6 +45,7 @@ def main() -> None:
     parser.add_argument("--long", action="store_true", help="also runs of 10⁸ steps")
     parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks")
     arguments = parser.parse_args()
+    check_places(arguments.out, (PAGES / "stability.md", headlines.SUMMARY) if arguments.write else ())
     section = measure(
         arguments.device, grids=arguments.grid, quick=not (arguments.full or arguments.long), long=arguments.long
     )

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.report import check_places, run, save_page
 from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
 from otwarp.errors import InputError
@@ -166,11 +167,11 @@ def write_pages(texts: dict[str, str], partial: set[str]) -> None:
         if file in partial:
             print(f"docs/validation/{page_name(file)} is left as it was: --only left tests of it out", file=sys.stderr)
         else:
-            (PAGES / page_name(file)).write_text(text, encoding="utf-8")
-    SUMMARY.write_text(put_on_page(SUMMARY.read_text(encoding="utf-8"), summary()), encoding="utf-8")
+            save_page(PAGES / page_name(file), text)
+    save_page(SUMMARY, put_on_page(SUMMARY.read_text(encoding="utf-8"), summary()))
 
 
-def main() -> int:
+def main() -> None:
     """Command line; the exit code is pytest's."""
     parser = argparse.ArgumentParser(
         description="Run the validation suite and print each law beside what was measured."
@@ -180,6 +181,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="leave out the long tests")
     parser.add_argument("--write", action="store_true", help="rewrite the pages of docs/validation")
     arguments = parser.parse_args()
+    check_places(None, (*PAGES.glob("*.md"), SUMMARY) if arguments.write else ())
     machine = Machine.look(pick_device(arguments.device))
     found = Collector()
     options = [str(ROOT / "tests" / "validation"), "--device", arguments.device, f"--rootdir={ROOT}"]
@@ -191,12 +193,8 @@ def main() -> int:
     print(*texts.values(), sep="\n")
     if arguments.write:
         write_pages(texts, found.partial)
-    return code
+    sys.exit(code)
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except InputError as error:
-        print(f"benchmarks: {error}", file=sys.stderr)
-        sys.exit(2)
+    run(main)

@@ -9,11 +9,10 @@ from __future__ import annotations
 import argparse
 import functools
 import math
-import sys
 
+from benchmarks.report import check_places, run, save_page
 from benchmarks.transitions import Chain, SineWell
 from benchmarks.validation import PAGES, put_on_page
-from otwarp.errors import InputError
 from otwarp.kernels.core.noise import NOISES
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 
@@ -68,21 +67,17 @@ def markdown() -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
+def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="What cheaper noise costs in accuracy.")
     parser.add_argument("--write", action="store_true", help="rewrite the table of docs/validation/weak_noise.md")
     arguments = parser.parse_args()
+    check_places(None, (PAGE,) if arguments.write else ())
     text = markdown()
     print(text)
     if arguments.write:
-        PAGE.write_text(put_on_page(PAGE.read_text(), text, BEGIN, END))
-    return 0
+        save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN, END))
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except InputError as error:
-        print(f"benchmarks: {error}", file=sys.stderr)
-        sys.exit(2)
+    run(main)

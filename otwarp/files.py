@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import os
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from otwarp.errors import InputError
@@ -33,6 +35,46 @@ def written(path: Path, what: str = "") -> Iterator[Path]:
             if what:
                 raise InputError(f"{what} cannot be written: {error.strerror}") from error
         raise
+
+
+ENOUGH = 4096
+"""Bytes that a file takes at least on most disks."""
+
+
+def check_place(path: Path, what: str, *, folder: bool = False) -> None:
+    """Find out, by writing beside it, whether an output can be written before work is done for it; no trace is left.
+
+    A file system may say that it can be written, as `/proc` does, and refuse.
+
+    Args:
+        path: Where it will be.
+        what: How an error names it, such as `--out`.
+        folder: Whether it is a folder, which is made with those above it; else a file, whose folder must be there.
+
+    Raises:
+        InputError: Something else is in its place, its folder cannot be written, or the disk is full.
+    """
+    try:
+        with suppress(FileNotFoundError):
+            path.lstat()  # a name that is too long, or below a file
+        if folder:
+            there = next(p for p in (path, *path.absolute().parents) if p.exists() or p.is_symlink())
+        else:
+            there = path.absolute().parent
+            if path.exists() and not path.is_file():
+                raise OSError(errno.EEXIST, "it is a folder" if path.is_dir() else "it is neither file nor folder")
+        with tempfile.TemporaryFile(prefix=".otwarp-", dir=there, buffering=0) as probe:
+            if probe.write(bytes(ENOUGH)) < ENOUGH:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if folder:
+            with tempfile.TemporaryDirectory(prefix=".otwarp-", dir=there):
+                pass
+    except (OSError, ValueError) as error:
+        allowed = "a folder" if folder else "a file in a folder that is there,"
+        why = getattr(error, "strerror", None) or error
+        raise InputError(
+            f"{what} is {path}, which cannot be written ({why}); allowed: {allowed} where files can be made"
+        ) from None
 
 
 def check_full(error: OSError, path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.files import written
+from otwarp.files import check_place, written
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path: Path) -> None:
@@ -37,3 +37,20 @@ def test_an_error_names_what_cannot_be_written(tmp_path: Path) -> None:
         written(tmp_path / "none" / "a.json", "--json") as part,
     ):
         part.write_text("{}")
+
+
+def test_a_place_for_an_output_is_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """/proc says that it can be written, also to root, and refuses."""
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "link").symlink_to(tmp_path / "gone")
+    files = (tmp_path, tmp_path / "none" / "a", tmp_path / "file" / "a", tmp_path / ("x" * 300), Path("/proc/a"))
+    folders = (tmp_path / "file", tmp_path / "file" / "a", tmp_path / "link", tmp_path / ("x" * 300), Path("/proc/a"))
+    for bad, folder in [(p, False) for p in (*files, Path("/dev/null"))] + [(p, True) for p in folders]:
+        with pytest.raises(InputError, match=r"^--out is .*, which cannot be written \(.*\); allowed: a") as error:
+            check_place(bad, "--out", folder=folder)
+        assert str(bad) in str(error.value) and "\n" not in str(error.value)
+    monkeypatch.chdir(tmp_path)
+    for good, folder in ((Path("file"), False), (Path("new"), False), (Path("deep/new"), True), (Path(), True)):
+        check_place(good, "--out", folder=folder)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "link"]
+    assert (tmp_path / "file").read_text() == "in the way"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from otwarp.errors import InputError
+from otwarp.files import check_place
 
 FILE = click.Path(path_type=Path)
 """A file or folder, there or not."""
@@ -92,19 +92,8 @@ class OutputPath(click.ParamType):
         Raises:
             InputError: Nothing could be written there.
         """
-        path, option = Path(value), name_of(param)
-        if self.folder:
-            there = next(p for p in (path, *path.absolute().parents) if p.exists())
-            if not there.is_dir():
-                raise InputError(f"{option} is {path}, but {there} is a file; allowed: a folder, there or not")
-        else:
-            there = path.absolute().parent
-            if path.is_dir():
-                raise InputError(f"{option} is {path}, which is a folder; allowed: a file")
-            if not there.is_dir():
-                raise InputError(f"{option} is {path}; allowed: in a folder that exists, {there} does not")
-        if not os.access(there, os.W_OK):
-            raise InputError(f"{option} is {path}; allowed: in a folder that can be written, {there} cannot")
+        path = Path(value)
+        check_place(path, name_of(param), folder=self.folder)
         return path
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.files import check_place
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
@@ -111,9 +111,7 @@ def _check_file(target: str | Path, suffix: str) -> None:
     """Fail before the long work on a file that can never be written, or whose name lies about what is in it."""
     if Path(target).suffix.lower() != suffix:
         raise InputError(f"{target}: suffix = {Path(target).suffix or '(none)'}, allowed {suffix}")
-    folder = Path(target).absolute().parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(f"{target}: cannot be written (folder {folder} is missing or not writable)")
+    check_place(Path(target), "picture")
 
 
 def preview(

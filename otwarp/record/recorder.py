@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.files import check_place
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import LARGEST_RECORD, NetcdfRecording, check_size
@@ -279,24 +279,12 @@ def check_folder(folder: Path, scene_file: Path | None = None) -> None:
     Raises:
         InputError: It cannot, in one line.
     """
-    try:
-        existing = folder
-        while not existing.exists() and existing != existing.parent:
-            existing = existing.parent
-        if not existing.is_dir():
-            raise NotADirectoryError(f"{existing} is a file")
-        with tempfile.TemporaryDirectory(prefix=".otwarp-", dir=existing):
-            pass
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"output folder = {folder}: cannot be written ({reason}); allowed: a writable folder"
-        ) from None
+    check_place(folder, "output folder", folder=True)
     if scene_file is not None:
         inside = folder.resolve() in (at := scene_file.resolve()).parents
         if inside and at.relative_to(folder.resolve()).parts[0] in FILES:
             raise InputError(
-                f"output folder = {folder}: holds the scene {at.name}, which it would replace; allowed: another folder"
+                f"output folder is {folder}, which holds the scene {at.name}, to be replaced; allowed: another folder"
             )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import time as clock
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -13,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+from otwarp.files import check_place
 from otwarp.record.capacity import check_worlds
 from otwarp.record.method import Method
-from otwarp.record.recorder import FILES, Recorder
+from otwarp.record.recorder import FILES, Recorder, check_folder
 from otwarp.scene import Scene
 from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.model import Model
@@ -68,6 +68,7 @@ def record_run(
     """
     rate = frames_per_second if frames_per_second is not None else scene.settings.frames_per_second
     _check_rate(rate)
+    check_folder(Path(folder), scene.file)
     if checkpoint is not None:
         _check_checkpoint(Path(checkpoint), Path(folder))
     if resume is None and recorded_worlds is not None and not 1 <= recorded_worlds <= worlds:
@@ -169,20 +170,11 @@ def check_length(duration: float, step: float, rate: float) -> None:
 
 def _check_checkpoint(path: Path, folder: Path) -> None:
     """Find out before the run whether its end can be saved; the run's own folder is still to be made."""
-    try:
-        inside = path.absolute().parent == folder.absolute()
-        if path.is_dir():
-            raise IsADirectoryError("it is a folder")
-        if inside and path.name in FILES:
-            raise FileExistsError("it is a file of the run")
-        if path.parent.is_dir() or not inside:
-            with tempfile.TemporaryFile(dir=path.parent):
-                pass
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"checkpoint = {path}: cannot be written ({reason}); allowed: a file in a writable folder"
-        ) from None
+    inside = path.absolute().parent == folder.absolute()
+    if inside and path.name in FILES:
+        raise InputError(f"checkpoint is {path}, a file of the run; allowed: another name")
+    if path.parent.is_dir() or not inside:
+        check_place(path, "checkpoint")
 
 
 def frame_steps(duration: float, rate: float, time_step: float, *, first: int = 0) -> Iterator[int]:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.report import Section, command, positive
+from benchmarks.report import Section, check_places, command, positive, save_page
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
+from otwarp.errors import InputError
 
 SIZES = {"type": positive, "nargs": "+", "default": (), "help": "how many"}
 
@@ -39,10 +40,27 @@ def test_options_reach_what_measures(monkeypatch, capsys, tmp_path: Path):
     [
         (("--device", "abacus"), "benchmarks: device is 'abacus'; allowed: cpu"),
         (("--rounds", "0"), "'0'; allowed: a whole number, 1 or more"),
-        (("--out", "/nowhere/numbers.json"), "benchmarks: --out /nowhere/numbers.json cannot be written"),
+        (
+            ("--out", "/nowhere/numbers.json"),
+            "benchmarks: --out is /nowhere/numbers.json, which cannot be written (No such file or directory)",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(words, says, monkeypatch, capsys):
     with pytest.raises(SystemExit) as end:
         run(monkeypatch, *words)
-    assert end.value.code == 2 and says in capsys.readouterr().err.splitlines()[-1]
+    out, error = capsys.readouterr()
+    assert end.value.code == 2 and says in error.splitlines()[-1] and not out
+
+
+def test_a_page_that_cannot_be_written_is_refused_before_anything_is_measured(tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text("old")
+    check_places(None, [page])
+    assert page.read_text() == "old" and list(tmp_path.iterdir()) == [page]
+    with pytest.raises(InputError, match=r"^--write is /proc/page\.md, which cannot be written \("):
+        check_places(None, [page, Path("/proc/page.md")])
+    save_page(page, "new")
+    with pytest.raises(InputError, match=r"^docs/page\.md cannot be written: "):
+        save_page(tmp_path / "none" / "page.md", "new")
+    assert page.read_text() == "new"

@@ -181,6 +181,9 @@ set +e
 head -c 290000 /dev/zero > "$0/full"
 "$1" -m otwarp preview "$2" -o "$0/bead.png"; echo "preview $?"
 "$1" -m otwarp forces --radius 1 --plot "$0/force.png"; echo "forces $?"
+cat /dev/zero > "$0/more" 2> /dev/null
+"$1" -m otwarp run "$2" --device cpu --out "$0/run"; echo "run $?"
+"$1" -m otwarp preview "$2" -o "$0/bead.png"; echo "preview $?"
 ls -A "$0"
 """
 """Commands that write on a disk of 300 kB: folder, Python, scene."""
@@ -193,9 +196,13 @@ def test_a_disk_that_is_really_full_is_named(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(BEAD).parents[1])
     if "mount" in done.stderr.split(":")[0] or "unshare" in done.stderr.split(":")[0]:
         pytest.skip(f"no mounting here: {done.stderr.strip()}")
-    assert done.stdout.split() == ["run", "1", "preview", "1", "forces", "1", "full"]
-    run, preview, forces = done.stderr.splitlines()
+    assert done.stdout.split() == ["run", "1", "preview", "1", "forces", "1", *["run", "2", "preview", "2", "full", "more"]]
+    run, preview, forces, *before = done.stderr.splitlines()
     full = "No space left on device"
     assert str(disk / "run") in run and full in run
     assert f"{disk / 'bead.png'}" in preview and full in preview
     assert f"{disk / 'force.png'}" in forces and full in forces
+    # without a word of compiling
+    assert [line.partition(";")[0] for line in before] == [
+        f"otwarp: --out is {disk / name}, which cannot be written ({full})" for name in ("run", "bead.png")
+    ]

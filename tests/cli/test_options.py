@@ -55,7 +55,8 @@ def nonsense(parameter: click.Parameter) -> list[str]:
         values += [f"{kind.low:g}"] if kind.above else []
         return values + ([f"{kind.high * 2:g}"] if kind.high < 1e300 else [])
     if isinstance(kind, OutputPath):
-        return ["{tmp}/file/below"] if kind.folder else ["{tmp}", "{tmp}/absent/file", "{tmp}/file/below"]
+        anywhere = ["{tmp}/file/below", "/proc/otwarp", "{tmp}/" + 300 * "x"]
+        return anywhere + (["{tmp}/file"] if kind.folder else ["{tmp}", "{tmp}/absent/file", "/dev/null"])
     if isinstance(kind, click.Choice):
         return ["nonsense"]
     if isinstance(kind, click.Path):

@@ -54,7 +54,7 @@ def test_a_session_without_a_page(capfd):
         ("teleop", ["--seed", "-1"], "--seed is -1; allowed: a whole number, 0 to 4294967295"),
         ("teleop", ["--record", "no/such/folder/take.mcap"], "no/such/folder"),
         ("teleop", ["--record", "take.txt"], "take.txt"),
-        ("teleop", ["--record", "/proc/x.mcap"], "recording is '/proc/x.mcap'"),
+        ("teleop", ["--record", "/proc/x.mcap"], "recording is /proc/x.mcap"),
         ("ros1", ["--master", "http://127.0.0.1:9/"], "http://127.0.0.1:9/"),
         ("ros1", ["--topic-rate", "0"], "--topic-rate is 0; allowed: 1 to 1000 Hz"),
         ("ros1", ["--namespaces", "/a"], "namespaces is '/a'; allowed: none, or two different ones, of"),

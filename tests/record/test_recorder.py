@@ -128,7 +128,7 @@ def test_a_recorder_without_frames_leaves_no_trace(scene: Scene, tmp_path: Path)
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_starts(scene: Scene, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for folder in (tmp_path / "file", tmp_path / "file" / "below", Path("/proc/otwarp"), tmp_path / ("x" * 400)):
-        with pytest.raises(InputError, match=r"output folder = .*cannot be written") as error:
+        with pytest.raises(InputError, match=r"output folder is .*cannot be written") as error:
             recorder(scene, folder)
         assert "\n" not in str(error.value)
     assert (tmp_path / "file").read_text() == "in the way"

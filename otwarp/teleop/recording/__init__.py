@@ -32,7 +32,7 @@ from otwarp.haptics.recording import COMMANDS, CONFIG, END, PACE, START, part_of
 from otwarp.haptics.servo.link import Cycles
 from otwarp.scene import Scene
 from otwarp.teleop import Command, LiveFrame, PaceNow
-from otwarp.teleop.recording.file import FORMAT, UNITS, RecordingFile, check_place, laws_to_dict
+from otwarp.teleop.recording.file import FORMAT, UNITS, RecordingFile, check_new_recording, laws_to_dict
 
 PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
 ROOM, FRAMES = 4096, 1024
@@ -93,7 +93,7 @@ class RecordingWriter:
         clock: Callable[[], float] = time.perf_counter,
         servo: Recordable | None = None,
     ):
-        self.file = check_place(path)
+        self.file = check_new_recording(path)
         self.begun, self.dropped, self.complaint = False, 0, ""
         self._began, self._epoch = clock(), time.time_ns()
         about = {

@@ -10,7 +10,6 @@ import base64
 import dataclasses
 import importlib.util
 import json
-import os
 import shutil
 import struct
 import sys
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.files import check_place
 from otwarp.haptics.core import SceneFrame
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, Law, SplitLaw, TableLaw
@@ -65,7 +65,7 @@ def load_writer() -> None:
         get_typestore(Stores.ROS2_JAZZY)
 
 
-def check_place(path: str | Path) -> Path:
+def check_new_recording(path: str | Path) -> Path:
     """A place for a new recording; nothing is left there.
 
     Raises:
@@ -77,17 +77,10 @@ def check_place(path: str | Path) -> Path:
     if path.suffix != SUFFIX:
         raise InputError(f"recording is {str(path)!r}; allowed: a name that ends in {SUFFIX}")
     part = part_of(path)
-    try:
-        for there in (path, part):
-            if there.exists():
-                raise InputError(f"recording is {str(path)!r}, and {there} exists; allowed: a new name")
-        if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-            raise InputError(f"recording is {str(path)!r}; allowed: in a folder that exists and may be written")
-        part.mkdir()  # a file system may say that it can be written, and refuse
-        part.rmdir()
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise InputError(f"recording is {str(path)!r}, which cannot be made ({why}); allowed: another place") from None
+    check_place(path, "recording")
+    for there in (path, part):
+        if there.exists():
+            raise InputError(f"recording is {str(path)!r}, and {there} exists; allowed: a new name")
     return path
 
 

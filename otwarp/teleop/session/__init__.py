@@ -31,7 +31,7 @@ from otwarp.teleop.operators.servo import ServoLike, compile_laws, servo_process
 from otwarp.teleop.page import PageProcess
 from otwarp.teleop.page.access import check_host
 from otwarp.teleop.recording import Recordable, RecordingWriter
-from otwarp.teleop.recording.file import check_place, load_writer
+from otwarp.teleop.recording.file import check_new_recording, load_writer
 from otwarp.teleop.session.live import GLIDE, LiveLoop
 from otwarp.teleop.session.pace import BudgetWatch
 
@@ -104,7 +104,7 @@ class SessionOptions:
             InputError: A device, a hand, a number or a name of a recording that cannot be.
         """
         if self.record is not None:
-            check_place(self.record)
+            check_new_recording(self.record)
         parse_budget(self.budget)
         pick_device(self.device)
         if self.page is not None:
