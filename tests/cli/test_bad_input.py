@@ -196,12 +196,20 @@ def test_a_disk_that_is_really_full_is_named(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(BEAD).parents[1])
     if "mount" in done.stderr.split(":")[0] or "unshare" in done.stderr.split(":")[0]:
         pytest.skip(f"no mounting here: {done.stderr.strip()}")
-    assert done.stdout.split() == ["run", "1", "preview", "1", "forces", "1", *["run", "2", "preview", "2", "full", "more"]]
-    run, preview, forces, *before = done.stderr.splitlines()
+    assert done.stdout.split() == [
+        "run",
+        "1",
+        "preview",
+        "1",
+        "forces",
+        "1",
+        *["run", "2", "preview", "2", "full", "more"],
+    ]
+    ran, drawn, curves, *before = done.stderr.splitlines()
     full = "No space left on device"
-    assert str(disk / "run") in run and full in run
-    assert f"{disk / 'bead.png'}" in preview and full in preview
-    assert f"{disk / 'force.png'}" in forces and full in forces
+    assert str(disk / "run") in ran and full in ran
+    assert f"{disk / 'bead.png'}" in drawn and full in drawn
+    assert f"{disk / 'force.png'}" in curves and full in curves
     # without a word of compiling
     assert [line.partition(";")[0] for line in before] == [
         f"otwarp: --out is {disk / name}, which cannot be written ({full})" for name in ("run", "bead.png")
