@@ -25,7 +25,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "harmonic": (
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
         BASE,
-        ("harmonic_isotropic", "harmonic_ratio", "law_scale", "commanded_still"),
+        ("harmonic_isotropic", "harmonic_ratio", "commanded_still"),
     ),
     "piecewise": (
         dataclasses.replace(BASE, traps=1, trap_models=("piecewise_isotropic",)),

@@ -43,16 +43,14 @@ def bead_constants_term(f: Features) -> wp.Function:
                 bead.kind = model.body.trapped_kind[element]
                 if wp.static(f.traps <= FEW_TRAPS):
                     bead.first = prepare(model.traps, world, 0, bead.radius, bead.kind)
+                    bead.first_anchor = commanded_still(model.traps, control, world, 0, wp.float64(0.0))
                     if wp.static(f.still_traps):
-                        bead.first_anchor = anchored(
-                            bead.first, commanded_still(model.traps, control, world, 0, wp.float64(0.0))
-                        )
+                        bead.first_anchor = anchored(bead.first, bead.first_anchor)
                 if wp.static(f.traps == FEW_TRAPS):
                     bead.second = prepare(model.traps, world, 1, bead.radius, bead.kind)
+                    bead.second_anchor = commanded_still(model.traps, control, world, 1, wp.float64(0.0))
                     if wp.static(f.still_traps):
-                        bead.second_anchor = anchored(
-                            bead.second, commanded_still(model.traps, control, world, 1, wp.float64(0.0))
-                        )
+                        bead.second_anchor = anchored(bead.second, bead.second_anchor)
         return bead
 
     return bead_constants

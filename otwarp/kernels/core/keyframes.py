@@ -5,13 +5,17 @@ import warp as wp
 
 @wp.struct
 class Piece:
-    """The line between two samples of a trap's command, kept in registers while it lasts; the empty one never does."""
+    """The line between two samples of a trap's command, kept in registers while it lasts; the empty one never does.
+
+    That of a trap which follows no samples lasts for ever.
+    """
 
     since: wp.float64  # [s]; −inf for the first
     until: wp.float64  # [s]; inf for the last
     origin: wp.float64  # time of its first sample [s]
     rate: wp.float64  # one over the time between both [1/s]
     key: wp.int32  # index of its first sample
+    follow: wp.int32  # bit 0: the focus is on the line, bit 1: the power is
     start: wp.vec4  # focus [µm] and power [mW]
     end: wp.vec4
 

@@ -103,7 +103,8 @@ class BeadConstants:
     # of the first two traps, where a scene has no more
     first: TrapConstants
     second: TrapConstants
-    first_anchor: wp.vec4  # equilibrium point [µm] and power [mW] of traps that stay where they are
+    # equilibrium point [µm] and power [mW] of traps that stay where they are; of others the focus when not followed
+    first_anchor: wp.vec4
     second_anchor: wp.vec4
     first_piece: Piece  # of traps that follow samples: not constant, but for many steps
     second_piece: Piece

@@ -171,7 +171,7 @@ def advance_lane_term(f: Features) -> wp.Function:
             time = wp.float64(step) * model.time_step
             here = lane.position
             if wp.static(takes_pieces(f)):
-                lane.bead = next_pieces(model, lane.bead, time)
+                lane.bead = next_pieces(model, control, lane.bead, time)
                 lanes[g].bead.first_piece = lane.bead.first_piece
                 lanes[g].bead.second_piece = lane.bead.second_piece
             moved = here + move_freely(model, control, state, lane.bead, world, b, here, step, time)

@@ -130,7 +130,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
             step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             if wp.static(takes_pieces(f)):
-                bead = next_pieces(model, bead, time)
+                bead = next_pieces(model, control, bead, time)
             moved = position + move_freely(model, control, state, bead, world, b, position, step, time)
             if wp.static(f.walls > 0):
                 moved += out_of_walls(model.walls, b, Pose(moved, wp.quat_identity()))

@@ -12,15 +12,16 @@ from otwarp.kernels.optics.traps import anchored, piece_terms, trap_force_term
 
 
 def few_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, piece, time) -> vec4(focus, power)` of a stage, by a piece if it moves."""
+    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage."""
     if f.moving_traps:
         return piece_command_term(f)
     trap_command = trap_command_term(f, stage=True)
 
     @wp.func
     def unsampled(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, time: wp.float64
-    ) -> wp.vec4:
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
+        time: wp.float64,
+    ) -> wp.vec4:  # fmt: skip
         """Focus [µm] and power [mW] of a trap that follows no samples."""
         return trap_command(model, control, state, world, trap, time)
 
@@ -28,16 +29,16 @@ def few_command_term(f: Features) -> wp.Function:
 
 
 def next_pieces_term(f: Features) -> wp.Function:
-    """`(model, bead, time) -> BeadConstants` with the pieces of its traps' commands at `time`."""
+    """`(model, control, bead, time) -> BeadConstants` with the pieces of its traps' commands at `time`."""
     piece_of, _ = piece_terms(f)
 
     @wp.func
-    def next_pieces(model: ModelData, bead: BeadConstants, time: wp.float64) -> BeadConstants:
+    def next_pieces(model: ModelData, control: ControlData, bead: BeadConstants, time: wp.float64) -> BeadConstants:
         """The constants of a step from `time` [s] on."""
         out = bead
-        out.first_piece = piece_of(model.traps, 0, bead.first_piece, time)
+        out.first_piece = piece_of(model.traps, control, 0, bead.first_piece, time)
         if wp.static(f.traps == FEW_TRAPS):
-            out.second_piece = piece_of(model.traps, 1, bead.second_piece, time)
+            out.second_piece = piece_of(model.traps, control, 1, bead.second_piece, time)
         return out
 
     return next_pieces
@@ -77,12 +78,14 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
         anchor = bead.first_anchor
         if wp.static(not f.still_traps):
-            anchor = anchored(bead.first, few_command(model, control, state, world, 0, bead.first_piece, time))
+            now = few_command(model, control, state, world, 0, bead.first_piece, bead.first_anchor, time)
+            anchor = anchored(bead.first, now)
         total = one_of_few(model, bead.first, anchor, position)
         if wp.static(f.traps == FEW_TRAPS):
             other = bead.second_anchor
             if wp.static(not f.still_traps):
-                other = anchored(bead.second, few_command(model, control, state, world, 1, bead.second_piece, time))
+                then = few_command(model, control, state, world, 1, bead.second_piece, bead.second_anchor, time)
+                other = anchored(bead.second, then)
             total += one_of_few(model, bead.second, other, position)
         return total
 

@@ -6,6 +6,7 @@ constants: `ratio`, f(d)/d [pN/µm per mW], and `curvature`, (df/dd − f/d)/d²
 
 import warp as wp
 
+from otwarp.kernels.core.reads import number_at
 from otwarp.kernels.core.roots import reciprocal_root
 from otwarp.kernels.core.types import TrapConstants, TrapData, world_row
 
@@ -34,15 +35,9 @@ def harmonic_ratio(d2: float, stiffness: float, cutoff2: float) -> float:
 
 
 @wp.func
-def law_scale(traps: TrapData, trap: int, radius: float) -> float:
-    """Factor s on distances for a sphere of `radius` [µm]: in ray optics the force is a function of d/r
-    (Ashkin 1992, doi:10.1016/S0006-3495(92)81860-X); 1 for a law that holds as it is.
-    """
-    fitted = traps.law_radius[trap]
-    scale = float(1.0)
-    if fitted > 0.0:
-        scale = fitted / radius
-    return scale
+def parameter(values: wp.array2d(dtype=wp.float32), world: int, trap: int) -> float:
+    """A parameter of a trap in this world's row, or in the one of all; in the array's units."""
+    return number_at(values, world_row(values.shape[0], world), trap)
 
 
 @wp.func
@@ -57,41 +52,57 @@ def beam_frame(traps: TrapData, trap: int) -> TrapConstants:
     return law
 
 
-@wp.func
-def squared_distance(distance: float, scale: float) -> float:
-    """Square of a law's distance as the sphere at hand has it [µm²]; exact where nothing is scaled."""
-    scaled = distance / scale
-    return scaled * scaled
-
-
 def prepare_law(branches: bool, split: bool) -> wp.Function:
     """`prepare` of an authored law: with the branches of eq. 1 or without, one curve or one across and one along.
 
-    A law that was fitted for another radius is f(s·d), s = `law_scale`: f(s·d)/d has s·K, A/s² and C in place of K, A
-    and C, and its distances are divided by s.
+    In ray optics the force is a function of d/r (Ashkin 1992, doi:10.1016/S0006-3495(92)81860-X). A law that was fitted
+    for another radius is f(s·d), s the ratio of the radii: f(s·d)/d has s·K, A/s² and C in place of K, A and C, and its
+    distances are divided by s.
     """
+
+    @wp.func
+    def scaled(law: TrapConstants, s: float) -> TrapConstants:
+        """Constants of f(s·d) from those of f, distances not yet squared [µm]."""
+        out = law
+        out.stiffness = s * law.stiffness
+        out.cutoff2 = law.cutoff2 / s
+        if wp.static(branches):
+            out.threshold2 = law.threshold2 / s
+            out.inverse_square = law.inverse_square / (s * s)
+        if wp.static(split):
+            out.axial_stiffness = s * law.axial_stiffness
+            out.axial_cutoff2 = law.axial_cutoff2 / s
+        if wp.static(split and branches):
+            out.axial_threshold2 = law.axial_threshold2 / s
+            out.axial_inverse_square = law.axial_inverse_square / (s * s)
+        return out
 
     @wp.func
     def prepare(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
         """Constants of the law for a sphere of `radius` [µm], from this world's row of parameters or the one of all."""
         law = beam_frame(traps, trap)
-        s = law_scale(traps, trap, radius)
-        law.stiffness = s * traps.stiffness[world_row(traps.stiffness.shape[0], world), trap]
-        law.cutoff2 = squared_distance(traps.cutoff[world_row(traps.cutoff.shape[0], world), trap], s)
+        law.stiffness = parameter(traps.stiffness, world, trap)
+        law.cutoff2 = parameter(traps.cutoff, world, trap)
         if wp.static(branches):
-            law.threshold2 = squared_distance(traps.threshold[world_row(traps.threshold.shape[0], world), trap], s)
-            law.inverse_square = traps.inverse_square[world_row(traps.inverse_square.shape[0], world), trap] / (s * s)
-            law.offset = traps.offset[world_row(traps.offset.shape[0], world), trap]
+            law.threshold2 = parameter(traps.threshold, world, trap)
+            law.inverse_square = parameter(traps.inverse_square, world, trap)
+            law.offset = parameter(traps.offset, world, trap)
         if wp.static(split):
-            row = world_row(traps.axial_cutoff.shape[0], world)
-            law.axial_cutoff2 = squared_distance(traps.axial_cutoff[row, trap], s)
-            law.axial_stiffness = s * traps.axial_stiffness[world_row(traps.axial_stiffness.shape[0], world), trap]
-            law.reach2 = wp.max(law.cutoff2, law.axial_cutoff2)
+            law.axial_stiffness = parameter(traps.axial_stiffness, world, trap)
+            law.axial_cutoff2 = parameter(traps.axial_cutoff, world, trap)
         if wp.static(split and branches):
-            row = world_row(traps.axial_threshold.shape[0], world)
-            law.axial_threshold2 = squared_distance(traps.axial_threshold[row, trap], s)
-            law.axial_inverse_square = traps.axial_inverse_square[row, trap] / (s * s)
-            law.axial_offset = traps.axial_offset[row, trap]
+            law.axial_threshold2 = parameter(traps.axial_threshold, world, trap)
+            law.axial_inverse_square = parameter(traps.axial_inverse_square, world, trap)
+            law.axial_offset = parameter(traps.axial_offset, world, trap)
+        # a law that holds as it is needs no division
+        if traps.law_radius[trap] > 0.0:
+            law = scaled(law, traps.law_radius[trap] / radius)
+        law.cutoff2 = law.cutoff2 * law.cutoff2
+        law.threshold2 = law.threshold2 * law.threshold2
+        law.axial_cutoff2 = law.axial_cutoff2 * law.axial_cutoff2
+        law.axial_threshold2 = law.axial_threshold2 * law.axial_threshold2
+        if wp.static(split):
+            law.reach2 = wp.max(law.cutoff2, law.axial_cutoff2)
         return law
 
     return prepare

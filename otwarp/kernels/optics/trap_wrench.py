@@ -5,6 +5,7 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.types import (
     Aim,
@@ -56,15 +57,16 @@ def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
 
 
 def piece_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, piece, time) -> vec4(focus, power)` of a stage, by a piece."""
+    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage, by a piece."""
     _, commanded = piece_terms(f)
 
     @wp.func
     def piece_command(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, time: wp.float64
-    ) -> wp.vec4:
-        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
-        command = commanded(model.traps, control, world, trap, piece, time)
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
+        time: wp.float64,
+    ) -> wp.vec4:  # fmt: skip
+        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
+        command = commanded(model.traps, control, trap, piece, still, time)
         if wp.static(f.speed_limits):
             if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
                 p = state.trap_position[world, trap]
@@ -144,23 +146,23 @@ def aim_term(f: Features) -> wp.Function:
     return aim
 
 
-def sphere_force_term(f: Features) -> wp.Function:
-    """`(model, world, aim, trap, place, radius, kind) -> force` of one trap on one sphere [pN]."""
+def pull_term(f: Features) -> wp.Function:
+    """`(model, world, aim, trap, place, radius, element, force) -> force` with what one trap adds on a sphere [pN]."""
     _, prepare, trap_force, _ = trap_force_term(f.trap_models)
 
     @wp.func
-    def sphere_force(
-        model: ModelData, world: int, aim: Aim, trap: int, place: wp.vec3, radius: float, kind: int
+    def pulled(
+        model: ModelData, world: int, aim: Aim, trap: int, place: wp.vec3, radius: float, element: int, force: wp.vec3
     ) -> wp.vec3:
-        """Force [pN] of one trap on a sphere at `place` [µm]; 0 beyond the trap's reach."""
-        force = wp.vec3(0.0)
+        """`force` [pN], and that of a trap on trapped sphere `element` at `place` [µm] where the trap reaches it."""
         away = place - aim.anchor
-        if wp.length_sq(away) < aim.reach2:
-            law = prepare(model.traps, world, trap, radius, kind)
-            force = aim.power * trap_force(model.traps, law, away)
-        return force
+        # left at once, and written so that a NaN is out of reach
+        if not wp.length_sq(away) < aim.reach2:
+            return force
+        law = prepare(model.traps, world, trap, radius, index_at(model.body.trapped_kind, element))
+        return force + aim.power * trap_force(model.traps, law, away)
 
-    return sphere_force
+    return pulled
 
 
 def keeps_aims(f: Features) -> bool:
@@ -252,9 +254,33 @@ def trap_wrench_term(f: Features) -> wp.Function:
     blocked = blocked_table(f)
     if blocked is not None:
         return blocked_wrench_term(f, *blocked)
-    aim_at = aim_term(f)
-    force_on = sphere_force_term(f)
+    aim_at, pulled = aim_term(f), pull_term(f)
     aims_are_kept, unrolled = keeps_aims(f), f.traps <= KEPT_AIMS
+
+    @wp.func
+    def pull_of_kept(
+        model: ModelData, body: RigidConstants, world: int, place: wp.vec3, radius: float, element: int
+    ) -> wp.vec3:
+        """Force [pN] on a trapped sphere at `place` [µm] of traps at rest: an array of aims would lie in memory."""
+        force = wp.vec3(0.0)
+        for trap in range(wp.static(f.traps)):
+            force = pulled(model, world, kept_aim(body, trap), trap, place, radius, element, force)
+        return force
+
+    @wp.func
+    def pull_of_aims(
+        model: ModelData, aims: wp.array(dtype=Aim), world: int, place: wp.vec3, radius: float, element: int
+    ) -> wp.vec3:
+        """Force [pN] on a trapped sphere at `place` [µm] of traps that are where `aims` say."""
+        force = wp.vec3(0.0)
+        if wp.static(unrolled):
+            for trap in range(wp.static(f.traps)):
+                force = pulled(model, world, aims[trap], trap, place, radius, element, force)
+        else:
+            many = int(wp.static(f.traps))
+            for trap in range(many):
+                force = pulled(model, world, aims[trap], trap, place, radius, element, force)
+        return force
 
     @wp.func
     def trap_wrench(
@@ -263,28 +289,20 @@ def trap_wrench_term(f: Features) -> wp.Function:
     ) -> Wrench:  # fmt: skip
         """Force [pN] and torque [pN·µm] of all traps, sphere by sphere: a sphere takes longer to place than a trap."""
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
-        aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
-        if wp.static(aims_are_kept):
-            for trap in range(wp.static(f.traps)):
-                aims[trap] = kept_aim(body, trap)
-        else:
+        if wp.static(not aims_are_kept):
+            aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
             traps = int(wp.static(f.traps))
             for trap in range(traps):
                 aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
         turn = rotation_matrix(pose.rotation)
-        for element in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
-            sphere = model.body.trapped[element]
-            kind = model.body.trapped_kind[element]
+        for element in range(index_at(model.body.trapped_start, b), index_at(model.body.trapped_start, b + 1)):
+            sphere = vec4_at(model.body.trapped, element)
             arm = turn * wp.vec3(sphere[0], sphere[1], sphere[2])
             place = pose.position + arm
-            force = wp.vec3(0.0)
-            if wp.static(unrolled):
-                for trap in range(wp.static(f.traps)):
-                    force += force_on(model, world, aims[trap], trap, place, sphere[3], kind)
+            if wp.static(aims_are_kept):
+                force = pull_of_kept(model, body, world, place, sphere[3], element)
             else:
-                many = int(wp.static(f.traps))
-                for trap in range(many):
-                    force += force_on(model, world, aims[trap], trap, place, sphere[3], kind)
+                force = pull_of_aims(model, aims, world, place, sphere[3], element)
             total.force += force
             total.torque += wp.cross(arm, force)
         return total

@@ -284,60 +284,77 @@ def commanded_staged(traps: TrapData, control: ControlData, world: int, trap: in
 
 @wp.func
 def piece_at(
-    times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), key: int, first: int, last: int,
+    times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), follow: int, key: int, first: int, last: int,
     time: wp.float64,
 ) -> Piece:  # fmt: skip
-    """The piece of the samples `first` to `last` at `time` [s], looked for from `key` on; empty of fewer than two."""
+    """The piece of the samples `first` to `last` at `time` [s], looked for from `key` on; `follow` as in `followed`."""
     piece = Piece()
-    if last > first:
+    piece.since = wp.float64(-wp.inf)
+    piece.until = wp.float64(wp.inf)
+    if follow != 0 and last > first:
+        piece.follow = follow
         piece.key = find_key_from(times, key, first, last, time)
         piece.origin = times[piece.key]
         end = times[piece.key + 1]
         piece.rate = wp.float64(1.0) / (end - piece.origin)
-        piece.since = wp.where(piece.key == first, wp.float64(-wp.inf), piece.origin)
-        piece.until = wp.where(piece.key + 1 == last, wp.float64(wp.inf), end)
+        if piece.key != first:
+            piece.since = piece.origin
+        if piece.key + 1 != last:
+            piece.until = end
         piece.start = values[piece.key]
         piece.end = values[piece.key + 1]
     return piece
 
 
+@wp.func
+def on_piece(piece: Piece, still: wp.vec4, time: wp.float64) -> wp.vec4:
+    """Focus [µm] and power [mW] at a `time` [s] of the piece, as `still` where it does not follow."""
+    w = wp.clamp(wp.float32((time - piece.origin) * piece.rate), 0.0, 1.0)
+    value = (1.0 - w) * piece.start + w * piece.end
+    result = still
+    if (piece.follow & 1) != 0:
+        result = wp.vec4(value[0], value[1], value[2], result[3])
+    if (piece.follow & 2) != 0:
+        result = wp.vec4(result[0], result[1], result[2], value[3])
+    return result
+
+
 def piece_terms(f: Features) -> tuple[wp.Function, wp.Function]:
     """Commands that are not looked up in every step.
 
-    `(traps, trap, piece, time) -> Piece`, the one of a trap at `time`, and `(traps, control, world, trap, piece, time)
-    -> vec4`, focus [µm] and power [mW] as `commanded_animated`, or where commands vary within steps as
-    `commanded_staged`; of another piece than the one given only where that does not hold `time`.
+    `(traps, control, trap, piece, time) -> Piece`, the one of a trap at `time`, and `(traps, control, trap, piece,
+    still, time) -> vec4`, focus [µm] and power [mW] as `commanded_animated`, or where commands vary within steps as
+    `commanded_staged`, with `still` = `commanded_still`; of another piece than the one given only where that does not
+    hold `time`.
     """
 
     @wp.func
-    def piece_of(traps: TrapData, trap: int, piece: Piece, time: wp.float64) -> Piece:
+    def next_piece(traps: TrapData, control: ControlData, trap: int, piece: Piece, time: wp.float64) -> Piece:
+        """The piece of a trap at `time` [s], looked for from the given one on."""
+        follow = control.follow[trap]
+        if wp.static(f.leaps):
+            first, last = traps.stage_start[trap], traps.stage_start[trap + 1] - 1
+            found = piece_at(traps.stage_time, traps.stage_value, follow, piece.key, first, last, time)
+        else:
+            first, last = traps.key_start[trap], traps.key_start[trap + 1] - 1
+            found = piece_at(traps.key_time, traps.key_value, follow, piece.key, first, last, time)
+        return found
+
+    @wp.func
+    def piece_of(traps: TrapData, control: ControlData, trap: int, piece: Piece, time: wp.float64) -> Piece:
         """The piece at `time` [s]: the given one, or a new one where that ends before."""
-        out = piece
-        if not (time >= piece.since and time < piece.until):
-            if wp.static(f.leaps):
-                first, last = traps.stage_start[trap], traps.stage_start[trap + 1] - 1
-                out = piece_at(traps.stage_time, traps.stage_value, piece.key, first, last, time)
-            else:
-                first, last = traps.key_start[trap], traps.key_start[trap + 1] - 1
-                out = piece_at(traps.key_time, traps.key_value, piece.key, first, last, time)
-        return out
+        if time >= piece.since and time < piece.until:
+            return piece
+        return next_piece(traps, control, trap, piece, time)
 
     @wp.func
     def commanded_by_piece(
-        traps: TrapData, control: ControlData, world: int, trap: int, piece: Piece, time: wp.float64
+        traps: TrapData, control: ControlData, trap: int, piece: Piece, still: wp.vec4, time: wp.float64
     ) -> wp.vec4:
-        """Commanded focus [µm] and power [mW] at `time` [s]."""
-        result = commanded_still(traps, control, world, trap, time)
-        follow = control.follow[trap]
-        now = piece_of(traps, trap, piece, time)
-        if follow != 0 and now.until > now.since:
-            w = wp.clamp(wp.float32((time - now.origin) * now.rate), 0.0, 1.0)
-            value = (1.0 - w) * now.start + w * now.end
-            if (follow & 1) != 0:
-                result = wp.vec4(value[0], value[1], value[2], result[3])
-            if (follow & 2) != 0:
-                result = wp.vec4(result[0], result[1], result[2], value[3])
-        return result
+        """Commanded focus [µm] and power [mW] at `time` [s]; two returns, for a copy of a piece costs a third of it."""
+        if time >= piece.since and time < piece.until:
+            return on_piece(piece, still, time)
+        return on_piece(next_piece(traps, control, trap, piece, time), still, time)
 
     return piece_of, commanded_by_piece
 

@@ -10,7 +10,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.types import ControlData, ModelData
-from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, limited_focus, piece_terms
+from otwarp.kernels.optics.traps import TRAP_TERMS, commanded_animated, commanded_still, limited_focus, piece_terms
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, Sphere, Track, Trap
 from otwarp.simulation.model import Model
@@ -84,8 +84,9 @@ def probe_command(
     c = commanded_animated(model.traps, control, 0, trap[i], time[i])
     command[i] = c
     # a piece that was found at another time, and may have ended
-    piece = piece_of(model.traps, trap[i], Piece(), time[(7 * i) % time.shape[0]])
-    by_piece[i] = commanded_by_piece(model.traps, control, 0, trap[i], piece, time[i])
+    piece = piece_of(model.traps, control, trap[i], Piece(), time[(7 * i) % time.shape[0]])
+    still = commanded_still(model.traps, control, 0, trap[i], time[i])
+    by_piece[i] = commanded_by_piece(model.traps, control, trap[i], piece, still, time[i])
     focus[i] = limited_focus(model.traps, 0, trap[i], now[i], wp.vec3(c[0], c[1], c[2]), 0.05)
 
 
