@@ -175,7 +175,7 @@ class Session:
         self.hand, self.status = self.hands.read() or self.hand, self.reports.read() or self.status
 
     def _arm_first(self) -> None:
-        """A busy machine may let the watchdog disarm what its parent arms only once."""
+        """A parent that is kept waiting for 100 ms lets the watchdog disarm what it arms only once."""
         self.look()
         if self.hand is not None and self.hand.state == "disarmed":
             self.arm()

@@ -21,6 +21,7 @@ class SpringChain:
         self.phase = "disarmed"
         self.force = ZERO
         self.gain = 0.0
+        self.wanted, self.complaint = False, ""
         self.beat, self.heard, self.time, self.tick = 0, 0.0, 0.0, 0
 
     asked = moved = ZERO
@@ -37,11 +38,14 @@ class SpringChain:
 
     def restore(self, state):
         self.force, self.phase, self.gain = tuple(state["force"]), state["phase"], state["gain"]
+        self.wanted = self.phase in ("ramping", "armed")
 
     def arm(self) -> None:
+        self.wanted, self.complaint = True, ""
         self.phase, self.gain, self.heard = "ramping", 0.0, self.time
 
     def disarm(self) -> None:
+        self.wanted = False
         if self.phase != "disarmed":
             self.phase = "decaying"
 
@@ -52,14 +56,16 @@ class SpringChain:
             self.beat, self.heard = scene.beat, sample.time
         age = sample.time - self.heard
         if age >= DISARM:
+            if self.wanted:
+                self.wanted, self.complaint = False, "nothing new from the simulation"
             self.phase = "disarmed"
-        elif age >= DECAY and self.phase in ("ramping", "armed"):
-            self.phase = "decaying"
+        elif self.wanted:  # a state in between ramps it in again, as `Safety` does
+            self.phase = "decaying" if age >= DECAY else "armed" if self.gain == 1.0 else "ramping"
         rate = {"ramping": 1.0 / RAMP, "armed": 1.0 / RAMP, "decaying": -1.0 / (0.7 * (DISARM - DECAY))}
         self.gain = min(1.0, max(0.0, self.gain + rate.get(self.phase, -math.inf) * dt))
         if self.phase == "ramping" and self.gain == 1.0:
             self.phase = "armed"
-        if self.phase == "decaying" and self.gain == 0.0:
+        if self.phase == "decaying" and self.gain == 0.0 and not self.wanted:
             self.phase = "disarmed"
         centre = scene.spheres[0].position if scene.spheres else ZERO
         force = []

@@ -62,7 +62,7 @@ class Chain:
 
     Attributes:
         asked: Force that was asked of safety in the last step [N].
-        complaint: What made the last fault, one line; "" since it was armed.
+        complaint: What made the last fault, or was silent until the watchdog disarmed; one line, "" since it was armed.
         safety, passivity, motion: Its parts.
     """
 
@@ -234,7 +234,11 @@ class Chain:
             force = ZERO
         self.asked = force
         age = self._scene_age if self._scene_age > self._device_age else self._device_age
+        wanted = self.safety.wanted
         sent = self.safety.step(force, elapsed=elapsed, age=age, allowed=holds)
+        if wanted and not self.safety.wanted and not self.complaint:
+            silent = "simulation" if self._scene_age >= self._device_age else "device"
+            self.complaint = f"nothing new from the {silent} for {config.safety.disarm_after:g} s"
         self.passivity.send(sent)
         return self._report(sample, sent)
 

@@ -50,6 +50,11 @@ class ChainLike(Protocol):
         ...
 
     @property
+    def complaint(self) -> str:
+        """Why it is at fault or has disarmed by itself, one line; "" since it was armed."""
+        ...
+
+    @property
     def heat(self) -> float:
         """Mean square force that the motors have borne of late [N²], see `safety.Safety`."""
         ...
@@ -121,7 +126,7 @@ class Rendering:
         self.gains: Gains = (None, None)
         self.limit = self.continuous = self.heat = 0.0
         self.account: Account | None = None
-        self.said = ""
+        self.said = self._complained = ""
         self._log = self._logged = 0
 
     def make(self, info: DeviceInfo) -> None:
@@ -183,8 +188,12 @@ class Rendering:
             total = size
             for _, (tx, ty, tz) in now.traps:
                 total += tx + ty + tz
+            complaint = chain.complaint
         except Exception as error:  # a defect of a chain must not leave a force on
             return self._fail(f"{type(error).__name__}: {error}")
+        if complaint != self._complained:
+            self._complained = complaint
+            self.said = f"disarmed: {complaint}; arm it again" if complaint else ""
         if not math.isfinite(total):
             return self._fail(f"force ({x:g}, {y:g}, {z:g}) N or traps {now.traps} not finite")
         limit = self.limit

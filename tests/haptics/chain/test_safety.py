@@ -88,6 +88,8 @@ def test_what_dies_lets_go(what):
     if what in ("killed", "silent device"):
         assert all(s >= 0.999 * size(last) for s, a in zip(sizes, age, strict=True) if a < 0.0195)
         assert out[-1].state == "disarmed"
+        silent = "simulation" if what == "killed" else "device"
+        assert chain.complaint == f"nothing new from the {silent} for 0.1 s"
     else:
         assert out[-1].state == "fault" and chain.complaint
         # it decays from where it was, over the same 80 ms, rather than being dropped
@@ -121,7 +123,7 @@ def test_arming_again_and_again_keeps_no_force_on(every):
 def test_a_late_state_ramps_in_again():
     chain, run = armed_and_pulling()
     stalled = drive(chain, lambda t: HAND, 50, start=300, scene=lambda n, t: scene_at(299, 0.299))
-    assert stalled[-1].state == "decaying"
+    assert stalled[-1].state == "decaying" and chain.complaint == ""
     again = drive(chain, lambda t: HAND, 150, start=350)
     assert again[0].state == "ramping" and again[-1].state == "armed"
     assert size(again[-1].force) == pytest.approx(size(run[-1].force), rel=1e-6)

@@ -89,7 +89,11 @@ def test_force_falls_20_ms_after_the_last_state_and_is_gone_by_100(end):
 
 def test_a_simulation_that_comes_back_does_not_arm_the_hand():
     rig = Rig([Traced()])
-    rig.run((0.05, rig.arm()), (0.2, rig.set(publishing=False)), (0.4, rig.set(publishing=True)), (0.6, rig.stop))
+    said = []
+    look = (0.39, lambda: said.append(rig.status.read().hands[0].message))
+    stalls = ((0.2, rig.set(publishing=False)), look, (0.4, rig.set(publishing=True)))
+    rig.run((0.05, rig.arm()), *stalls, (0.6, rig.stop))
+    assert "disarmed: nothing new from the simulation; arm it again" in said[0]
     assert rig.force(0.19) != 0.0
     assert {f for t, f in rig.devices[0].written if t > 0.35} == {0.0}
 
