@@ -9,7 +9,8 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.drivers.coupled_world import make_coupled_step
-from otwarp.kernels.drivers.grid import GridKernels, make_grid_step
+from otwarp.kernels.drivers.grid.step import GridKernels, make_grid_step
+from otwarp.kernels.drivers.grid.world import make_world_of_many_step
 from otwarp.kernels.drivers.lanes import make_lanes_step
 from otwarp.kernels.drivers.solo import make_solo_step
 from otwarp.kernels.drivers.world import make_world_step
@@ -23,7 +24,7 @@ class Step:
 
     Attributes:
         features: What they were composed from.
-        fused: The world drivers' single kernel, or None.
+        fused: The single kernel of the drivers that take many steps in a launch, or None.
         grid: The body driver's kernels, or None.
         readout: Trap readout kernels (per trap and body, per hand), empty without traps.
         forces: Readout of the forces with parameters, or None without such.
@@ -61,4 +62,6 @@ def make_step(features: Features) -> Step:
     if features.driver == "world":
         make = make_coupled_step if features.coupling else make_world_step
         return Step(features=features, fused=make(features), **measured)
+    if features.by_world:
+        return Step(features=features, fused=make_world_of_many_step(features), **measured)
     return Step(features=features, grid=make_grid_step(features), **measured)

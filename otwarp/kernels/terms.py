@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from otwarp.kernels.core.features import MAX_WORLD_BODIES, Features
+from otwarp.kernels.core.features import GRID_WORLD_BODIES, MAX_WORLD_BODIES, Features
 from otwarp.kernels.forces.table import FORCES, active_forces
 from otwarp.kernels.optics.traps import AUTHORED
 
@@ -67,6 +67,12 @@ def _contact_terms(f: Features) -> tuple[Row, ...]:
             f.driver == "grid" and f.pairs,
             f"more than {MAX_WORLD_BODIES} bodies, and they may touch",
             "bodies do not touch" if not f.pairs else "few bodies",
+        ),
+        (
+            "a block of threads per world",
+            f.by_world,
+            f"up to {GRID_WORLD_BODIES} bodies, and contacts may be stiff",
+            "another driver, many more bodies, or soft contacts",
         ),
         (
             "implicit contact forces",

@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
-from otwarp.kernels.core.features import MAX_CONTACTS, MAX_WORLD_BODIES, Features
+from otwarp.kernels.core.features import GRID_WORLD_BODIES, MAX_CONTACTS, MAX_WORLD_BODIES, Features
 from otwarp.kernels.core.noise import NOISES
 from otwarp.kernels.core.precision import PRECISIONS
 from otwarp.kernels.drivers.lane_groups import GROUP
@@ -155,6 +155,12 @@ def _takes_lanes(f: Features) -> bool:
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
     many = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
     return not f.walls and (f.driver == "solo" or many)
+
+
+def fits_a_block(scene: Scene) -> bool:
+    """Whether a block of threads steps a world of the scene by itself in the body driver."""
+    colliding = sum(len(body.colliding) for body in scene.bodies)
+    return max(len(scene.bodies), colliding) <= GRID_WORLD_BODIES
 
 
 def _has_rods(body: Body) -> bool:

@@ -14,10 +14,10 @@ from otwarp.errors import InputError
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS
 from otwarp.kernels.cpu.pair_block import PAIRS
-from otwarp.kernels.drivers.grid_contacts import CHUNKS, RELAXATIONS
-from otwarp.kernels.drivers.grid_data import GridData, Link, NeighbourData, PushData, lifts_noise, whole_contacts
-from otwarp.kernels.drivers.grid_move import two_stages
-from otwarp.kernels.drivers.neighbours import NEIGHBOURS
+from otwarp.kernels.drivers.grid.contacts import CHUNKS, RELAXATIONS
+from otwarp.kernels.drivers.grid.data import GridData, Link, NeighbourData, PushData, lifts_noise, whole_contacts
+from otwarp.kernels.drivers.grid.move import two_stages
+from otwarp.kernels.drivers.grid.neighbours import NEIGHBOURS
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import State
 
@@ -99,16 +99,18 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
         cells = choose_cells(extent, edges, elements, w, period)
         data.edge = wp.vec3(*np.where(period > 0.0, period / np.array(cells), edges))
     data.cells = wp.vec3i(*cells)
+    own = w if f.by_world else 1
     total, listed = w * elements, w * elements if f.pairs else 0
     if listed * NEIGHBOURS >= 2**31:
         raise InputError(
             f"worlds is {w} with {elements} spheres that collide in each; allowed: {(2**31 - 1) // NEIGHBOURS} such "
             "spheres in all worlds together"
         )
-    searched = w * math.prod(cells) if f.pairs else 0
-    counts = {"key": 2 * listed, "item": 2 * listed, "start": searched, "finish": searched, "count": total}
+    searched = w * math.prod(cells) if f.pairs and not f.by_world else 0
+    sorted = 0 if f.by_world else listed
+    counts = {"key": 2 * sorted, "item": 2 * sorted, "start": searched, "finish": searched, "count": total}
     counts |= {"begin": listed if f.lanes and f.soft_contacts else 0}
-    counts |= {"walled": total if f.obstacles else 0, "stale": 1, "builds": 1}
+    counts |= {"walled": total if f.obstacles else 0, "stale": own, "builds": own}
     for name, size in counts.items():
         setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
     data.reference = wp.zeros(total, dtype=wp.vec3, device=device)
@@ -126,9 +128,12 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     own = 0 if f.soft_contacts else b
     data = GridData()
     data.near = allocate_neighbours(model, state)
-    data.clock = wp.zeros(1, dtype=wp.int64, device=device)
-    data.until = wp.zeros(1, dtype=wp.int64, device=device)
-    for name in ("left", "outside", "touching", "sweep", "unsettled", "again", "row", "turn"):
+    each = w if f.by_world else 1
+    data.clock = wp.zeros(each, dtype=wp.int64, device=device)
+    data.until = wp.zeros(each, dtype=wp.int64, device=device)
+    for name in ("outside", "touching", "again"):
+        setattr(data, name, wp.zeros(each, dtype=wp.int32, device=device))
+    for name in ("left", "sweep", "unsettled", "row", "turn"):
         setattr(data, name, wp.zeros(1, dtype=wp.int32, device=device))
     data.linear = wp.zeros((w, own), dtype=wp.vec3, device=device)
     data.angular = wp.zeros((w, own if f.rigid else 0), dtype=wp.vec3, device=device)

@@ -7,11 +7,12 @@ from typing import Any
 
 import warp as wp
 
-from otwarp.kernels.drivers.grid import start_clock, tick
-from otwarp.kernels.drivers.grid_contacts import next_sweeps, resume_sweeps
-from otwarp.kernels.drivers.neighbours import bound_cells, clear_cells, permute_slots, turn_slots
-from otwarp.kernels.drivers.slot_lists import sort_by_cell
-from otwarp.kernels.drivers.soft import fill_slots, load_slots, store_slots
+from otwarp.kernels.drivers.grid.cells import bound_cells, clear_cells, permute_slots, turn_slots
+from otwarp.kernels.drivers.grid.contacts import next_sweeps, resume_sweeps
+from otwarp.kernels.drivers.grid.slot_lists import sort_by_cell
+from otwarp.kernels.drivers.grid.soft import fill_slots, load_slots, store_slots
+from otwarp.kernels.drivers.grid.step import start_clock, tick
+from otwarp.kernels.drivers.grid.turns import TURNS
 from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
@@ -20,9 +21,6 @@ from otwarp.simulation.state import Control, Readout, State
 
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch on the CPU, so that an interrupt from the keyboard is answered in reasonable time."""
-
-TURNS = 128
-"""Most rounds over the contacts of a world on a CPU."""
 
 SHARED = (start_clock, tick, next_sweeps, resume_sweeps, clear_cells, bound_cells, permute_slots, turn_slots,
           fill_slots, load_slots,

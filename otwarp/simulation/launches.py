@@ -23,9 +23,10 @@ class RecordedLaunch:
     def __init__(self, kernel: wp.Kernel, device: wp.Device, inputs: Sequence[Any], **how: Any):
         self.kernel, self.device, self.inputs, self.how = kernel, device, list(inputs), how
         self._command: Any = None
-        self._dim, self._last = -1, ()
+        self._dim: int | tuple[int, int] = -1
+        self._last = ()
 
-    def __call__(self, dim: int, *last: Any) -> None:
+    def __call__(self, dim: int | tuple[int, int], *last: Any) -> None:
         """Launch over `dim` threads with the `last` arguments, as many in each call."""
         if self._command is None:
             how = {"dim": dim, "inputs": [*self.inputs, *last], "device": self.device, **self.how}

@@ -24,7 +24,7 @@ from otwarp.scene.period import in_cell
 from otwarp.scene.plausibility import judge
 from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.body_space import body_space
-from otwarp.simulation.composition import check_settings
+from otwarp.simulation.composition import check_settings, fits_a_block
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import Place
@@ -266,7 +266,8 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device)
     how = {"brownian": features.brownian, "precision": features.precision}
     warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
     space = body_space(scene, moves, values, features, time_step)
-    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn, body_space=space)
+    by_world = features.driver == "grid" and not soft and fits_a_block(scene)
+    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn, body_space=space, by_world=by_world)
 
 
 def _pack(

@@ -14,6 +14,7 @@ from otwarp.errors import InputError, SimulationError
 from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
+from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.capture import CapturedLoop
 from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.ends import End, check_ends
@@ -120,9 +121,13 @@ class Simulation:
         self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
         parts = (self._step, self.model, self.state, self.control, self._readout)
-        grid = self.model.features.driver == "grid"
         beside = self._step.measuring if readout else ()
-        self._stepper = GridStepper(*parts, beside) if grid else FusedStepper(*parts, threads, beside)
+        if self.model.features.by_world:
+            self._stepper = BlockStepper(*parts, threads, beside)
+        elif self.model.features.driver == "grid":
+            self._stepper = GridStepper(*parts, beside)
+        else:
+            self._stepper = FusedStepper(*parts, threads, beside)
 
     @property
     def scene(self) -> Scene:
@@ -239,8 +244,7 @@ class Simulation:
         poses = {"position": position, "orientation": orientation}
         start = starts_of(self.model, episodes.origin, worlds, poses, number, self._state_rows)
         episodes.restart(start)
-        if isinstance(self._stepper, GridStepper):
-            self._stepper.place()
+        self._stepper.place()
         self._measured_at = None
 
     def run(self, duration: float, *, progress: Callable[[float], None] | None = None) -> None:
@@ -276,8 +280,7 @@ class Simulation:
         for name, values in rows.items():
             array = getattr(self.state, name)
             array.assign(values.astype(host_type(array.dtype)))
-        if isinstance(self._stepper, GridStepper):
-            self._stepper.place()
+        self._stepper.place()
         self._measured_at = None
 
     def _state_rows(self, name: str, values: np.ndarray, width: int) -> np.ndarray:

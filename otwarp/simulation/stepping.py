@@ -99,6 +99,9 @@ class FusedStepper:
                 spans = itertools.pairwise(edges)
                 list(pool.map(lambda c, span, s=start, n=count: self._launch(c, span, s, n), itertools.count(), spans))
 
+    def place(self) -> None:
+        """Take note that the state is another one: nothing here remembers it."""
+
     def extra_state(self) -> dict[str, wp.array]:
         """Arrays beyond State that a checkpoint must hold: none."""
         return {}

@@ -242,6 +242,16 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(SOFT_CROWD, soft_contacts=False, in_turn=True),
         ("relax_body", "guess_scale", "row_sum_of"),
     ),
+    "worlds by themselves": (
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, by_world=True),
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False),
+        ("world_of_many", "of_world", "next_of_all"),
+    ),
+    "launches for all worlds": (
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False),
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, by_world=True),
+        ("cell_key", ").active)"),
+    ),
     "lanes": (dataclasses.replace(BASE, lanes=True), BASE, ("BeadLane", "noise_block", "advance_lane")),
     "vectors": (
         dataclasses.replace(BASE, lanes=True, vectors=True),

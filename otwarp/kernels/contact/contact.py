@@ -8,8 +8,8 @@ and the force does not jump when a contact moves from an end to the side (K. L. 
 
 During a step the force follows F(δ) = floor + K·δ^{3/2} (no Hertz part for δ < 0); contacts that are not yet closed are
 listed too, so that a gap may close in a step but not be crossed. All contacts of a world are solved together for the
-contact forces λ, by `solve` in the world driver and by `grid_contacts` in the grid driver, so that a stiff contact does
-not limit the time step. Every λ acts on both bodies with opposite sign.
+contact forces λ, by `solve` in the world driver and by `drivers.grid.contacts` in the grid driver, so that a stiff
+contact does not limit the time step. Every λ acts on both bodies with opposite sign.
 """
 
 import warp as wp

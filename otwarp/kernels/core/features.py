@@ -27,6 +27,21 @@ beside each other where each takes as many registers as a thread can have."""
 BODY_BLOCKS = 6
 """Blocks of bodies that turn which a multiprocessor is to hold: 170 registers a thread, in place of 255."""
 
+GRID_WORLD_BODIES = 512
+"""Bodies, and what collides of them, up to which a block of threads steps a world of the body driver by itself."""
+
+WORLD_THREADS = 128
+"""Threads of such a block at most: a multiprocessor goes through several worlds at a time."""
+
+WORLD_BLOCKS = 4
+"""Such blocks that a multiprocessor is to hold: 128 registers a thread."""
+
+
+def world_threads(bodies: int) -> int:
+    """Threads of a block that steps a world of so many bodies."""
+    return min(WORLD_THREADS, 32 * ((bodies + 31) // 32))
+
+
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
 """How a CPU's step is compiled: with every function in its place. Warp passes structs by value, and a call that the
 compiler does not inline copies the 4 kB of a model: with the default thresholds that made steps with contact, moving
@@ -56,6 +71,8 @@ class Features:
         rods: Some of them touch by rods too.
         soft_contacts: In the `grid` driver, contacts of lone spheres are so soft against the time step that their force
             at its start serves for all of it.
+        by_world: In the `grid` driver, worlds are so small that a block of threads takes one through many steps, where
+            contacts are not soft; see `kernels.drivers.grid.world`.
         body_space: In the `world` driver, contacts are solved for what they move the bodies, because some are soft; see
             `kernels.contact.body_solve`.
         escapes: Traps hold spheres that can escape.
@@ -95,6 +112,7 @@ class Features:
     pairs: bool = False
     rods: bool = False
     soft_contacts: bool = False
+    by_world: bool = False
     body_space: bool = False
     escapes: bool = False
     crossings: bool = True
@@ -121,6 +139,8 @@ class Features:
     def module_options(self) -> dict[str, Any]:
         """How Warp compiles the step."""
         block = TURNING_BLOCK if self.driver == "solo" and self.rigid else BLOCK
+        if self.by_world:
+            block = world_threads(self.bodies)
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property

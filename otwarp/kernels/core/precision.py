@@ -33,8 +33,8 @@ HERE = Path(__file__).parent.parent
 SINGLE = "otwarp.kernels"
 DOUBLE = "otwarp.kernels.float64"
 
-SHARED_ROOMS = ("body_forces", "cpu")
-"""Inner rooms that have no second instance: functions that are doubled one by one, and code native to float32."""
+SHARED_ROOMS = ("body_forces.", "cpu.", "drivers.grid.")
+"""Inner rooms that have no second instance: functions doubled one by one, code native to float32, the body driver."""
 
 SHARED = {
     # no real numbers in it, or in float64 as it is
@@ -45,20 +45,10 @@ SHARED = {
     "forces.force",
     "optics.exact",
     "optics.exact_waves",
-    # what float64 does without: lanes of a CPU, and the body driver
-    "drivers.grid",
-    "drivers.grid_contacts",
-    "drivers.grid_data",
-    "drivers.grid_inlets",
-    "drivers.grid_lists",
-    "drivers.grid_move",
-    "drivers.grid_store",
-    "drivers.grid_turns",
+    # what float64 does without: lanes of a CPU
     "drivers.lane_groups",
     "drivers.lanes",
     "drivers.lanes_rigid",
-    "drivers.neighbours",
-    "drivers.soft",
 }
 """Modules that have no second instance, by their names within the package."""
 
@@ -76,7 +66,7 @@ def in_double(value: Any) -> Any:
 
 def is_shared(name: str) -> bool:
     """Whether a module of this package serves both precisions as it is."""
-    return name in SHARED or name.partition(".")[0] in SHARED_ROOMS
+    return name in SHARED or f"{name}.".startswith(SHARED_ROOMS)
 
 
 def kernel_module(name: str, precision: str) -> ModuleType:

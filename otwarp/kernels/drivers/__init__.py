@@ -4,8 +4,7 @@ solo: bodies that cannot touch, one thread per (world, body), many steps per lau
     for CPUs, with noise in blocks, and lanes_alike that of equal worlds in vectors (lane_groups says how many lanes).
 world: up to 24 bodies that touch, one thread per world (world_room: the memory of a thread; world_contacts: finding
     and settling contacts; coupled_world: with hydrodynamic coupling).
-grid: many bodies, one thread per body and step; grid_data and grid_store hold its arrays, neighbours (on CPUs
-    slot_lists) and grid_lists find who is near, grid_contacts, on CPUs grid_turns, and soft push, grid_move moves.
+grid: many bodies, one thread per body and step, or a block of threads per world of some hundred.
 
 inlets: cells that have left come in again, in all of these.
 episodes: which worlds are in motion, which have ended, which start anew; predicates: what commonly ends them.

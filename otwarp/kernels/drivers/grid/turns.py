@@ -2,7 +2,7 @@
 
 A thread of a CPU has a world to itself, so that each contact can be solved exactly for its own force with all others as
 they are by now, and both partners moved at once: coordinate descent (nonlinear Gauss–Seidel) on the convex energy of
-`grid_contacts`, whose every step lowers it, so that no stiffness makes it diverge (Tseng 2001,
+`contacts`, whose every step lowers it, so that no stiffness makes it diverge (Tseng 2001,
 doi:10.1023/A:1017501703105). A contact is looked at again only after a body of it has moved since, so that what is at
 rest costs one comparison. Pairs stand in the list of their first body alone. The law of a contact, and the error at
 which it counts as settled, are those of the sweeps.
@@ -15,9 +15,12 @@ from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
-from otwarp.kernels.drivers.grid_contacts import end_overlap, gap_error, lift_term, opening_term
-from otwarp.kernels.drivers.grid_data import GridData, PushData
-from otwarp.kernels.drivers.grid_store import contact_store_terms, peek_terms
+from otwarp.kernels.drivers.grid.contacts import end_overlap, gap_error, lift_term, opening_term
+from otwarp.kernels.drivers.grid.data import GridData, PushData, own_term
+from otwarp.kernels.drivers.grid.store import contact_store_terms, peek_terms
+
+TURNS = 128
+"""Most rounds over the contacts of a world."""
 
 
 @wp.func
@@ -122,7 +125,7 @@ def gather_term(f: Features) -> wp.Function:
 
 def check_rest_term(f: Features) -> wp.Function:
     """`(model, readout, grid, push, world)`: a fault where the rounds ended far from a solution."""
-    opening = opening_term(f)
+    opening, own = opening_term(f), own_term(f)
     _, read_contact, _, _ = contact_store_terms(f)
 
     @wp.func
@@ -135,21 +138,25 @@ def check_rest_term(f: Features) -> wp.Function:
                 overlap = c.overlap - opening(grid, push, world, c, 1.0)
                 # a free move without bound is the fault that `commit` reports
                 if gap_error(c, c.load, overlap) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
-                    raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[0])
+                    raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[own(world)])
 
     return check_rest
 
 
-def make_settle(f: Features) -> wp.Kernel:
-    """Kernel over worlds: contact forces of a step, from those at its start or from those of its first solution."""
+def settle_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, push, world, again, turns)`: contact forces of a step of one world.
+
+    From those at its start or, with `again` 1, from those of its first solution, after the free moves have changed.
+    """
     one_round, gather, check_rest = one_round_term(f), gather_term(f), check_rest_term(f)
     lift = lift_term(f) if f.bends else None
     _, read_contact, _, write_lift = contact_store_terms(f)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
-    def settle(model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, again: int, turns: int):
-        """Solve the contacts of one world in `turns` rounds at most; `again` is 1 after the free moves have changed."""
-        world = wp.tid()
+    @wp.func
+    def settle_world(
+        model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, world: int, again: int, turns: int
+    ):
+        """Solve the contacts of one world in `turns` rounds at most."""
         if again == 0:
             gather(model, readout, grid, push, world)
         if wp.static(f.bends):
@@ -169,5 +176,17 @@ def make_settle(f: Features) -> wp.Kernel:
         if busy != 0:
             gather(model, readout, grid, push, world)
             check_rest(model, readout, grid, push, world)
+
+    return settle_world
+
+
+def make_settle(f: Features) -> wp.Kernel:
+    """Kernel over worlds: their contact forces in this step."""
+    settle_world = settle_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def settle(model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, again: int, turns: int):
+        """Solve the contacts of one world in `turns` rounds at most; `again` is 1 after the free moves have changed."""
+        settle_world(model, readout, grid, push, wp.tid(), again, turns)
 
     return settle

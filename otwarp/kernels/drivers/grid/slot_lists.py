@@ -9,8 +9,9 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, StateData
 from otwarp.kernels.cpu.pair_block import PAIRS, near_term, sort_slots, touching_term
-from otwarp.kernels.drivers.grid_data import GridData
-from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS, cell_of, walled_term
+from otwarp.kernels.drivers.grid.cells import cell_of
+from otwarp.kernels.drivers.grid.data import GridData
+from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS, lists_made, walled_term
 
 
 def list_slot_term(f: Features) -> wp.Function:
@@ -78,8 +79,7 @@ def make_slot_list(f: Features) -> wp.Kernel:
         for i in range(first, last):
             at = list_slot(model, grid, world, i, at)
         if world == 0:
-            grid.near.stale[0] = 0
-            grid.near.builds[0] = grid.near.builds[0] + 1
+            lists_made(grid.near, 0)
 
     return list_slots
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from otwarp.kernels.cpu.pair_block import PAIRS
-from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS
+from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS
 from otwarp.scene import Scene
+from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.grid_scratch import choose_cells
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
@@ -27,9 +28,9 @@ CROWDS = {
 }
 
 
-def grid_stepper(sim: Simulation) -> GridStepper:
+def grid_stepper(sim: Simulation) -> GridStepper | BlockStepper:
     """Its stepper, of the body driver."""
-    assert isinstance(sim._stepper, GridStepper)
+    assert isinstance(sim._stepper, GridStepper | BlockStepper)
     return sim._stepper
 
 
@@ -72,12 +73,14 @@ def check_lists(sim: Simulation, centres: np.ndarray, radii: np.ndarray, body: n
             assert set(np.flatnonzero(wanted[e])) <= set(entries) <= set(np.flatnonzero(allowed[e]))
 
 
-@pytest.fixture(params=[True, False], ids=["soft", "swept"])
+@pytest.fixture(params=["soft", "swept", "by world"])
 def soft(request, monkeypatch) -> bool:
-    """Slots that are sorted, and spheres that stay where they are."""
-    if not request.param:
+    """Slots that are sorted, and spheres that stay where they are: sorted by cells, or all pairs of a world."""
+    if request.param != "soft":
         monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
-    return request.param
+    if request.param == "swept":
+        monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", 0)
+    return request.param == "soft"
 
 
 @pytest.mark.parametrize("name", CROWDS)

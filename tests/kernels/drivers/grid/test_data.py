@@ -3,7 +3,7 @@
 import pytest
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.drivers.grid_data import whole_contacts
+from otwarp.kernels.drivers.grid.data import whole_contacts
 
 
 @pytest.mark.parametrize(("rigid", "walls"), [(False, 0), (True, 0), (False, 1), (True, 2)])

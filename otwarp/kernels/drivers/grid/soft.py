@@ -3,7 +3,7 @@
 A contact of stiffness k relaxes within a step by h = k·give (`give` is how far it opens per unit force). Where h stays
 small for the stiffest contact that a run may have, the force at the start of the step serves for all of it, and no
 sweep is needed: Δx = μ·(F + ΣF_contact)·dt + noise, the Euler–Maruyama step of the traps, with its error of h/2 in the
-contact's relaxation; the implicit step of `grid_contacts` errs by as much to the other side. Bodies sit in slots that
+contact's relaxation; the implicit step of `contacts` errs by as much to the other side. Bodies sit in slots that
 follow the cells, so that what is near in space is near in memory, and places are double-buffered: every thread reads
 the places at the start of the step, and writes its own at the end.
 """
@@ -21,10 +21,10 @@ from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
-from otwarp.kernels.drivers.grid_data import GridData
-from otwarp.kernels.drivers.grid_move import BLOCK, bead_move_term, draw_block_term
-from otwarp.kernels.drivers.neighbours import FULL, NEIGHBOURS, check_moved, next_in_cells_term
-from otwarp.kernels.drivers.slot_lists import touching_pairs_term
+from otwarp.kernels.drivers.grid.data import GridData
+from otwarp.kernels.drivers.grid.move import BLOCK, bead_move_term, draw_block_term
+from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS, check_moved, next_in_cells_term
+from otwarp.kernels.drivers.grid.slot_lists import touching_pairs_term
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
 
@@ -192,7 +192,7 @@ def step_slot_term(f: Features) -> wp.Function:
             if has_left(model, b, moved):
                 grid.outside[0] = 1
         grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
-        check_moved(grid.near, away)
+        check_moved(grid.near, 0, away)
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, pose, arrived, step + wp.int64(1), time)

@@ -11,9 +11,9 @@ from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import image_shift, nearest
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
-from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
-from otwarp.kernels.drivers.grid_store import contact_store_terms
-from otwarp.kernels.drivers.neighbours import FULL, next_in_cells_term
+from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, lifts_noise, own_term
+from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term
+from otwarp.kernels.drivers.grid.store import contact_store_terms
 
 
 def free_opening_term(f: Features) -> wp.Function:
@@ -66,6 +66,7 @@ def list_contact_term(f: Features) -> wp.Function:
     write_contact = contact_store_terms(f)[0]
     free_opening = free_opening_term(f)
     excursion = excursion_term(f)
+    own = own_term(f)
 
     @wp.func
     def noise_of(grid: GridData, world: int, b: int) -> Move:
@@ -90,7 +91,7 @@ def list_contact_term(f: Features) -> wp.Function:
             opening += c.lift
         c = excursion(model, world, c, opening, first, second, 0, step)
         if c.force != 0.0 or c.overlap > 0.0 or kept_reach(c, opening + c.give * c.floor) > 0.0:
-            grid.touching[0] = 1
+            grid.touching[own(world)] = 1
         c.load = c.force
         write_contact(grid, row, count, c)
         return count + 1
@@ -195,19 +196,21 @@ def sphere_contacts_term(f: Features) -> wp.Function:
         first = world * n.elements
         i = first + e
         listed = n.count[i]
-        if listed != 0:
-            centre = pose.position + arm_of(pose, model.contact.sphere[e])
-            for k in range(listed):
-                j = n.neighbour[i * n.stride + k * n.pitch] - first
-                # the distance first: a contact is a large thing to make
-                if lists(model, a, j) and near_enough(model, state, grid, world, a, e, j, centre):
-                    count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
+        centre = pose.position + arm_of(pose, model.contact.sphere[e])
+        last = int(-1)
+        k = int(0)
+        while k < listed or listed == FULL:
             if listed == FULL:
-                j = next_in_cells(model, state, grid, world, i, -1)
-                while j >= 0:
-                    if lists(model, a, j - first):
-                        count = with_sphere(model, state, readout, grid, world, a, e, j - first, pose, count, step)
-                    j = next_in_cells(model, state, grid, world, i, j)
+                last = next_in_cells(model, state, grid, world, i, last)
+            else:
+                last = n.neighbour[i * n.stride + k * n.pitch]
+            if last < 0:
+                break
+            j = last - first
+            # the distance first: a contact is a large thing to make
+            if lists(model, a, j) and (listed == FULL or near_enough(model, state, grid, world, a, e, j, centre)):
+                count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
+            k += 1
         return count
 
     return sphere_contacts
@@ -300,11 +303,11 @@ def first_push_term(f: Features) -> wp.Function:
     return first_push
 
 
-def make_find(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its bodies): their contacts, and what the forces at the start would move."""
+def find_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, push, world, a)`: a body's contacts and what their forces would move."""
     sphere_contacts = sphere_contacts_term(f) if f.pairs else None
     walls = wall_term(f) if f.obstacles else None
-    body_pose = body_pose_term(f)
+    body_pose, own = body_pose_term(f), own_term(f)
     row_sum_of = row_sum_term(f)
     first_push = first_push_term(f)
 
@@ -313,7 +316,7 @@ def make_find(f: Features) -> wp.Kernel:
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, world: int, a: int
     ):
         """List the contacts of body a, and write its first push [µm, rad]."""
-        step = grid.clock[0]
+        step = grid.clock[own(world)]
         row = world * model.bodies + a
         pose = body_pose(state, world, a)
         count = int(0)
@@ -334,12 +337,19 @@ def make_find(f: Features) -> wp.Kernel:
             push.linear[world, a] = move.linear
             if wp.static(f.rigid):
                 push.angular[world, a] = move.angular
-        if step + wp.int64(1) == grid.until[0]:
+        if step + wp.int64(1) == grid.until[own(world)]:
             # of a body that touches nothing; sweeps write what the others feel
             readout.contact_force[world, a] = wp.vec3(0.0)
             readout.contact_load[world, a] = 0.0
 
-    @wp.kernel(module="unique", enable_backward=False)
+    return find_body
+
+
+def make_find(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): their contacts, and what the forces at the start would move."""
+    find_body = find_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def find(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, size: int):
         """Contacts and first pushes of the `size` bodies of one share of a world."""
         world, share = wp.tid()

@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.errors import SimulationError
 from otwarp.scene import Scene
+from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
@@ -101,7 +102,7 @@ def test_neither_grouping_nor_other_worlds_change_a_bit(make):
     alone.step(60)
     for _ in range(60):
         single.step()
-    assert isinstance(whole._stepper, GridStepper)
+    assert isinstance(whole._stepper, GridStepper | BlockStepper)
     assert whole._stepper.scratch.near.builds.numpy()[0] >= 2
     assert bits(parts) == bits(whole) == bits(single)
     assert bits(whole, worlds=1) == bits(alone)

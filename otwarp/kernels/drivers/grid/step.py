@@ -5,7 +5,7 @@ copies the arguments of a kernel anew for every thread, which costs more than a 
 
 A step of bodies whose contacts are stiff is: `advance` (free displacements), `find` (each body lists its contacts),
 `weigh` and sweeps of `relax` (contact forces from the displacements of both partners), `correct` (the integrator's
-second stage, and the sweeps go on) and `commit`; see `grid_contacts` for the contacts. Where contacts are soft it is
+second stage, and the sweeps go on) and `commit`; see `contacts` for the contacts. Where contacts are soft it is
 one kernel, see `soft`. New neighbour lists are made, and the sweeps taken, only when the device asks for it: these
 parts of the captured graph are conditional. All steps and worlds use the same launches; the step counter lives in
 device memory.
@@ -22,15 +22,16 @@ from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.noise_block import address_of
-from otwarp.kernels.drivers.grid_contacts import make_relax, make_weigh
-from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term, lifts_noise
-from otwarp.kernels.drivers.grid_inlets import make_let_in
-from otwarp.kernels.drivers.grid_lists import make_find
-from otwarp.kernels.drivers.grid_move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
-from otwarp.kernels.drivers.grid_turns import make_settle
-from otwarp.kernels.drivers.neighbours import check_moved, make_bin, make_check, make_list
-from otwarp.kernels.drivers.slot_lists import make_slot_list, sort_by_cell
-from otwarp.kernels.drivers.soft import make_soft_step
+from otwarp.kernels.drivers.grid.cells import make_bin
+from otwarp.kernels.drivers.grid.contacts import make_relax, make_weigh
+from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, lifts_noise, own_term
+from otwarp.kernels.drivers.grid.inlets import make_let_in
+from otwarp.kernels.drivers.grid.lists import make_find
+from otwarp.kernels.drivers.grid.move import BLOCK, draw_block_term, grid_move_term, make_correct, two_stages
+from otwarp.kernels.drivers.grid.neighbours import check_moved, make_check, make_list
+from otwarp.kernels.drivers.grid.slot_lists import make_slot_list, sort_by_cell
+from otwarp.kernels.drivers.grid.soft import make_soft_step
+from otwarp.kernels.drivers.grid.turns import make_settle
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
 from otwarp.kernels.optics.trap_wrench import move_trap_term
@@ -91,8 +92,11 @@ def make_grid_step(f: Features) -> GridKernels:
     )
 
 
-def make_advance(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its bodies): free displacement of this step."""
+def advance_term(f: Features) -> wp.Function:
+    """`(model, control, state, grid, world, begin, end, stride)`: free displacements of some bodies in this step.
+
+    On a CPU, where noise comes in blocks, these are all from `begin` to `end` − 1: the stride is 1.
+    """
     grid_move = grid_move_term(f)
     draw_block = draw_block_term(f) if f.lanes else None
     body_pose = body_pose_term(f)
@@ -112,12 +116,12 @@ def make_advance(f: Features) -> wp.Kernel:
             if wp.static(f.rigid):
                 grid.turning[world, b] = drift.angular
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
-    def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData, size: int):
-        """Free moves of the `size` bodies of one share of a world."""
-        world, share = wp.tid()
-        begin = share * size
-        end = wp.min((share + 1) * size, model.bodies)
+    @wp.func
+    def advance_some(
+        model: ModelData, control: ControlData, state: StateData, grid: GridData, world: int, begin: int, end: int,
+        stride: int,
+    ):  # fmt: skip
+        """Free moves of the bodies begin, begin + stride, …, below `end`."""
         if wp.static(f.lanes):
             deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
             for b0 in range(begin, end, wp.static(BLOCK)):
@@ -126,14 +130,29 @@ def make_advance(f: Features) -> wp.Kernel:
                 for k in range(count):
                     advance_body(model, control, state, grid, world, b0 + k, address_of(deviates, 0), k)
         else:
-            for b in range(begin, end):
+            for b in range(begin, end, stride):
                 advance_body(model, control, state, grid, world, b, wp.uint64(0), 0)
+
+    return advance_some
+
+
+def make_advance(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): free displacement of this step."""
+    advance_some = advance_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def advance(model: ModelData, control: ControlData, state: StateData, grid: GridData, size: int):
+        """Free moves of the `size` bodies of one share of a world."""
+        world, share = wp.tid()
+        end = wp.min((share + 1) * size, model.bodies)
+        advance_some(model, control, state, grid, world, share * size, end, 1)
 
     return advance
 
 
 def check_body_term(f: Features) -> wp.Function:
     """`(model, grid, world, b, pose)`: ask for new neighbour lists if an element of a body has gone too far."""
+    own = own_term(f)
 
     @wp.func
     def check_body(model: ModelData, grid: GridData, world: int, b: int, pose: Pose):
@@ -146,16 +165,16 @@ def check_body_term(f: Features) -> wp.Function:
             away = centre - grid.near.reference[world * grid.near.elements + e]
             if wp.static(f.periodic):
                 away = nearest(model.period, away)
-            check_moved(grid.near, away)
+            check_moved(grid.near, own(world), away)
 
     return check_body
 
 
-def make_commit(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its bodies): move what has no fault, and check how far it has gone."""
+def commit_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, push, world, b)`: move a body without a fault; check how far it went."""
     record_escapes = escape_term(f) if f.escapes else None
     check_body = check_body_term(f) if f.contacts else None
-    body_pose = body_pose_term(f)
+    body_pose, own = body_pose_term(f), own_term(f)
 
     @wp.func
     def commit_body(
@@ -163,7 +182,7 @@ def make_commit(f: Features) -> wp.Kernel:
         world: int, b: int,
     ):  # fmt: skip
         """Write the new pose of body b from its free move and push, unless it has a fault; record escapes."""
-        step = grid.clock[0]
+        step = grid.clock[own(world)]
         pose = body_pose(state, world, b)
         linear = grid.linear[world, b]
         angular = wp.vec3(0.0)
@@ -193,12 +212,19 @@ def make_commit(f: Features) -> wp.Kernel:
                 state.position[world, b] = kept_in_cell(model, state, world, b, pose.position)
             if wp.static(f.inlet):
                 if has_left(model, b, state.position[world, b]):
-                    grid.outside[0] = 1
+                    grid.outside[own(world)] = 1
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
             record_escapes(model, control, state, readout, world, b, before, pose, step + wp.int64(1), time)
         if wp.static(f.contacts):
             check_body(model, grid, world, b, pose)
+
+    return commit_body
+
+
+def make_commit(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): move what has no fault, and check how far it has gone."""
+    commit_body = commit_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def commit(

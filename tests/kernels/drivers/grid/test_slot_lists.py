@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.kernels.step import make_step
 from otwarp.simulation.grid_stepper import GridStepper
-from tests.kernels.drivers.test_soft import HOT, packed, soft_simulation
+from tests.kernels.drivers.grid.test_soft import HOT, packed, soft_simulation
 
 
 @pytest.mark.thorough

@@ -28,8 +28,8 @@ class NeighbourData:
     stride: int  # from one element's list to the next
     pitch: int  # from one entry of a list to the next
     walled: wp.array(dtype=wp.int32)  # (W·E) 1: an obstacle may be touched before the next lists
-    stale: wp.array(dtype=wp.int32)  # (1) not 0: something moved by more than half the skin
-    builds: wp.array(dtype=wp.int32)  # (1) how often the lists were made
+    stale: wp.array(dtype=wp.int32)  # (1|W) not 0: something moved by more than half the skin
+    builds: wp.array(dtype=wp.int32)  # (1|W) how often the lists were made
 
 
 def whole_contacts(f: Features) -> bool:
@@ -68,10 +68,13 @@ class Link:
 
 @wp.struct
 class GridData:
-    """Scratch of the body driver; a slot holds a body, and slots follow the cells where contacts are soft."""
+    """Scratch of the body driver; a slot holds a body, and slots follow the cells where contacts are soft.
 
-    clock: wp.array(dtype=wp.int64)  # (1) step counter
-    until: wp.array(dtype=wp.int64)  # (1) step after the last one of this call
+    What is marked (1|W) all worlds share, or each has its own, see `own_term`.
+    """
+
+    clock: wp.array(dtype=wp.int64)  # (1|W) step counter
+    until: wp.array(dtype=wp.int64)  # (1|W) step after the last one of this call
     left: wp.array(dtype=wp.int32)  # (1) steps left in this launch
     linear: wp.array2d(dtype=wp.vec3)  # (W, B) free displacement [µm]
     angular: wp.array2d(dtype=wp.vec3)  # (W, B) free rotation [rad]
@@ -84,12 +87,12 @@ class GridData:
     count: wp.array2d(dtype=wp.int32)  # (W, B) how many
     row_sum: wp.array2d(dtype=wp.float32)  # (W, B) largest row sum of its share of G over the diagonal, 1 for one
     ahead: wp.array2d(dtype=wp.float32)  # (W·B, MAX_BODY_CONTACTS) force from which the next sweep starts [pN]
-    outside: wp.array(dtype=wp.int32)  # (1) not 0: some body that comes in again is outside
+    outside: wp.array(dtype=wp.int32)  # (1|W) not 0: some body that comes in again is outside
     slot: wp.array2d(dtype=wp.int32)  # (W, B) slot of each body, (W, 0) without slots or an inlet
-    touching: wp.array(dtype=wp.int32)  # (1) not 0: there are contacts in this step
+    touching: wp.array(dtype=wp.int32)  # (1|W) not 0: there are contacts in this step
     sweep: wp.array(dtype=wp.int32)  # (1) first of the two sweeps to come
     unsettled: wp.array(dtype=wp.int32)  # (1) not 0: there are sweeps to come
-    again: wp.array(dtype=wp.int32)  # (1) 1: the sweeps of this step are those after its first solution
+    again: wp.array(dtype=wp.int32)  # (1|W) 1: the sweeps of this step are those after its first solution
     active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
     moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
     stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: the last round in which each body was moved
@@ -100,6 +103,22 @@ class GridData:
     row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
     turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now
     near: NeighbourData
+
+
+def own_term(f: Features) -> wp.Function:
+    """`(world) -> int`: where a world finds its clock and flags; it has its own where it goes through steps alone."""
+
+    @wp.func
+    def of_world(world: int) -> int:
+        """A world's own entry."""
+        return world
+
+    @wp.func
+    def of_all(world: int) -> int:
+        """The one entry that there is."""
+        return 0
+
+    return of_world if f.by_world else of_all
 
 
 @wp.struct

@@ -5,7 +5,7 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import Move
-from otwarp.kernels.drivers.grid_data import GridData, Link, whole_contacts
+from otwarp.kernels.drivers.grid.data import GridData, Link, whole_contacts
 
 
 @wp.func

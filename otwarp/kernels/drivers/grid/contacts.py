@@ -1,4 +1,4 @@
-"""Contact forces of the body driver: sweeps over the contacts that `grid_lists` found, until they are settled.
+"""Contact forces of the body driver: sweeps over the contacts that `lists` found, until they are settled.
 
 The forces are λ = F(δ − s): Hertz's law at the end of the step, where the gaps have opened by s under all λ. They are
 the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀
@@ -19,9 +19,9 @@ from otwarp.kernels.contact.travel import lift_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
-from otwarp.kernels.drivers.grid_data import GridData, PushData
-from otwarp.kernels.drivers.grid_lists import free_opening_term
-from otwarp.kernels.drivers.grid_store import contact_store_terms
+from otwarp.kernels.drivers.grid.data import GridData, PushData, own_term
+from otwarp.kernels.drivers.grid.lists import free_opening_term
+from otwarp.kernels.drivers.grid.store import contact_store_terms
 
 RELAXATIONS = 32
 """Most sweeps over the contacts in one step (even, because they write to two buffers in turn)."""
@@ -78,8 +78,8 @@ def opening_term(f: Features) -> wp.Function:
     return opening
 
 
-def make_weigh(f: Features) -> wp.Kernel:
-    """Kernel over (world, chunk of bodies): the sums from which `guess_scale` follows, in an order that is fixed.
+def weigh_term(f: Features) -> wp.Function:
+    """`(model, grid, push, world, chunk)`: the sums from which `guess_scale` follows, in an order that is fixed.
 
     Along λ = α·F the energy of the sweeps is least at α = ΣF(F/k − s₀) / ΣF(F/k + GF): 1 for what is squeezed or at
     rest, little where an impact would throw stiff bodies far. A contact of two bodies is in both lists, half in each.
@@ -87,10 +87,9 @@ def make_weigh(f: Features) -> wp.Kernel:
     opening = opening_term(f)
     read_contact = contact_store_terms(f)[1]
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def weigh(model: ModelData, grid: GridData, push: PushData):
-        """Numerator and denominator of α [pN·µm] over one chunk of bodies; chunk 0 also resets the sweeps."""
-        world, chunk = wp.tid()
+    @wp.func
+    def weigh_chunk(model: ModelData, grid: GridData, push: PushData, world: int, chunk: int):
+        """Numerator and denominator of α [pN·µm] over one chunk of bodies."""
         size = (model.bodies - 1) // grid.share.shape[1] + 1
         total = wp.vec2(0.0)
         for a in range(chunk * size, wp.min((chunk + 1) * size, model.bodies)):
@@ -103,17 +102,58 @@ def make_weigh(f: Features) -> wp.Kernel:
                     gap = c.force / c.stiffness
                     total += wp.where(c.b >= 0, 0.5, 1.0) * c.force * wp.vec2(gap - free, gap + pushed)
         grid.share[world, chunk] = total
+
+    return weigh_chunk
+
+
+def make_weigh(f: Features) -> wp.Kernel:
+    """Kernel over (world, chunk of bodies): what the sweeps of a step begin with."""
+    weigh_chunk = weigh_term(f)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    def weigh(model: ModelData, grid: GridData, push: PushData):
+        """Weigh one chunk of a world's bodies; chunk 0 also resets the sweeps."""
+        world, chunk = wp.tid()
+        weigh_chunk(model, grid, push, world, chunk)
         if chunk == 0:
-            for sweep in range(grid.moving.shape[1]):
-                grid.moving[world, sweep] = 0
-                if world == 0:
-                    grid.active[sweep] = 0
+            reset_sweeps(grid, world)
         if world == 0 and chunk == 0:
-            grid.sweep[0] = 0
-            grid.unsettled[0] = 1
-            grid.again[0] = 0
+            call_sweeps(grid, 0)
 
     return weigh
+
+
+@wp.func
+def reset_sweeps(grid: GridData, world: int):
+    """No contact of a world is known to move in any of the sweeps to come."""
+    for sweep in range(grid.moving.shape[1]):
+        grid.moving[world, sweep] = 0
+
+
+@wp.func
+def call_sweeps(grid: GridData, again: int):
+    """Begin the sweeps of all worlds; `again` is 1 for those after the first solution of a step."""
+    for sweep in range(grid.active.shape[0]):
+        grid.active[sweep] = 0
+    grid.sweep[0] = 0
+    grid.unsettled[0] = 1
+    grid.again[0] = again
+
+
+@wp.func
+def resume(grid: GridData, world: int):
+    """Make the first guess of a world's next sweeps the forces that it has."""
+    for chunk in range(grid.share.shape[1]):
+        grid.share[world, chunk] = wp.where(chunk == 0, wp.vec2(1.0, 1.0), wp.vec2(0.0, 0.0))
+
+
+@wp.func
+def at_rest(grid: GridData, world: int, sweep: int) -> bool:
+    """Whether a world needs no sweep: two were at rest, so that both push buffers hold the solution."""
+    rest = bool(False)
+    if sweep > 1:
+        rest = grid.moving[world, sweep - 1] == 0 and grid.moving[world, sweep - 2] == 0
+    return rest
 
 
 @wp.func
@@ -192,6 +232,7 @@ def relax_body_term(f: Features) -> wp.Function:
     """
     opening = opening_term(f)
     lift = lift_term(f) if f.bends else None
+    own = own_term(f)
     _, read_contact, write_load, write_lift = contact_store_terms(f)
 
     @wp.func
@@ -213,7 +254,7 @@ def relax_body_term(f: Features) -> wp.Function:
         for i in range(count):
             c = read_contact(grid, row, i, a)
             if wp.static(f.bends):
-                if sweep == 0 and grid.again[0] != 0:
+                if sweep == 0 and grid.again[own(world)] != 0:
                     c.lift = lift(grid, before, world, c)
                     write_lift(grid, row, i, c.lift)
             start = scale * grid.ahead[row, i]
@@ -224,12 +265,13 @@ def relax_body_term(f: Features) -> wp.Function:
             load = c.floor + c.hardness * end * wp.sqrt(end)
             if wp.abs(load - start) * c.give > wp.static(SETTLED) + path_tolerance(c, reach):
                 grid.moving[world, sweep] = 1
-                grid.active[sweep] = 1
+                if wp.static(not f.by_world):
+                    grid.active[sweep] = 1
             ahead = load
             if last:
                 # a free move without bound is the fault that `commit` reports
                 if gap_error(c, start, c.overlap - opened) > UNSETTLED * c.radius and finite(grid.linear[world, a]):
-                    raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[0])
+                    raise_fault(readout, world, a, wp.static(int(Fault.UNSETTLED)), grid.clock[own(world)])
             else:
                 ahead += momentum_of(c, row_sum * c.give, end, start, load, sweep)
             write_load(grid, row, i, load)
@@ -255,7 +297,7 @@ def make_relax(f: Features) -> wp.Kernel:
     """
     relax_body = relax_body_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def relax(
         model: ModelData, readout: ReadoutData, grid: GridData, before: PushData, after: PushData,
         second: int, size: int,
@@ -263,10 +305,8 @@ def make_relax(f: Features) -> wp.Kernel:
         """One sweep over the contacts of the `size` bodies of one share of a world that is not at rest."""
         world, share = wp.tid()
         sweep = grid.sweep[0] + second
-        if sweep > 1:
-            # two sweeps at rest, so that both push buffers hold the solution
-            if grid.moving[world, sweep - 1] == 0 and grid.moving[world, sweep - 2] == 0:
-                return
+        if at_rest(grid, world, sweep):
+            return
         for a in range(share * size, wp.min((share + 1) * size, model.bodies)):
             if grid.count[world, a] > 0:
                 relax_body(model, readout, grid, before, after, sweep, world, a)
@@ -289,14 +329,7 @@ def next_sweeps(grid: GridData):
 def resume_sweeps(grid: GridData):
     """Kernel over worlds: sweep on from the present forces, after the free displacements have changed."""
     world = wp.tid()
-    # makes the first guess these forces themselves
-    for chunk in range(grid.share.shape[1]):
-        grid.share[world, chunk] = wp.where(chunk == 0, wp.vec2(1.0, 1.0), wp.vec2(0.0, 0.0))
-    for sweep in range(grid.moving.shape[1]):
-        grid.moving[world, sweep] = 0
-        if world == 0:
-            grid.active[sweep] = 0
+    resume(grid, world)
+    reset_sweeps(grid, world)
     if world == 0:
-        grid.sweep[0] = 0
-        grid.unsettled[0] = 1
-        grid.again[0] = 1
+        call_sweeps(grid, 1)

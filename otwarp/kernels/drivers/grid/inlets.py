@@ -9,7 +9,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
-from otwarp.kernels.drivers.grid_data import GridData
+from otwarp.kernels.drivers.grid.data import GridData, own_term
 from otwarp.kernels.drivers.inlets import count_entry_term, let_all_in_term, let_in_term
 
 
@@ -37,16 +37,28 @@ def make_let_in(f: Features) -> wp.Kernel:
     """Kernel over worlds of the body driver, at the end of a step in which some body of any world is outside."""
     if f.soft_contacts:
         return _make_slots_in(f)
-    let_all_in = let_all_in_term(f)
+    let_in = let_bodies_in_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def let_in_world(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData):
-        """Let the bodies of one world in; neighbours are then listed anew."""
-        world = wp.tid()
-        if let_all_in(model, state, readout, world, state.position[world], grid.clock[0] + wp.int64(1)) > 0:
-            grid.near.stale[0] = 1
+        """Let the bodies of one world in."""
+        let_in(model, state, readout, grid, wp.tid())
 
     return let_in_world
+
+
+def let_bodies_in_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world)`: let the bodies of one world in; neighbours are then listed anew."""
+    let_all_in, own = let_all_in_term(f), own_term(f)
+
+    @wp.func
+    def let_bodies_in(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int):
+        """Let in what has left, at the end of the present step."""
+        now = grid.clock[own(world)] + wp.int64(1)
+        if let_all_in(model, state, readout, world, state.position[world], now) > 0:
+            grid.near.stale[own(world)] = 1
+
+    return let_bodies_in
 
 
 def _make_slots_in(f: Features) -> wp.Kernel:

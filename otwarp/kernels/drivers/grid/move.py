@@ -16,7 +16,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import BLOCK, before_step, block_source
-from otwarp.kernels.drivers.grid_data import GridData, PushData, body_pose_term
+from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term
 from otwarp.kernels.integrate.body import as_move, body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 
@@ -45,7 +45,7 @@ def body_block_term(noise: str) -> wp.Function:
 def draw_block_term(f: Features) -> wp.Function:
     """`(model, grid, buffer, to, world, i, count)`: the noise of the bodies in `count` slots of a world from i on."""
     body_block = body_block_term(f.noise)
-    number = number_term(f)
+    number, own = number_term(f), own_term(f)
 
     @wp.func
     def draw_block(
@@ -53,7 +53,7 @@ def draw_block_term(f: Features) -> wp.Function:
     ):
         """Draw the deviates of the step that the clock shows for the bodies in `count` slots from i on."""
         at = grid.turn[0] * grid.order.shape[1] + i
-        body_block(buffer, to, model.seed, grid.clock[0], number(model, world), grid.order, at, count)
+        body_block(buffer, to, model.seed, grid.clock[own(world)], number(model, world), grid.order, at, count)
 
     return draw_block
 
@@ -68,6 +68,7 @@ def grid_move_term(f: Features) -> wp.Function:
         return _move_in_block_term(f)
     constants_of, dynamics = body_dynamics(f)
     predict = INTEGRATORS[f.integrator].predict(dynamics)
+    own = own_term(f)
 
     @wp.func
     def grid_move(
@@ -75,7 +76,7 @@ def grid_move_term(f: Features) -> wp.Function:
         block: wp.uint64, k: int,
     ):  # fmt: skip
         """Move of the first stage and its drift [µm, rad] of body b."""
-        step = grid.clock[0]
+        step = grid.clock[own(world)]
         time = wp.float64(step) * model.time_step
         body = constants_of(model, control, world, b)
         move, drift = predict(model, control, state, body, world, b, pose, step, time)
@@ -90,6 +91,7 @@ def bead_move_term(f: Features) -> wp.Function:
     Move and drift of a lone sphere whose constants are known, with the noise of place k in a block.
     """
     predict = INTEGRATORS[f.integrator].predict(bead_dynamics(f))
+    own = own_term(f)
 
     @wp.func
     def bead_move(
@@ -97,7 +99,7 @@ def bead_move_term(f: Features) -> wp.Function:
         b: int, position: wp.vec3, block: wp.uint64, k: int,
     ):  # fmt: skip
         """Move of the first stage and its drift [µm] of the lone sphere b."""
-        step = grid.clock[0]
+        step = grid.clock[own(world)]
         bead.deviates = before_step(block, step - wp.int64(k))
         time = wp.float64(step) * model.time_step
         move, drift = predict(model, control, state, bead, world, b, position, step, time)
@@ -129,13 +131,13 @@ def two_stages(f: Features) -> bool:
     return INTEGRATORS[f.integrator].correct is not None and not f.soft_contacts
 
 
-def make_correct(f: Features) -> wp.Kernel:
-    """Kernel over (world, share of its bodies): what the second stage adds to the free displacements."""
+def correct_term(f: Features) -> wp.Function:
+    """`(model, control, state, grid, push, world, b)`: what the second stage adds to the free displacement."""
     scheme = INTEGRATORS[f.integrator]
     constants_of, dynamics = body_dynamics(f)
     assert scheme.correct is not None
     correction = scheme.correct(dynamics)
-    body_pose = body_pose_term(f)
+    body_pose, own = body_pose_term(f), own_term(f)
     everywhere = f.flow not in (None, "uniform") or f.walls > 0 or bool(f.forces)
 
     @wp.func
@@ -152,8 +154,13 @@ def make_correct(f: Features) -> wp.Kernel:
     def correct_body(
         model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, world: int, b: int
     ):
-        """Add the second stage of body b to its free move [µm, rad], looked at from where contacts let it come to."""
-        step = grid.clock[0]
+        """Add the second stage of body b to its free move [µm, rad], looked at from where contacts let it come to.
+
+        Of a body on which drift may depend on place; that of others is what it was.
+        """
+        if not may_differ(model, b):
+            return
+        step = grid.clock[own(world)]
         linear = grid.linear[world, b]
         angular = wp.vec3(0.0)
         drift = twist(grid.drift[world, b], wp.vec3(0.0))
@@ -174,15 +181,21 @@ def make_correct(f: Features) -> wp.Kernel:
         if wp.static(f.rigid):
             grid.angular[world, b] = angular + angular_part(change)
 
+    return correct_body
+
+
+def make_correct(f: Features) -> wp.Kernel:
+    """Kernel over (world, share of its bodies): the integrator's second stage."""
+    correct_body = correct_term(f)
+
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def correct(
         model: ModelData, control: ControlData, state: StateData, grid: GridData, push: PushData, size: int
     ):  # fmt: skip
-        """Second stage of those of the `size` bodies of one share on which drift may depend on place."""
+        """Second stage of the `size` bodies of one share."""
         world, share = wp.tid()
         for b in range(share * size, wp.min((share + 1) * size, model.bodies)):
-            if may_differ(model, b):
-                correct_body(model, control, state, grid, push, world, b)
+            correct_body(model, control, state, grid, push, world, b)
 
     return correct
 
@@ -191,6 +204,7 @@ __all__ = [
     "BLOCK",
     "bead_move_term",
     "body_block_term",
+    "correct_term",
     "draw_block_term",
     "grid_move_term",
     "make_correct",

@@ -5,8 +5,8 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import Move
-from otwarp.kernels.drivers.grid_data import GridData, Link
-from otwarp.kernels.drivers.grid_store import contact_store_terms, write_contact, write_link
+from otwarp.kernels.drivers.grid.data import GridData, Link
+from otwarp.kernels.drivers.grid.store import contact_store_terms, write_contact, write_link
 
 _write, _read, _write_load, _write_lift = contact_store_terms(Features(driver="grid", pairs=True))
 

@@ -1,0 +1,211 @@
+"""The body driver for worlds of some hundred bodies: a block of threads has a world to itself for many steps.
+
+What `grid` launches one kernel after the other, for all bodies of all worlds, the threads of a block do here to the
+bodies of their world, each to every so many, and wait for each other in between. A world thereby sweeps over its
+contacts as often as it needs and no more, makes new lists when its own bodies have gone far, and what it reads again
+and again stays near its multiprocessor. Lists come from all pairs of a world: so few are tested faster than sorted. On
+a CPU a block is one thread, and several of them share out the worlds.
+"""
+
+import warp as wp
+
+from otwarp.kernels.core.features import WORLD_BLOCKS, Features, world_threads
+from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.drivers.grid.contacts import at_rest, relax_body_term, reset_sweeps, resume, weigh_term
+from otwarp.kernels.drivers.grid.data import GridData, PushData
+from otwarp.kernels.drivers.grid.inlets import let_bodies_in_term
+from otwarp.kernels.drivers.grid.lists import find_term
+from otwarp.kernels.drivers.grid.move import correct_term, two_stages
+from otwarp.kernels.drivers.grid.neighbours import check_term, list_term, lists_made, refer_term
+from otwarp.kernels.drivers.grid.step import advance_term, commit_term
+from otwarp.kernels.drivers.grid.turns import settle_term
+from otwarp.kernels.drivers.world import keep_together
+from otwarp.kernels.optics.trap_wrench import move_trap_term
+
+
+@wp.struct
+class Lane:
+    """What a thread is to a world: `lanes` of them, this one the `lane`-th, share out its bodies."""
+
+    world: int
+    lane: int
+    lanes: int
+
+
+@wp.func
+def pushes(now: PushData, other: PushData, second: int) -> PushData:
+    """`now` in the first of two sweeps and `other` in the second."""
+    chosen = PushData()
+    chosen.linear = now.linear if second == 0 else other.linear
+    chosen.angular = now.angular if second == 0 else other.angular
+    return chosen
+
+
+def renew_lists_term(f: Features) -> wp.Function:
+    """`(model, state, grid, me)`: make the lists of a world anew if something has gone too far."""
+    refer, list_one = refer_term(f), list_term(f)
+
+    @wp.func
+    def renew_lists(model: ModelData, state: StateData, grid: GridData, me: Lane):
+        """Note where all elements are, then list who is near whom."""
+        first = me.world * grid.near.elements
+        last = first + grid.near.elements
+        if grid.near.stale[me.world] != 0:
+            for i in range(first + me.lane, last, me.lanes):
+                refer(model, state, grid, me.world, i)
+            keep_together()
+            for i in range(first + me.lane, last, me.lanes):
+                p = grid.near.reference[i]
+                radius = model.contact.sphere[i - first][3]
+                list_one(model, state, grid, me.world, i, wp.vec4(p[0], p[1], p[2], radius))
+            if me.lane == 0:
+                lists_made(grid.near, me.world)
+
+    return renew_lists
+
+
+def settle_together_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, now, other, me, again, turns)`: contact forces of a step of one world."""
+    weigh_chunk = weigh_term(f)
+    relax_body = relax_body_term(f)
+
+    @wp.func
+    def sweep_all(
+        model: ModelData, readout: ReadoutData, grid: GridData, now: PushData, other: PushData, me: Lane, again: int,
+        turns: int,
+    ):  # fmt: skip
+        """Sweep over the contacts of a world until they are settled, from a first guess or from the present forces."""
+        if again == 0:
+            for chunk in range(me.lane, grid.share.shape[1], me.lanes):
+                weigh_chunk(model, grid, now, me.world, chunk)
+        if me.lane == 0:
+            reset_sweeps(grid, me.world)
+            grid.again[me.world] = again
+            if again != 0:
+                resume(grid, me.world)
+        sweep = int(0)
+        busy = bool(True)
+        while busy:
+            keep_together()
+            before = pushes(now, other, sweep % 2)
+            after = pushes(other, now, sweep % 2)
+            for a in range(me.lane, model.bodies, me.lanes):
+                if grid.count[me.world, a] > 0:
+                    relax_body(model, readout, grid, before, after, sweep, me.world, a)
+            keep_together()
+            sweep += 1
+            busy = sweep < grid.moving.shape[1] and not at_rest(grid, me.world, sweep)
+
+    if not f.in_turn:
+        return sweep_all
+    settle_world = settle_term(f)
+
+    @wp.func
+    def settle_alone(
+        model: ModelData, readout: ReadoutData, grid: GridData, now: PushData, other: PushData, me: Lane, again: int,
+        turns: int,
+    ):  # fmt: skip
+        """Solve the contacts one after the other, by the one thread that there is."""
+        settle_world(model, readout, grid, now, me.world, again, turns)
+
+    return settle_alone
+
+
+def contact_stage_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, now, other, me, turns)`: free moves and contact forces of a step."""
+    advance_some = advance_term(f)
+    correct_body = correct_term(f) if two_stages(f) else None
+    find_body = find_term(f) if f.contacts else None
+    settle = settle_together_term(f) if f.contacts else None
+    move_trap = move_trap_term(f) if f.speed_limits else None
+
+    @wp.func
+    def take_stages(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
+        other: PushData, me: Lane, turns: int,
+    ):  # fmt: skip
+        """Both stages of the integrator with the contacts after each, in a loop: the code of the contacts is long."""
+        for stage in range(int(wp.static(2 if two_stages(f) else 1))):
+            if stage == 0:
+                advance_some(model, control, state, grid, me.world, me.lane, model.bodies, me.lanes)
+                keep_together()
+                if wp.static(f.speed_limits):
+                    time = wp.float64(grid.clock[me.world]) * model.time_step
+                    for trap in range(me.lane, model.traps.axis.shape[0], me.lanes):
+                        move_trap(model, control, state, me.world, trap, time)
+                if wp.static(f.contacts):
+                    for a in range(me.lane, model.bodies, me.lanes):
+                        find_body(model, state, readout, grid, now, me.world, a)
+            elif wp.static(two_stages(f)):
+                for b in range(me.lane, model.bodies, me.lanes):
+                    correct_body(model, control, state, grid, now, me.world, b)
+            keep_together()
+            if wp.static(f.contacts):
+                if grid.touching[me.world] != 0:
+                    settle(model, readout, grid, now, other, me, stage, turns)
+
+    return take_stages
+
+
+def finish_together_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, now, me)`: move the bodies of a world, and turn its clock."""
+    commit_body = commit_term(f)
+    let_bodies_in = let_bodies_in_term(f) if f.inlet else None
+
+    @wp.func
+    def finish(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
+        me: Lane,
+    ):  # fmt: skip
+        """Arrive at the next step."""
+        for b in range(me.lane, model.bodies, me.lanes):
+            commit_body(model, control, state, readout, grid, now, me.world, b)
+        keep_together()
+        if me.lane == 0:
+            if wp.static(f.inlet):
+                if grid.outside[me.world] != 0:
+                    let_bodies_in(model, state, readout, grid, me.world)
+                    grid.outside[me.world] = 0
+            grid.touching[me.world] = 0
+            grid.clock[me.world] = grid.clock[me.world] + wp.int64(1)
+        keep_together()
+
+    return finish
+
+
+def make_world_of_many_step(f: Features) -> wp.Kernel:
+    """Kernel over (world, lane): many steps of a world of many bodies."""
+    check_one = check_term(f) if f.contacts else None
+    renew_lists = renew_lists_term(f) if f.contacts else None
+    take_stages, finish = contact_stage_term(f), finish_together_term(f)
+    bounds = (world_threads(f.bodies), WORLD_BLOCKS)
+    how = {"grid_stride": False, "launch_bounds": bounds, "module_options": f.module_options}
+
+    @wp.kernel(module="unique", enable_backward=False, **how)
+    def world_of_many(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
+        other: PushData, lanes: int, first_world: int, first_step: wp.int64, steps: int, last_step: wp.int64,
+        turns: int,
+    ):  # fmt: skip
+        """Take `steps` steps from `first_step`, of a call that ends at `last_step`, in the worlds from `first_world`.
+
+        A world is gone through by `lanes` threads, all of one block; contacts in `turns` rounds at most where they take
+        turns.
+        """
+        row, lane = wp.tid()
+        me = Lane(first_world + row, lane, lanes)
+        if lane == 0:
+            grid.clock[me.world] = first_step
+            grid.until[me.world] = last_step
+        if wp.static(f.contacts):
+            first = me.world * grid.near.elements
+            for i in range(first + lane, first + grid.near.elements, lanes):
+                check_one(model, state, grid, me.world, i)
+        keep_together()
+        for _ in range(steps):
+            if wp.static(f.contacts):
+                renew_lists(model, state, grid, me)
+            take_stages(model, control, state, readout, grid, now, other, me, turns)
+            finish(model, control, state, readout, grid, now, me)
+
+    return world_of_many

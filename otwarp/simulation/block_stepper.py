@@ -1,0 +1,106 @@
+"""Launching the body driver for worlds of some hundred bodies: a block of threads per world, many steps."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import warp as wp
+
+from otwarp.kernels.core.features import world_threads
+from otwarp.kernels.drivers.grid.soft import fill_slots
+from otwarp.kernels.drivers.grid.turns import TURNS
+from otwarp.kernels.step import Step
+from otwarp.simulation.compilation import load_kernels, usable_cores
+from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.launches import RecordedLaunch
+from otwarp.simulation.model import Model
+from otwarp.simulation.state import Control, Readout, State
+
+BODY_STEPS_PER_LAUNCH = 2_000_000
+"""Body-steps in one launch of a thread of a CPU, so that an interrupt from the keyboard is answered in reasonable
+time; a GPU takes as many steps as that for one world."""
+
+
+class BlockStepper:
+    """Launches `world_of_many`; on a CPU the worlds are shared out over threads.
+
+    A world's result depends on its index, seed and step alone, so any split gives the same bits. The kernels `beside`
+    are loaded along with it.
+    """
+
+    def __init__(
+        self,
+        step: Step,
+        model: Model,
+        state: State,
+        control: Control,
+        readout: Readout,
+        threads: int | None,
+        beside: Sequence[wp.Kernel] = (),
+    ):
+        assert step.fused is not None
+        self.kernel, self.model = step.fused, model
+        self.parts = (state, control, readout)
+        self.scratch = allocate_grid(model, state)
+        self.push = (allocate_push(model), allocate_push(model))
+        self.layout, self.launches = -1, list[RecordedLaunch]()
+        cpu = model.device.is_cpu
+        self.block = 1 if cpu else world_threads(model.features.bodies)
+        self.chunks = min(threads or usable_cores(), model.worlds) if cpu else 1
+        self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
+        load_kernels([self.kernel, *([fill_slots] if model.features.lanes else []), *beside], model.device)
+        if model.features.lanes:
+            inputs = [model.data, self.scratch, model.features.bodies]
+            wp.launch(fill_slots, dim=(model.worlds, 1), inputs=inputs, device=model.device)
+        self.place()
+
+    def place(self) -> None:
+        """Have new neighbour lists made before the next step."""
+        self.scratch.near.stale.fill_(1)
+
+    def _look(self) -> None:
+        """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
+        state, control, readout = self.parts
+        if self.layout != control.layout:
+            views = [
+                self.model.data,
+                control.data(),
+                state.data(),
+                readout.data(),
+                self.scratch,
+                *self.push,
+                self.block,
+            ]
+            # one for each thread, which changes its arguments
+            self.launches = [
+                RecordedLaunch(self.kernel, self.model.device, views, block_dim=self.block) for _ in range(self.chunks)
+            ]
+            self.layout = control.layout
+
+    def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
+        """Take `steps` steps from `first_step`, in all worlds."""
+        self._look()
+        edges = np.linspace(0, self.model.worlds, self.chunks + 1).astype(int).tolist()
+        spans = list(enumerate(itertools.pairwise(edges)))
+        last = first_step + steps
+        most = max(edges[1] if self.model.device.is_cpu else 1, 1) * self.model.features.bodies
+        at_once = max(1, BODY_STEPS_PER_LAUNCH // most)
+
+        def launch(part: tuple[int, tuple[int, int]], start: int) -> None:
+            chunk, (begin, end) = part
+            count = min(at_once, last - start)
+            this = (begin, wp.int64(start), count, wp.int64(last), TURNS)
+            self.launches[chunk]((end - begin, self.block), *this)
+
+        for start in range(first_step, last, at_once):
+            if self.pool is None:
+                launch(spans[0], start)
+            else:
+                list(self.pool.map(launch, spans, itertools.repeat(start)))
+
+    def extra_state(self) -> dict[str, wp.array]:
+        """Arrays beyond State that a checkpoint must hold: none, neighbour lists are made anew."""
+        return {}
