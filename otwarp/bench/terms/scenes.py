@@ -24,6 +24,8 @@ KEYS = 256
 PRESS = 0.02
 """How far beyond contact a bead is pulled by its trap [µm]."""
 FAR = 40.0
+FAST = 1e4
+"""A speed [µm/s] that no trap here reaches: what is timed is that it has a limit."""
 SOFT = Material(youngs_modulus=1e4)
 HARMONIC = TrapLaw(stiffness=50.0)
 CURVE = TrapLaw(stiffness=50.0, threshold=0.5, inverse_square=6.25)
@@ -138,7 +140,7 @@ def alone(*, settings: Settings = STILL, caught_by: Trap | None = None, **more: 
 
 def held(*obstacles: Obstacle, collides: bool = True, settings: Settings = STILL) -> Scene:
     """A bead in a harmonic trap with a speed limit, which makes one thread own the world with or without contact."""
-    caught_by = trap(law=HARMONIC, limit=1e6)
+    caught_by = trap(law=HARMONIC, limit=FAST)
     return Scene(bodies=(bead(collides=collides),), traps=(caught_by,), settings=settings, obstacles=obstacles)
 
 
@@ -146,7 +148,7 @@ def two(*, gap: float, collides: bool, settings: Settings = STILL) -> Scene:
     """Two beads side by side, each in its own trap of a reach short of the other, pressed together or `gap` apart."""
     other = shift(PLACE, 2.0 * RADIUS + gap)
     bodies = (bead(collides=collides), bead(other, name="other", collides=collides))
-    how = {"law": HARMONIC, "limit": 1e6, "cutoff": RADIUS}
+    how = {"law": HARMONIC, "limit": FAST, "cutoff": RADIUS}
     traps = (trap(**how), trap(other, **how, name="trap2"))
     return Scene(bodies=bodies, traps=traps, settings=settings)
 
@@ -173,7 +175,7 @@ def everything() -> Scene:
     return Scene(
         bodies=(robot(collides=True), bead(top, name="cell", collides=True)),
         settings=replace(THERMAL, gravity=True),
-        traps=(*robot_traps(**_BUSY, limit=1e6), trap(top, **_BUSY, limit=1e6, name="trap3")),
+        traps=(*robot_traps(**_BUSY, limit=FAST), trap(top, **_BUSY, limit=1e6, name="trap3")),
         obstacles=(obstacle("plane", gap=FAR), obstacle("box", gap=-PRESS, moving=True)),
         flow=flow("poiseuille"),
     )
@@ -189,7 +191,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "piecewise, one stage": lambda: alone(settings=replace(STILL, integrator=EULER), caught_by=trap()),
     "table": lambda: alone(caught_by=table()),
     "moving": lambda: alone(caught_by=trap(moving=True)),
-    "limited": lambda: alone(caught_by=trap(moving=True, limit=1e6)),
+    "limited": lambda: alone(caught_by=trap(moving=True, limit=FAST)),
     "reach": lambda: alone(caught_by=trap(cutoff=3.0)),
     "gravity": lambda: alone(settings=replace(STILL, gravity=True)),
     "uniform": lambda: alone(flow=flow("uniform")),
