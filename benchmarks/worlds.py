@@ -109,9 +109,6 @@ def ended_costs(device: wp.Device, worlds: int, rounds: int) -> dict[float, Quar
 def shard_ratios(devices: Sequence[str], worlds: int, rounds: int) -> dict[str, Quartiles]:
     """How much faster all devices are than the first: as many worlds on each (weak), as many in all (strong)."""
     make = partial(ShardedSimulation, bead_scene())
-    one = make(devices=devices[:1], worlds=worlds)
-    weak = make(devices=devices, worlds=worlds * len(devices))
-    strong = make(devices=devices, worlds=worlds)
 
     def timed(sim: ShardedSimulation) -> Callable[[], float]:
         places = [wp.get_device(d) for d in devices]
@@ -123,9 +120,14 @@ def shard_ratios(devices: Sequence[str], worlds: int, rounds: int) -> dict[str, 
 
         return once
 
-    for sim in (one, weak, strong):
-        sim.step(LONG)
-    found = interleaved({"weak": (timed(one), timed(weak)), "strong": (timed(one), timed(strong))}, rounds)
+    with (
+        make(devices=devices[:1], worlds=worlds) as one,
+        make(devices=devices, worlds=worlds * len(devices)) as weak,
+        make(devices=devices, worlds=worlds) as strong,
+    ):
+        for sim in (one, weak, strong):
+            sim.step(LONG)
+        found = interleaved({"weak": (timed(one), timed(weak)), "strong": (timed(one), timed(strong))}, rounds)
     return {"weak": found["weak"].ratio().times(len(devices)), "strong": found["strong"].ratio()}
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from otwarp.kernels.core.types import ForceInput, WorldNow, Wrench
     from otwarp.scene import Scene
     from otwarp.simulation.ends import end, escaped, reached, strayed, timed_out
+    from otwarp.simulation.options import StepOptions
     from otwarp.simulation.sharded import ShardedSimulation
     from otwarp.simulation.simulation import Simulation
     from otwarp.simulation.user_forces import force
@@ -34,6 +35,7 @@ __all__ = [
     "ShardedSimulation",
     "Simulation",
     "SimulationError",
+    "StepOptions",
     "WorldNow",
     "Wrench",
     "__version__",
@@ -52,6 +54,7 @@ __getattr__, __dir__ = lazy_names(
         "kernels.core.types": ("ForceInput", "WorldNow", "Wrench"),
         "scene": ("Scene",),
         "simulation.ends": ("end", "escaped", "reached", "strayed", "timed_out"),
+        "simulation.options": ("StepOptions",),
         "simulation.sharded": ("ShardedSimulation",),
         "simulation.simulation": ("Simulation",),
         "simulation.user_forces": ("force",),

@@ -21,6 +21,7 @@ from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Body, Flow, Obstacle, Scene, Settings
 from otwarp.simulation import stored_ends
 from otwarp.simulation.ends import End
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.user_forces import Force
 
 if TYPE_CHECKING:
@@ -41,6 +42,15 @@ YOUNGER: dict[type, dict[str, Any]] = {
 }
 """Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
 does not use them has the digest that it had before."""
+
+
+PLAIN: dict[str, Any] = {
+    f.name: {"integrator": "eulerMaruyama", "noise": "gaussian"}.get(f.name, f.default)
+    for f in dataclasses.fields(StepOptions)
+    if f.name not in ("forces", "ends", "allow_large_step")
+}
+"""Options of the step that a checkpoint holds as they are, with what they were before it did. Forces and ends are
+functions, and a step that was accepted once is so again, however large."""
 
 
 def scene_digest(scene: Scene) -> str:
@@ -86,22 +96,17 @@ def save(sim: Simulation, path: Path) -> Path:
         "duration": sim.scene.settings.duration,
         "worlds": sim.model.all_worlds,
         "part": [sim.model.first_world, sim.model.first_world + sim.model.worlds],
-        "ends": stored_ends.told(sim._ends),
         "seed": sim.model.seed,
-        "time_step": sim.time_step,
         "step": sim.state.step,
-        "fast_math": sim.model.features.fast_math,
-        "integrator": sim.scene.settings.integrator,
-        "noise": sim.scene.settings.noise,
-        "crossings": sim.model.features.crossings,
-        "precision": sim.model.features.precision,
+        **{name: getattr(sim.options, name) for name in PLAIN},
+        "ends": stored_ends.described(sim.options.ends),
         "forces": [
             {"name": law.name, "digest": law.digest, "bodies": np.flatnonzero(acts).tolist()}
             for law, acts in _user_forces(sim)
         ],
     }
     arrays: dict[str, Any] = {k: v.numpy() for k, v in _arrays(sim).items()}
-    arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()} | stored_ends.values(sim._ends)
+    arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()} | stored_ends.values(sim.options.ends)
     temporary = path.with_name(path.name + ".tmp")
     try:
         with temporary.open("wb") as file:
@@ -202,16 +207,11 @@ def restore(
         worlds=about["worlds"],
         seed=about["seed"],
         device=device,
-        time_step=about["time_step"],
         parameters=parameters,
         threads=threads,
-        fast_math=bool(about.get("fast_math", False)),
-        integrator=about.get("integrator", "eulerMaruyama"),
-        noise=about.get("noise", "gaussian"),
-        crossings=bool(about.get("crossings", True)),
-        precision=about.get("precision", "float32"),
         forces=_same_forces(path, scene, about.get("forces", []), forces),
         allow_large_step=True,
+        **{name: about.get(name, default) for name, default in PLAIN.items()},
     )
     _fill(sim, stored, path)
     sim.state.step = about["step"]

@@ -18,17 +18,7 @@ if TYPE_CHECKING:
 class StepOptions:
     """What a user may choose about the step, beyond the scene and its parameters.
 
-    Attributes:
-        time_step: Explicit step [s]; None lets the scene and its accuracy decide.
-        integrator: `eulerMaruyama`, `leimkuhlerMatthews`, `heun`, `exponential`, or None for the scene's.
-        noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
-        fast_math: On CUDA, approximate instructions for logarithm, sine, cosine, roots and divisions.
-        crossings: Whether escapes between the ends of two steps count.
-        precision: `float32`, or `float64` for all real numbers but the noise.
-        forces: Forces that the user adds; see `otwarp.force`.
-        allow_large_step: Whether an explicit step that is stable may make any errors; else it draws a warning above the
-            wanted accuracy, and is refused above 10 %.
-        ends: What ends the task of a world, each then with a clock of its own; None: all worlds go on for good.
+    Its fields are arguments of `Simulation`, which says what each means and allows; a checkpoint keeps all of them.
     """
 
     time_step: float | None = None

@@ -14,33 +14,85 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene
-from otwarp.simulation.frame import SHAPES, Frame, capture_frame
+from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import device_view
 from otwarp.simulation.packing.parameters import expand
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.starts import host_flags
 
+Each = Callable[..., list[Any]]
+"""(work, items) → what `work(shard, item)` gives for every shard; items are its worlds, a slice, if none are given."""
+
+OWN = (
+    "model",
+    "writes",
+    "layout",
+    "fault_count",
+    "living",
+    "count",
+    "values",
+    "at_most",
+    "origin",
+    "views",
+    "launches",
+)
+"""Fields of `State`, `Control`, `Readout` and `Episodes` that a shard has for itself."""
+
 
 class Gathered:
-    """A `State`, `Readout` or `Episodes` of all shards: its arrays of worlds are gathered on the host when read."""
+    """A `State`, `Control`, `Readout` or `Episodes` of all shards, to be read on the host.
 
-    def __init__(self, parts: Callable[[], list[Any]]):
-        self._parts = parts
+    Arrays have a row for every world, `running` counts all of them; times, ends and `follow` are the same everywhere.
+
+    Raises:
+        InputError: What is asked for is each shard's own.
+    """
+
+    def __init__(self, group: str, each: Each):
+        self._group, self._each = group, each
 
     def __getattr__(self, name: str) -> Any:
-        values = [getattr(part, name) for part in self._parts()]
-        if all(isinstance(v, wp.array) for v in values):
-            return np.concatenate([v.numpy() for v in values])
-        return np.concatenate(values) if all(isinstance(v, np.ndarray) for v in values) else values[0]
+        if name in OWN:
+            raise InputError(f"{self._group}.{name} is each shard's own; allowed: shards[n].{self._group}.{name}")
+        values = [getattr(group, name) for group in self._each(lambda s, _: getattr(s, self._group))]
+        if name == "running":
+            return sum(values)
+        rows = [v.numpy() if isinstance(v, wp.array) else v for v in values]
+        if not isinstance(rows[0], np.ndarray) or name == "follow":
+            return rows[0]
+        worlds = self._each(lambda s, _: s.model.worlds)
+        # one row may serve all worlds of a shard
+        return np.concatenate([np.broadcast_to(r, (n, *r.shape[1:])) for r, n in zip(rows, worlds, strict=True)])
+
+
+class GatheredControl(Gathered):
+    """A `Control` of all shards: read like the others, written by `set`."""
+
+    def set(self, *, trap_position: Any = None, trap_power: Any = None, follow: Any = None) -> None:
+        """Command traps of all worlds; arguments as for `Control.set`, and nothing is written unless all shards accept.
+
+        Raises:
+            InputError: As `Control.set`.
+        """
+        asked = {"trap_position": trap_position, "trap_power": trap_power}
+        given = {name: value for name, value in asked.items() if value is not None}
+
+        def accept(sim: Simulation, part: slice) -> tuple[dict[str, np.ndarray], np.ndarray]:
+            worlds, traps = sim.model.all_worlds, len(sim.scene.traps)
+            rows = {name: expand(name, value, worlds=worlds, traps=traps) for name, value in given.items()}
+            return sim.control.accept(**{n: v if len(v) == 1 else v[part] for n, v in rows.items()}, follow=follow)
+
+        self._each(lambda s, accepted: s.control.write(*accepted), self._each(accept))
 
 
 class ShardedSimulation:
     """A scene in motion on several devices, which share out its worlds in order.
 
     World w has the seed, noise and parameters of world w of a `Simulation` of all worlds on one device, so results are
-    the same bit for bit, whatever the devices. `state`, `readout` and `episodes` read as NumPy arrays over all worlds;
-    `shards` are the simulations on the devices, for whoever works there.
+    the same bit for bit, whatever the devices. `state`, `control`, `readout` and `episodes` read as NumPy arrays over
+    all worlds; `shards` are the simulations on the devices, for whoever works there. It is a context, whose end, like
+    `close`, ends its threads: it steps no more.
 
     Args:
         scene: What to simulate.
@@ -71,17 +123,27 @@ class ShardedSimulation:
             for device, part in zip(devices, self.parts, strict=True)
         ]
         self._threads = _threads(self.shards)
-        self.state = Gathered(lambda: [s.state for s in self.shards])
-        self.episodes = Gathered(lambda: [s.episodes for s in self.shards])
-        self.readout = Gathered(lambda: self._each(lambda s, _: s.readout))
+        self.state, self.readout, self.episodes = (Gathered(g, self._each) for g in ("state", "readout", "episodes"))
+        self.control = GatheredControl("control", self._each)
 
-    def _each(self, work: Callable[[Simulation, slice], Any]) -> list[Any]:
+    def __enter__(self) -> ShardedSimulation:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the threads in which the shards work, when they have done what they do."""
+        for thread in self._threads:
+            thread.shutdown()
+
+    def _each(self, work: Callable[[Simulation, Any], Any], items: Sequence[Any] | None = None) -> list[Any]:
         """What every shard gives when all of them are done, even if one fails; threads wait for their devices."""
         # Warp makes a device the default one while it copies from there to the host
         with wp.ScopedDevice(wp.get_device()):
             given = [
-                thread.submit(work, shard, part)
-                for thread, shard, part in zip(self._threads, self.shards, self.parts, strict=True)
+                thread.submit(work, shard, item)
+                for thread, shard, item in zip(self._threads, self.shards, items or self.parts, strict=True)
             ]
             wait(given)
         return [one.result() for one in given]
@@ -96,11 +158,6 @@ class ShardedSimulation:
         """Simulated time [s]."""
         return self.shards[0].time
 
-    @property
-    def running(self) -> int:
-        """Worlds in motion, as `Episodes.running`."""
-        return sum(s.episodes.running for s in self.shards)
-
     def step(self, steps: int = 1) -> None:
         """Take `steps` time steps on all devices at once; see `Simulation.step`."""
         self._each(lambda s, _: s.step(steps))
@@ -109,20 +166,10 @@ class ShardedSimulation:
         """Simulate `duration` seconds on all devices at once, to the nearest whole step."""
         self._each(lambda s, _: s.run(duration))
 
-    def command(self, *, trap_position: Any = None, trap_power: Any = None, follow: Any = None) -> None:
-        """Command traps of all worlds; arguments as for `Control.set`."""
-        asked = {"trap_position": trap_position, "trap_power": trap_power}
-        traps = len(self.shards[0].scene.traps)
-        rows = {n: expand(n, v, worlds=self.worlds, traps=traps) for n, v in asked.items() if v is not None}
-        self._each(
-            lambda s, part: s.control.set(
-                **{n: v[0] if len(v) == 1 else v[part] for n, v in rows.items()}, follow=follow
-            )
-        )
-
     def set_state(self, **poses: Any) -> None:
         """Put the bodies elsewhere; arguments as for `Simulation.set_state`."""
-        self._each(lambda s, part: s.set_state(**{n: self._rows(n, v, part) for n, v in poses.items()}))
+        given = {name: values for name, values in poses.items() if values is not None}
+        self._each(lambda s, part: s.set_state(**{n: self._rows(n, v, part) for n, v in given.items()}))
 
     def reset(self, worlds: Any = None, *, number: Any = None, **poses: Any) -> None:
         """Start worlds anew; arguments as for `Simulation.reset`, on the host, `worlds` flags (W) or indices.
@@ -146,16 +193,21 @@ class ShardedSimulation:
     def frame(self) -> Frame:
         """The present state and readout of all worlds; see `Frame`."""
         frames = self._each(lambda s, _: capture_frame(s))
-        joined = {n: np.concatenate([getattr(f, n) for f in frames]) for n in SHAPES}
-        for name in ("unwrapped", "entries"):
-            if getattr(frames[0], name) is not None:
-                joined[name] = np.concatenate([getattr(f, name) for f in frames])
-        return dataclasses.replace(frames[0], **joined)
+        arrays = [n for n, v in vars(frames[0]).items() if isinstance(v, np.ndarray)]
+        return dataclasses.replace(frames[0], **{n: np.concatenate([getattr(f, n) for f in frames]) for n in arrays})
 
     def _rows(self, name: str, values: Any, part: slice) -> Any:
-        """The rows of a part in what has one per world; the whole of what serves all."""
+        """The rows of a part in what has one per world; the whole of what serves all.
+
+        Raises:
+            InputError: Another number of rows than worlds.
+        """
         array = np.asarray(values)
-        return array[part] if array.ndim == (1 if name == "number" else 3) else array
+        if array.ndim != (1 if name == "number" else 3):
+            return array
+        if len(array) != self.worlds:
+            raise InputError(f"{name} has {len(array)} rows; allowed: {self.worlds}, one for each world")
+        return array[part]
 
 
 def _threads(shards: Sequence[Simulation]) -> list[ThreadPoolExecutor]:

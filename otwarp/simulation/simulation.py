@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,11 @@ class Simulation:
         readout: Compile the kernels of the readout beside those of the step, for whoever will look at it; else they are
             compiled when it is first asked for.
 
+    Attributes:
+        model: The scene on the device.
+        options: What was chosen about the step, with the time step, integrator and noise that follow from the scene.
+        state, control: What moves, and what is commanded.
+
     Raises:
         InputError: An argument out of range.
 
@@ -116,7 +122,9 @@ class Simulation:
         self._episodes: Episodes | None = None
         if self.model.features.episodes:
             self._episodes = Episodes.start(self.model, options.ends or (), self.state, self._readout)
-        self._ends = options.ends
+        settings = self.model.scene.settings
+        in_force = {"time_step": self.time_step, "integrator": settings.integrator, "noise": settings.noise}
+        self.options = dataclasses.replace(options, **in_force)
         self._measured_at: tuple[int, int] | None = None
         self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
@@ -161,7 +169,7 @@ class Simulation:
         self._count(steps)
         if self._episodes is not None:
             self._episodes.look()
-        if self._ends is None:
+        if self.options.ends is None:
             self._check()
 
     def _segment(self, episodes: Episodes, steps: int) -> None:
@@ -184,7 +192,7 @@ class Simulation:
         Raises:
             InputError: The simulation was made without `ends`.
         """
-        if self._episodes is None or self._ends is None:
+        if self._episodes is None or self.options.ends is None:
             raise InputError(
                 "this simulation has no episodes; allowed: Simulation(..., ends=[...]), or ends=() for none"
             )

@@ -162,6 +162,20 @@ class Control(Bound):
             >>> sim.control.trap_power.numpy().ravel().tolist()
             [1.0, 5.0]
         """
+        self.write(*self.accept(trap_position=trap_position, trap_power=trap_power, follow=follow))
+
+    def accept(
+        self,
+        *,
+        trap_position: ArrayLike | None = None,
+        trap_power: ArrayLike | None = None,
+        follow: ArrayLike | None = None,
+    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """What `set` would write, if all of it can be: arrays by name, and (T,) bits of `follow`.
+
+        Raises:
+            InputError: As `set`.
+        """
         asked = {"trap_position": trap_position, "trap_power": trap_power}
         worlds, traps = self.model.worlds, len(self.model.scene.traps)
         given = {n: expand(n, v, worlds=worlds, traps=traps) for n, v in asked.items() if v is not None}
@@ -174,12 +188,16 @@ class Control(Bound):
                 for t, bit, p in zip(self.model.scene.traps, bits, power.max(axis=0), strict=True)
             ]
             check_powers(self.model, np.array(peaks, dtype=float))
+        return given, bits
+
+    def write(self, given: Mapping[str, np.ndarray], bits: np.ndarray) -> None:
+        """Write what was accepted."""
         for name, values in given.items():
             if len(values) > getattr(self, name).shape[0]:
                 self.widen(name)
             array = getattr(self, name)
             array.assign(np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(host_type(array.dtype)))
-        if traps:
+        if len(bits):
             self.follow.assign(bits)
         self.writes += 1
 

@@ -23,8 +23,8 @@ def digest(end: End) -> str:
     return hashlib.sha256(repr((end.name, end.law.kinds, full_source(end.law.function))).encode()).hexdigest()
 
 
-def told(ends: Sequence[End] | None) -> list[dict[str, str]] | None:
-    """What a checkpoint says of the ends of a simulation, None where it has none."""
+def described(ends: Sequence[End] | None) -> list[dict[str, str]] | None:
+    """Names and digests of the ends of a simulation, for a checkpoint; None where it has none."""
     return None if ends is None else [{"name": end.name, "digest": digest(end)} for end in ends]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import json
 import subprocess
 import sys
@@ -12,9 +13,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.scene import Scene, SceneBuilder
 from otwarp.simulation.checkpoint import scene_digest
+from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 from tests.simulation.test_determinism import touching_scene
@@ -129,6 +132,43 @@ def test_forces_of_a_scene_count_where_it_has_some():
     pushed = dataclasses.replace(scene, bodies=(dataclasses.replace(bead, forces={"external_force": (1.0, 0.0, 0.0)}),))
     with np.load(OLD) as file:
         assert scene_digest(scene) == json.loads(str(file["about"]))["digest"] != scene_digest(pushed)
+
+
+@ot.force(strength="pN", slope=0.0, load=5.0)
+def steady(body: ot.ForceInput, strength: float):
+    return wp.vec3(strength, 0.0, 0.0)
+
+
+CHOICES = (
+    {
+        "time_step": 2e-5, "integrator": "leimkuhlerMatthews", "noise": "threePoint", "crossings": False,
+        "fast_math": True, "forces": (steady(strength=2.0),), "ends": (ot.timed_out(after=3.0),),
+    },
+    {"precision": "float64"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("chosen", CHOICES, ids=["float32", "float64"])
+def test_every_option_of_the_step_is_kept(chosen, tmp_path, device):
+    """The largest step that is allowed is not: one that was accepted is accepted again."""
+    names = {f.name for f in dataclasses.fields(StepOptions)}
+    assert {name for choice in CHOICES for name in choice} | {"allow_large_step"} == names
+    scene = authored(bead_scene(), tmp_path / "bead.usda")
+    sim = Simulation(scene, device=device, **chosen)
+    path = sim.save(tmp_path / "bead.npz")
+    own = {"forces": (steady,)} if "forces" in chosen else {}
+    back = Simulation.restore(path, device=device, **own).options
+    for name in names - {"forces", "ends", "allow_large_step"}:
+        assert getattr(back, name) == getattr(sim.options, name), name
+        if name in chosen:
+            assert getattr(back, name) == chosen[name] != getattr(StepOptions(), name), name
+    assert [f.law for f in back.forces] == [f.law for f in sim.options.forces]
+    assert [e.law for e in back.ends or ()] == [e.law for e in sim.options.ends or ()]
+
+
+def test_options_of_the_step_are_arguments_of_a_simulation():
+    arguments = inspect.signature(Simulation).parameters
+    assert {n: arguments[n].default for n in vars(StepOptions())} == vars(StepOptions())
 
 
 @pytest.mark.parametrize("cut", [0, 10, 0.5, 0.98])

@@ -55,13 +55,13 @@ def test_parts_are_the_whole(pair):
         sim.step(100)
     check_equal(*pair)
     whole.control.set(trap_position=FOCI, trap_power=19.0)
-    parts.command(trap_position=FOCI, trap_power=19.0)
+    parts.control.set(trap_position=FOCI, trap_power=19.0)
     for sim in pair:
         sim.step(30)
         sim.reset([1, 6], position=np.zeros((WORLDS, 1, 3)))
         sim.step(70)
     check_equal(*pair)
-    assert parts.running == whole.episodes.running
+    assert parts.episodes.running == whole.episodes.running
     start = np.linspace(0.0, 0.01, 3 * WORLDS).reshape(WORLDS, 1, 3)
     for sim in pair:
         sim.reset(number=np.arange(50, 50 + WORLDS))
@@ -91,6 +91,31 @@ def test_a_fault_in_a_part_names_its_world(device):
     parts.set_state(position=place)
     with pytest.raises(ot.SimulationError, match="world 6"):
         parts.step(10)
+
+
+def test_commands_are_accepted_by_all_parts_or_by_none(device):
+    with ot.ShardedSimulation(lossy_scene(), devices=[device] * 3, worlds=WORLDS, **options(device)) as parts:
+        assert np.array_equal(parts.control.trap_power, POWER.astype(np.float32))
+        rising = np.full((WORLDS, 1), 19.0)
+        rising[-1] = 1e6  # mW
+        with pytest.raises(ot.InputError, match="power"):
+            parts.control.set(trap_position=FOCI, trap_power=rising)
+        assert np.array_equal(parts.control.trap_power, POWER.astype(np.float32))
+        parts.control.set(trap_position=(0.0, 0.0, 0.1), follow=0)
+        assert parts.control.trap_position.shape == (WORLDS, 1, 3) and parts.control.follow.tolist() == [0]
+    with pytest.raises(RuntimeError, match="shutdown"):
+        parts.step()
+
+
+def test_what_is_not_of_all_worlds_is_read_from_a_shard(device):
+    named = {"worlds": 4, "ends": [ot.timed_out(after=1.0)], "seed": 31}
+    with ot.ShardedSimulation(lossy_scene(), devices=[device] * 2, **named) as parts:
+        assert parts.episodes.running == 4 and parts.episodes.time.shape == (4,)
+        for group, name in (("episodes", "count"), ("episodes", "values"), ("readout", "fault_count")):
+            with pytest.raises(ot.InputError, match=rf"{name} is each shard's own; allowed: shards\[n\]\.{group}"):
+                getattr(getattr(parts, group), name)
+        with pytest.raises(ot.InputError, match="position has 5 rows; allowed: 4, one for each world"):
+            parts.set_state(position=np.zeros((5, 1, 3)))
 
 
 def test_all_parts_have_taken_their_steps_when_one_fails(device):
