@@ -175,7 +175,7 @@ def everything() -> Scene:
     return Scene(
         bodies=(robot(collides=True), bead(top, name="cell", collides=True)),
         settings=replace(THERMAL, gravity=True),
-        traps=(*robot_traps(**_BUSY, limit=FAST), trap(top, **_BUSY, limit=1e6, name="trap3")),
+        traps=(*robot_traps(**_BUSY, limit=FAST), trap(top, **_BUSY, limit=FAST, name="trap3")),
         obstacles=(obstacle("plane", gap=FAR), obstacle("box", gap=-PRESS, moving=True)),
         flow=flow("poiseuille"),
     )
