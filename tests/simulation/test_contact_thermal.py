@@ -9,10 +9,11 @@ import pytest
 
 from otwarp.bench.stability.closed_forms import POISSON_RATIO, drag, hardness, mean_height
 from otwarp.bench.stability.curved import OBSTACLES, curved_gap
-from otwarp.bench.stability.gaps import box_contacts, pairs_in_traps
+from otwarp.bench.stability.gaps import beads_in_box, box_contacts, pairs_in_traps
 from otwarp.bench.stability.hard_spheres import pair_gaps
 from otwarp.bench.stability.thermal import Effort
 from otwarp.scene import Material, Medium, Scene, Settings
+from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import STANDARD_GRAVITY
 from tests.simulation.setups import ENERGY, VISCOSITY, harmonic, obstacle, robot, sphere_body
@@ -177,6 +178,16 @@ def test_eight_hard_beads_in_a_box(driver, worlds, stiffness, device):
     for found, few in zip(both, (0.14, FEW) if stiffness > 0.0 else (FEW, FEW), strict=True):
         assert found.standard_error < 0.07
         assert abs(found.error) < few + 5.0 * found.standard_error
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("driver", ["world", "body"])
+def test_gaps_of_beads_in_a_spring_err_by_less_than_is_told(driver, device):
+    """Those below a step's spread, at the chosen step, where k·dt/γ is 0.02; standard errors are 0.006 and 0.002."""
+    told = Model.build(beads_in_box(0.02, driver=driver), device="cpu").scales.errors["contact"]
+    assert told < 0.1
+    for found in box_contacts(Effort(device=device, worlds=16_384), stiffness=0.02, driver=driver):
+        assert abs(found.error) < told + 5.0 * found.standard_error
 
 
 @pytest.mark.parametrize("count", [1, 13], ids=["world", "grid"])

@@ -50,7 +50,7 @@ def check_overlaps(
     Raises:
         InputError: Names the pair that overlaps most, by how much, and the allowed overlap.
     """
-    owners, centres, radii = _colliding(bodies)
+    owners, centres, radii = colliding_spheres(bodies)
     if not len(owners):
         return
     which, shift = ghosts_of(centres, radii, period)
@@ -76,7 +76,8 @@ def check_overlaps(
             raise bad(where, name, f"overlap with {obstacle.prim}", f"{depth[worst]:g} µm", limit)
 
 
-def _colliding(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def colliding_spheres(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Index of the body (n,), centre (n, 3) and radius (n,) [µm] of all that collides; rods as rows of spheres."""
     owners, centres, radii = [], [], []
     for index, body in enumerate(bodies):
         plain = len(body.spheres) == 1 and not body.rods and not any(body.spheres[0].offset)

@@ -6,6 +6,7 @@ In: a `Scene` and what `packing` found of it. Out: `TimeScales`, of which `times
     relaxation     in the traps: which trap acts on which sphere, and the rate that follows from its power
     rotors         how thermal rotation within a step falsifies orientations and displacements of rigid bodies
     sampling       samples of traps and obstacles that are finer than the step
+    contact_errors  gaps in contact: whether bodies come to touch, and what the step does to them
     edges          where beads leave the traps, as far as they come there
     coupled_rates  faster still, where bodies carry each other along
     speeds         of what neither traps nor noise move: flow, obstacles, weight, adhesion

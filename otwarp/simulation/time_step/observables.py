@@ -20,7 +20,7 @@ OBSERVABLES: dict[str, str] = {
     "correlation": "relaxation rates and correlations in traps",
     "displacement": "mean squared displacements in traps over one step",
     "escape": "escape times and survival in traps",
-    "contact": "gaps between trapped bodies and what they touch, at most",
+    "contact": "gaps between bodies and what they are pressed on, at most",
     "orientation": "rates at which orientations decorrelate",
     "axis": "mean squared displacements along a body's axes over one step",
     "commands": "mean forces of traps that vary within a step",
@@ -37,11 +37,6 @@ LARGE = 0.1
 CLOSE, CLOSE_ORDER = 3.0, 1.5
 """How much shorter steps are where beads start close to the end of a trap, at an accuracy of 1 %, and the power of the
 step with which survival from there errs at most: found with `python -m benchmarks --only time_step`."""
-
-
-CONTACT = 0.55
-"""Largest relative error of mean gaps, and of how many there are below a step's spread, over k·dt/γ, that
-`otwarp bench stability` finds at chosen steps: 7 % at 0.13, for beads that a spring holds together in a box."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,17 +198,6 @@ def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) ->
             limit="start close to where a trap ends",
         )
     ]
-
-
-def in_contact(rate: float) -> list[Observable]:
-    """Gaps of bodies that noise presses on others and on obstacles, in traps where they relax at `rate` [1/s].
-
-    No step is shortened for them: they are told.
-    """
-    if rate <= 0.0:
-        return []
-    error = partial(_of_product, lambda product: CONTACT * product, rate)
-    return [Observable(name="contact", error=error, longest=math.inf, limit="gaps in contact")]
 
 
 def near_walls(longest: float, accuracy: float) -> Observable:

@@ -16,6 +16,7 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.integrate.integrators import INTEGRATORS, Integrator
 from otwarp.scene import Scene
 from otwarp.simulation.packing.walls import wall_time
+from otwarp.simulation.time_step.contact_errors import in_contact
 from otwarp.simulation.time_step.edges import Edges
 from otwarp.simulation.time_step.observables import (
     ExplicitStep,
@@ -23,7 +24,6 @@ from otwarp.simulation.time_step.observables import (
     at_edges,
     errors,
     from_close,
-    in_contact,
     in_springs,
     missed,
     near_walls,
@@ -220,7 +220,9 @@ def time_scales(
     stability = Stability.of(scheme, steepest, powers)
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)
-    watched = _observables(scene, scheme, rate, edges, wall, contacts=contacts)
+    watched = _observables(scene, scheme, rate, edges, wall)
+    if contacts and scene.settings.brownian:
+        watched += in_contact(scene, moves, values, relaxation, powers, loads)
     watched += in_rotation(rotors(scene, moves, values, loads, scheme), scene.settings.accuracy)
     if explicit is None:
         limits = _step_limits(scene, scheme, rate, stability, motions, watched)
@@ -249,23 +251,19 @@ def time_scales(
     )
 
 
-def _observables(
-    scene: Scene, scheme: Integrator, rate: float, edges: Edges, wall: float | None, *, contacts: bool
-) -> list[Observable]:
-    """What the step of a scene may make wrong, apart from rotation and samples.
+def _observables(scene: Scene, scheme: Integrator, rate: float, edges: Edges, wall: float | None) -> list[Observable]:
+    """What the step of a scene may make wrong, apart from contact, rotation and samples.
 
     Args:
         rate: Fastest relaxation near the equilibria of the traps [1/s].
         edges: Where beads leave them.
         wall: As in `TimeScales`.
-        contacts: Whether anything can touch anything.
     """
     accuracy, noise, brownian = scene.settings.accuracy, scene.settings.noise, scene.settings.brownian
     watched = in_springs(scheme, rate, accuracy, noise, brownian=brownian)
     if brownian:
         watched += at_edges(scheme, edges.leaving, accuracy, noise)
         watched += from_close(scheme, edges.starting, accuracy, noise)
-        watched += in_contact(rate) if contacts else []
     if wall is not None:
         watched.append(near_walls(WALL_PRODUCT * accuracy * wall, accuracy))
     return watched

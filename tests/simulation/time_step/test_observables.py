@@ -8,12 +8,12 @@ import warnings
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.scene import Scene, Settings
+from otwarp.scene import Settings
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.time_step.observables import OBSERVABLES, missed, spelled
-from tests.simulation.setups import STIFFNESS, bead_scene, drag, harmonic, sphere_body
+from tests.simulation.setups import STIFFNESS, bead_scene, drag
 
 RELAXATION = drag(1.0) / STIFFNESS
 
@@ -75,27 +75,3 @@ def test_errors_are_spelled_by_known_names():
     assert spelled({"wall": 0.0}, 1e-4) == "all below 0.01 %"
     assert missed({"variance": -0.02, "wall": 0.01}, 0.01) == {"variance": -0.02}
     assert list(scales(0.1).errors) == [name for name in OBSERVABLES if name in scales(0.1).errors]
-
-
-def pair(*, collides: bool) -> Scene:
-    """Two beads in springs so near each other that they meet."""
-    places = ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
-    names = ("A", "B")
-    return Scene(
-        bodies=tuple(sphere_body(n, p, collides=collides) for n, p in zip(names, places, strict=True)),
-        traps=tuple(harmonic(f"Trap{n}", p, cutoff=0.9) for n, p in zip(names, places, strict=True)),
-    )
-
-
-def test_gaps_in_contact_are_told_and_shorten_no_step():
-    """The coefficient is the worst of the stability map."""
-    apart, touching = (Model.build(pair(collides=collides), device="cpu").scales for collides in (False, True))
-    assert "contact" not in apart.errors
-    assert touching.chosen_by != "gaps in contact"
-    product = touching.time_step / touching.trap_relaxation
-    assert touching.errors["contact"] == pytest.approx(0.55 * product)
-    assert touching.missed["contact"] > 0.05
-    # nor is an explicit step refused for them that springs allow
-    asked = StepOptions(time_step=0.19 * touching.trap_relaxation)
-    errors = Model.build(pair(collides=True), device="cpu", options=asked).scales.errors
-    assert errors["contact"] > 0.1 > abs(errors["variance"])
