@@ -152,6 +152,15 @@ def test_the_changelog_leads_to_names_that_exist():
             assert known or importlib.util.find_spec(path) is not None, path
 
 
+def test_every_decision_is_in_the_contents_and_leads_to_the_code():
+    text = (ROOT / "docs" / "decisions.md").read_text(encoding="utf-8")
+    head, *decisions = re.split(r"^### ", text, flags=re.MULTILINE)
+    titles = [body.splitlines()[0] for body in decisions]
+    assert re.findall(r"^- \[(.*)\]\(#.*\)$", head, re.MULTILINE) == titles
+    for title, body in zip(titles, decisions, strict=True):
+        assert "](" in body or "`python -m" in body, title
+
+
 def test_no_document_drowns_its_reader():
     """Pages that people write are short; tables are on pages that scripts write."""
     for document in DOCUMENTS:

@@ -1,8 +1,14 @@
-"""README quotes the cost of terms from docs/benchmarks/terms.md: the same figures."""
+"""README quotes figures of the pages under docs/benchmarks: the same ones."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+import pytest
+
+from benchmarks.headlines import figure, machine, read_page, read_table
+
+pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,6 +39,26 @@ def test_readme_quotes_the_printed_real_time_factor():
     row = next(cells(line) for line in page.splitlines() if line.startswith("| `cell_delivery`"))
     factor = float(row[4].split()[0])
     assert f"The cell delivery steps at {factor:.0f} times real time" in (ROOT / "README.md").read_text()
+
+
+def rate(kind: str, row: str) -> float:
+    """Median rate of a row of docs/benchmarks/speed.md [1/s]."""
+    rows = read_table(read_page("speed", kind), "Speed, beside other programs")
+    return float(figure(rows, row, "rate").split()[0])
+
+
+def test_readme_quotes_the_printed_speeds():
+    text = " ".join((ROOT / "README.md").read_text().split())
+    bead, in_c = (1e9 / rate("cpu", row) for row in ("bead in a spring, eulerMaruyama", "→ C, gcc"))
+    table = 1e9 / rate("cuda", "bead in a bilinear table 1e-3, eulerMaruyama")
+    many = rate("cuda", "case b, 1e+06 spheres") / 1e9
+    gpu = machine(read_page("speed", "cuda")).split()[1]
+    for sentence in (
+        f"costs {bead:.0f} ns a step on one CPU core by Euler–Maruyama, vector code in C for nothing else {in_c:.0f}",
+        f"on an {gpu} with a million worlds a step in a force table of 10⁻³ error takes {table:.2g} ns",
+        f"A million soft spheres that find their neighbours step at {many:.1f}·10⁹ particle-steps/s there",
+    ):
+        assert sentence in text
 
 
 def test_the_list_of_scripts_is_whole():
