@@ -53,8 +53,8 @@ THOROUGH = (
     "validation/test_symmetry.py",
     "validation/test_weak_order.py",
 )
-"""Files that compile most and run longest: CI runs them after the others, with --thorough, but for tests marked `quick`:
-one of each thing that the package promises (an installed package, a force of one's own, an example) is always seen."""
+"""Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`
+always run, one of each thing that is promised: an installed package, a force of one's own, an example, a benchmark."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -71,7 +71,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if not config.getoption("--thorough"):
             left_out["thorough"] = pytest.mark.skip(reason="one of the longest files: run with --thorough")
     for item in items:
-        if item.path.relative_to(Path(__file__).parent).as_posix().startswith(THOROUGH) and "quick" not in item.keywords:
+        long = item.path.relative_to(Path(__file__).parent).as_posix().startswith(THOROUGH)
+        if long and "quick" not in item.keywords:
             item.add_marker("thorough")
         for mark, skip in left_out.items():
             if mark in item.keywords:
