@@ -25,7 +25,7 @@ from otwarp.simulation.packing.optics import TrapOptics
 from otwarp.simulation.packing.parameters import expand_all, scene_values
 from otwarp.simulation.packing.traps import trap_parameters, trap_places, trap_reach
 from otwarp.simulation.packing.walls import check_flow
-from otwarp.simulation.time_step.edges import Edges, at_edges, close_starts, pulls
+from otwarp.simulation.time_step.edges import Edges, at_edges, close_starts, left_behind, pulls
 from otwarp.simulation.time_step.relaxation import Neighbours, TrapRelaxation
 from otwarp.simulation.time_step.speeds import authored_powers
 from otwarp.simulation.time_step.steady_loads import steady_loads
@@ -91,6 +91,7 @@ class ResolvedScene:
         check_flow(scene, values)
         loads = steady_loads(scene, moves, values, forces, device)
         gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)
+        gap = np.maximum(gap, left_behind(scene, moves, values, held))
         pull = pulls(scene, moves, values, loads, held)
         edges = at_edges(scene, values, optics, authored_powers(scene, values), gap, pull)
         return cls(

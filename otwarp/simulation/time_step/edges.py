@@ -28,7 +28,7 @@ STARTED = 0.8
 """Distance over that at which a law leaves its linear branch, from which on a sphere starts beyond it."""
 
 LATE = 0.5
-"""Distance over that at which a law ends, from which on a sphere starts close to it."""
+"""Distance over that at which a law ends, from which on a sphere starts close to it, or is left there."""
 
 JUMP, END, NARROW = 4.0, 3.0, 12.5
 """What makes an error as a slope does: the square of a jump of the force over k_B T; the force with which a law ends,
@@ -75,7 +75,8 @@ def at_edges(
         values: The `(1|W, …)` parameters.
         optics: Of optical traps, which have their steepest slope about half-way up.
         powers: (T,) largest power of each trap [mW].
-        gap: (T,) largest distance at which a sphere within the trap's reach starts from its equilibrium [µm].
+        gap: (T,) largest distance at which a sphere within the trap's reach starts from its equilibrium, or at which
+            the trap leaves it behind [µm].
         pull: (T,) as `pulls`.
     """
     found = dict(values)
@@ -114,8 +115,39 @@ def at_edges(
     return found
 
 
+def left_behind(
+    scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], held: tuple[tuple[int, int], ...]
+) -> np.ndarray:
+    """(T,) how far behind its focus each trap leaves what it holds when it follows its time samples, at most [µm].
+
+    In the spring of its softer direction, at the least power that it ever has: ẋ = (kP/γ)·(f − x) from sample to
+    sample, traps of one body sharing its drag. Commands during a run are not known beforehand.
+    """
+    viscosity = float(values["medium_viscosity"].max())
+    drags = [viscosity / float(np.linalg.eigvalsh(move.mobility[:3, :3])[0]) for move in moves]
+    stiffness = np.minimum(values["trap_stiffness"], values["trap_axial_stiffness"]).min(axis=0)
+    limits = values["trap_speed_limit"].max(axis=0)
+    bodies = [b for b, _ in held]
+    far = np.zeros(len(scene.traps))
+    for t, (trap, b) in enumerate(zip(scene.traps, bodies, strict=True)):
+        powers = np.concatenate([values["trap_power"][:, t], trap.power.values.ravel()])
+        spring = stiffness[t] * min(powers[powers > 0.0], default=0.0)
+        times, points = trap.position.times, trap.position.values
+        if len(times) < 2 or spring == 0.0:
+            continue
+        rate = spring / (drags[b] / bodies.count(b) if b >= 0 else max(drags))
+        spans, ways = np.diff(times), np.diff(points, axis=0)
+        speeds = np.linalg.norm(ways, axis=1) / spans
+        ways *= np.minimum(1.0, limits[t] / np.where(speeds > 0.0, speeds, 1.0))[:, None]
+        lag = np.zeros(3)
+        for way, kept in zip(ways / (rate * spans)[:, None], np.exp(-rate * spans), strict=True):
+            lag = kept * lag + (1.0 - kept) * way
+            far[t] = max(far[t], float(np.linalg.norm(lag)))
+    return far
+
+
 def close_starts(values: Mapping[str, np.ndarray], gap: np.ndarray) -> np.ndarray:
-    """(T,) whether a sphere starts close to where a trap ends; arguments as for `at_edges`."""
+    """(T,) whether a sphere starts close to where a trap ends, or is left there; arguments as for `at_edges`."""
     ends = [values[name].max(axis=0) for name in ("trap_cutoff", "trap_axial_cutoff")]
     return np.any([np.isfinite(end) & (gap > LATE * end) for end in ends], axis=0)
 
@@ -139,7 +171,7 @@ class Edges:
 
     @property
     def starting(self) -> float:
-        """That of the traps close to whose end a sphere starts [1/s]."""
+        """That of the traps close to whose end a sphere starts or is left [1/s]."""
         return self._fastest(self.close.astype(float))
 
     def _fastest(self, powers: np.ndarray) -> float:

@@ -182,7 +182,7 @@ def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> l
 
 
 def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[Observable]:
-    """Survival of beads that start close to where a trap ends, where they would relax at `steep` [1/s].
+    """Survival of beads that start or are left close to where a trap ends, where they would relax at `steep` [1/s].
 
     It is decided within few steps, and not averaged over many as an escape is; so it errs more, and falls more slowly.
     """
@@ -195,7 +195,7 @@ def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) ->
             name="escape",
             error=lambda step: PROMISED * 0.01 * (steep * step / product) ** order,
             longest=product * (accuracy / 0.01) ** (1.0 / order) / steep,
-            limit="start close to where a trap ends",
+            limit="start or lag close to where a trap ends",
         )
     ]
 

@@ -14,6 +14,7 @@ from otwarp.scene import Flow, Scene
 from otwarp.simulation.model import Model
 from otwarp.simulation.time_step.edges import LATE, REACHED, reached_power
 from otwarp.simulation.time_step.observables import CLOSE
+from tests.simulation.setups import line
 
 PAPER = "the paper's radial law"
 FALL = 2.0 * 16.18 / 0.08**3 / 12000.0
@@ -109,3 +110,27 @@ def test_a_law_without_end_is_left_nowhere():
     assert "escape" not in Model.build(dataclasses.replace(scene, traps=(endless,)), device="cpu").scales.errors
     cold = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, brownian=False))
     assert set(Model.build(cold, device="cpu").scales.errors) == {"correlation"}
+
+
+@pytest.mark.parametrize("name", ["spring with an end", PAPER])
+def test_a_trap_that_leaves_its_bead_close_to_the_end_gets_shorter_steps(name):
+    """By a steady lag of v·γ/k, and by a jump; with a speed limit, and on a way that is too short, it does not."""
+    well = RadialWell(name, 2.0)
+    still = well.scene()
+    (trap,) = still.traps
+    start, reach = trap.position.at(0.0), trap.radial.cutoff
+
+    def moved(way: float, time: float, limit: float = math.inf) -> Scene:
+        end = start + np.array([way, 0.0, 0.0])
+        track = line((0.0, start), (time, end), (10.0, end))
+        return dataclasses.replace(still, traps=(dataclasses.replace(trap, position=track, speed_limit=limit),))
+
+    lasting, middle = 20.0 / well.rate, product(still, well)
+    for lag, wanted in ((0.9 * LATE, middle), (1.1 * LATE, middle / CLOSE)):
+        speed = lag * reach * well.rate
+        assert product(moved(speed * lasting, lasting), well) == pytest.approx(wanted, rel=2 * WHOLE)
+        assert product(moved(lag * reach, 1e-3 / well.rate), well) == pytest.approx(wanted, rel=2 * WHOLE)
+    # as fast, but not for long; and slower than it is told to
+    assert product(moved(0.5 * LATE * reach, 0.5 / well.rate), well) == pytest.approx(middle, rel=2 * WHOLE)
+    slow = moved(3.0 * reach, lasting, limit=0.5 * LATE * reach * well.rate)
+    assert product(slow, well) == pytest.approx(middle, rel=2 * WHOLE)
