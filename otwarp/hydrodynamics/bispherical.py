@@ -198,7 +198,7 @@ def _along_the_wall(alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """Force along x over 6πηa·(a) and torque about y over 6πηa²·(a) that drive three motions along the wall.
 
     The fluid on the sphere moves with x̂, with ŷ × (r − centre)/a, and with z x̂/a. Signs: what the liquid takes from the
-    sphere, so a resistance is positive; for the torque of the second and third motion see `_torque`.
+    sphere, so a resistance is positive; for the torque of the second and third motion see `_torques`.
     """
     basis = _Legendre(int(DIGITS / alpha) + 30)
     c, s = np.cosh(alpha), np.sinh(alpha)

@@ -1,4 +1,4 @@
-"""What a scene needs: the feature set from which a step is composed, and why each term is in or out."""
+"""What a scene needs: the feature set from which a step is composed."""
 
 from __future__ import annotations
 

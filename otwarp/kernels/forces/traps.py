@@ -112,7 +112,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
 
 
 def traps_on_sphere(f: Features, what: str) -> wp.Function:
-    """`(model, control, state, bead, world, b, position, time)` → their `force` or `stiffness`, as `sum_over_traps`."""
+    """`(model, control, state, bead, world, b, position, time)` → `force` or `stiffness`, as `sum_over_traps_term`."""
     total = sum_over_traps_term(f, what)
     kind, nothing = ZEROS[what]
 

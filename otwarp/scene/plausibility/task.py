@@ -1,4 +1,4 @@
-"""Tasks that are decided before they begin, as `otwarp.record.Monitor` would judge their first frames."""
+"""Tasks that are decided before they begin, as `otwarp.record.monitor.Monitor` would judge their first frames."""
 
 from __future__ import annotations
 

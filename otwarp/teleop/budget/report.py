@@ -21,7 +21,7 @@ from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
 
 FRAME_RATE = 120.0
-"""Frames per second of wall time that a session reads out, see `frame.PaceNow`."""
+"""Frames per second of wall time that a session reads out, see `otwarp.teleop.PaceNow`."""
 
 SECONDS = 0.5
 """Wall time that one measurement takes at least [s], start-up excepted."""

@@ -76,7 +76,7 @@ def plan_hands(
         scene: Whose `ot:trap:hand` says which hand moves a trap, unless `config` does.
         devices: Hand → device; a hand without one moves nothing.
         config: Replaces the presets, or, as a mapping, changes them; a hand in it without traps takes the scene's.
-        mode, pairing: Of the presets, as `presets.two_hands`. The older pairing swaps the hands' traps.
+        mode, pairing: Of the presets, as for `haptics.core.config.two_hands`. The older pairing swaps the hands' traps.
         motion_gain, force_gain: Replace those of both hands [µm/m, N/pN].
         rate: Servo rate [Hz].
 

@@ -1,0 +1,89 @@
+"""Docstrings of the package: the modules, classes and functions that they name in backticks are there."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.documents import ROOT
+
+TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "otwarp").rglob("*.py"))}
+
+FOREIGN = re.compile(
+    r"rmw_\w+|RMW_\w+|ros_discovery_info|dualsense_input_report|data_|_ptr"  # ROS 2, Linux, Cyclone DDS, Warp
+    r"|(numpy|hid|wp|Gf|rosbags|law)\..*|\w+\.(nc|usda|png|toml)"
+)
+"""Names of others, of files, and of variables that are called like a module."""
+
+
+def stem(path: Path) -> str:
+    """Name of a module, or of the room whose docstring it holds."""
+    return path.parent.name if path.stem == "__init__" else path.stem
+
+
+def texts(tree: ast.Module) -> Iterator[ast.Constant]:
+    """Docstrings, and what stands below constants in their place."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            for line in node.body:
+                if isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant):
+                    yield line.value
+
+
+def defined(tree: ast.Module) -> set[str]:
+    """Names that a module defines or imports at its top."""
+    nodes = [n for s in tree.body for n in (ast.walk(s) if isinstance(s, ast.If | ast.Assign) else [s])]
+    named = {n.name for n in nodes if isinstance(n, ast.ClassDef | ast.FunctionDef)}
+    named |= {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+    named |= {a.asname or a.name for n in nodes if isinstance(n, ast.ImportFrom) for a in n.names}
+    return named | {n.id for n in nodes if isinstance(n, ast.Name)}
+
+
+def members(tree: ast.Module) -> set[str]:
+    """Names of methods, fields and attributes of the classes of a module."""
+    classes = [n for n in ast.walk(tree) if isinstance(n, ast.ClassDef)]
+    lines = [line for c in classes for line in c.body]
+    named = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
+    named |= {line.name for line in lines if isinstance(line, ast.FunctionDef)}
+    return named | {n.target.id for n in lines if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+
+
+def words(tree: ast.Module) -> set[str]:
+    """All names that the code of a module has, those in its strings as well."""
+    prose = {id(text) for text in texts(tree)}
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        names = (getattr(node, field, None) for field in ("id", "arg", "attr", "name", "asname"))
+        found.update(name for name in names if isinstance(name, str))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
+            found.update(re.findall(r"\w+", node.value))
+    return found
+
+
+TOP: defaultdict[str, set[str]] = defaultdict(set)
+for _path, _tree in TREES.items():
+    TOP[stem(_path)] |= defined(_tree)
+MEMBERS = set().union(*map(members, TREES.values()))
+WORDS = set(TOP).union(*map(words, TREES.values()))
+
+
+def is_there(name: str, path: Path) -> bool:
+    """Whether the package has what a docstring of `path` calls so."""
+    *_, room, last = ("", *name.split("."))
+    if room in TOP and (room != stem(path) or name.startswith("otwarp.")):
+        return last in TOP[room] | MEMBERS | set(TOP)
+    return last in WORDS or not (room or "_" in last)
+
+
+def test_names_in_docstrings_are_there():
+    stale = [
+        f"{path.relative_to(ROOT)}:{text.lineno}: {name}"
+        for path, tree in TREES.items()
+        for text in texts(tree)
+        for name in re.findall(r"`(\w+(?:\.\w+)*)(?:\([^`\n]*\))?`", str(text.value))
+        if not is_there(name, path) and not FOREIGN.fullmatch(name)
+    ]
+    assert not stale, "\n".join(stale)
