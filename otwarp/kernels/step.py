@@ -25,7 +25,7 @@ class Step:
     Attributes:
         features: What they were composed from.
         fused: The single kernel of the drivers that take many steps in a launch, or None.
-        grid: The body driver's kernels, or None.
+        grid: The grid driver's kernels, or None.
         readout: Trap readout kernels (per trap and body, per hand), empty without traps.
         forces: Readout of the forces with parameters, or None without such.
     """

@@ -4,7 +4,7 @@ In: a `Scene`, how to step it (`options.StepOptions`), parameters and forces of 
 arrays that change in place (`state`), frames (`frame`), checkpoints (`checkpoint`), plain data (`info`). Open
 `simulation` first, then `model`: `resolved`, `composition` and `body_space` decide what the kernels of a scene are made
 of, `compilation` tells what is about to be compiled, `stepping` launches the fused drivers, `grid_stepper` and
-`block_stepper` the body driver on the memory of `grid_scratch`.
+`block_stepper` the grid driver on the memory of `grid_scratch`.
 
 `episodes` are worlds that end and start anew: `ends` says what ends them, `starts` how they are reset. `capture` makes
 a graph of a user's loop, `sharded` shares worlds out to several devices.

@@ -1,4 +1,4 @@
-"""Launching the body driver for worlds of some hundred bodies: a block of threads per world, many steps."""
+"""Launching the grid driver for worlds of some hundred bodies: a block of threads per world, many steps."""
 
 from __future__ import annotations
 

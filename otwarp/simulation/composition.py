@@ -67,7 +67,7 @@ def compose(
         fast_math=options.fast_math,
         crossings=options.crossings,
         precision=options.precision,
-        # a part has its worlds' numbers from their trials; the body driver counts its worlds by itself
+        # a part has its worlds' numbers from their trials; the grid driver counts its worlds by itself
         episodes=options.ends is not None or (part and f.driver != "grid"),
     )
     lanes = device.is_cpu and f.precision == "float32" and _takes_lanes(f)
@@ -151,14 +151,14 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 
 def _takes_lanes(f: Features) -> bool:
     """Whether a CPU draws noise in blocks: bodies on their own, and many-body scenes of lone spheres."""
-    # a block of the body driver holds one step of many bodies: nothing for a scheme that looks at the next step's noise
+    # a block of the grid driver holds one step of many bodies: nothing for a scheme that looks at the next step's noise
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
     many = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
     return not f.walls and (f.driver == "solo" or many)
 
 
 def fits_a_block(scene: Scene) -> bool:
-    """Whether a block of threads steps a world of the scene by itself in the body driver."""
+    """Whether a block of threads steps a world of the scene by itself in the grid driver."""
     colliding = sum(len(body.colliding) for body in scene.bodies)
     return max(len(scene.bodies), colliding) <= GRID_WORLD_BODIES
 

@@ -1,4 +1,4 @@
-"""Memory of the body driver, and the sizes of its cells and skin."""
+"""Memory of the grid driver, and the sizes of its cells and skin."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
 
 
 def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
-    """Everything the kernels of the body driver keep between launches."""
+    """Everything the kernels of the grid driver keep between launches."""
     f, w, device = model.features, model.worlds, model.device
     b = f.bodies
     own = 0 if f.soft_contacts else b

@@ -1,4 +1,4 @@
-"""Launching the body driver: a captured graph of one step, with parts that the device takes only when needed."""
+"""Launching the grid driver: a captured graph of one step, with parts that the device takes only when needed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SHARED = (start_clock, tick, next_sweeps, resume_sweeps, clear_cells, bound_cell
 
 
 class GridStepper:
-    """Launches the body driver: one captured graph, on CPU and CUDA alike.
+    """Launches the grid driver: one captured graph, on CPU and CUDA alike.
 
     On the CPU the loop over the steps of a call is part of the graph. The kernels `beside` are loaded along with it.
     """

@@ -52,7 +52,7 @@ def struct_bytes(data: Any) -> int:
 
 
 def _bytes_per_world(model: Model, groups: tuple[State, Control, Readout]) -> dict[str, int]:
-    """Bytes that each further world takes: of state, command and readout, and of the body driver's scratch."""
+    """Bytes that each further world takes: of state, command and readout, and of the grid driver's scratch."""
     held = sum(v.capacity for g in groups for v in vars(g).values() if isinstance(v, wp.array))
     scratch = 0
     if model.features.driver == "grid":

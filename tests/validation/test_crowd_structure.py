@@ -2,7 +2,7 @@
 
 Hertz's energy of two equal spheres of radius a that overlap by δ is 2/5·K·δ^{5/2}, K = 4/3·E*·√(a/2). Monte Carlo
 (Metropolis et al. 1953, doi:10.1063/1.1699114) knows neither time steps nor contacts, so that it holds the contact
-forces, the neighbour lists, the images and the noise of the body driver to Boltzmann's distribution.
+forces, the neighbour lists, the images and the noise of the grid driver to Boltzmann's distribution.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ DIFFUSED = 1e-4
 """D·dt over the squared diameter."""
 SURFACE = Material(youngs_modulus=3.0, poisson_ratio=0.4)
 SEEDED = 30
-"""Bodies of the scene whose arrays are repeated: enough for the body driver."""
+"""Bodies of the scene whose arrays are repeated: enough for the grid driver."""
 
 
 def time_step() -> float:

@@ -21,7 +21,7 @@ POLYMER = 3e9
 ENERGY = BOLTZMANN * 298.15
 
 PAIRS = {"world": 1, "coupled": 1, "body": 13}
-"""Pairs in a scene by driver; more than 24 bodies are stepped by the body driver."""
+"""Pairs in a scene by driver; more than 24 bodies are stepped by the grid driver."""
 
 CORNERS = tuple((x, y, z) for x in (-1.05, 1.05) for y in (-1.05, 1.05) for z in (-1.05, 1.05))
 """Where the beads in a box start [µm]."""
@@ -30,7 +30,7 @@ HALF = 2.0
 """How far their centres come from the middle of the box along each axis [µm]."""
 
 FAR_AWAY = 20
-"""Bodies outside the box that make the body driver step it."""
+"""Bodies outside the box that make the grid driver step it."""
 
 
 def pairs_in_traps(count: int, stiffness: float, *, time_step: float | None = None, coupling: bool = False) -> Scene:

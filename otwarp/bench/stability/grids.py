@@ -248,7 +248,7 @@ GRIDS: tuple[StressGrid, ...] = (
     ),
     StressGrid(
         name="crowd",
-        title="Beads side by side on a floor, world driver and body driver: contact force against Hertz",
+        title="Beads side by side on a floor, world driver and grid driver: contact force against Hertz",
         axes=("Young's modulus [Pa]", "beads"),
         cells=product(many_spheres, ("modulus", MODULI), ("count", (2, 24, 25, 60))),
         full_only=True,

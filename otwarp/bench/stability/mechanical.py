@@ -166,7 +166,7 @@ def dragged_bead(effort: Effort, *, speed: float, factor: float = 1.0, stable: b
 
 
 def crowded_floor(modulus: float, count: int) -> Scene:
-    """`count` beads side by side on a plane, each in its own spring: the body driver where there are many."""
+    """`count` beads side by side on a plane, each in its own spring: the grid driver where there are many."""
     x, y, z = PLACE
     bodies = tuple(
         bead(1.0, (x + 2.5 * i, y, z), name=f"bead{i}", modulus=modulus, collides=True) for i in range(count)

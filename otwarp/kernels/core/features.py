@@ -28,7 +28,7 @@ BODY_BLOCKS = 6
 """Blocks of bodies that turn which a multiprocessor is to hold: 170 registers a thread, in place of 255."""
 
 GRID_WORLD_BODIES = 512
-"""Bodies, and what collides of them, up to which a block of threads steps a world of the body driver by itself."""
+"""Bodies, and what collides of them, up to which a block of threads steps a world of the grid driver by itself."""
 
 WORLD_THREADS = 128
 """Threads of such a block at most: a multiprocessor goes through several worlds at a time."""

@@ -34,7 +34,7 @@ SINGLE = "otwarp.kernels"
 DOUBLE = "otwarp.kernels.float64"
 
 SHARED_ROOMS = ("body_forces.", "cpu.", "drivers.grid.")
-"""Inner rooms that have no second instance: functions doubled one by one, code native to float32, the body driver."""
+"""Inner rooms that have no second instance: functions doubled one by one, code native to float32, the grid driver."""
 
 SHARED = {
     # no real numbers in it, or in float64 as it is

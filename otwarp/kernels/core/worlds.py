@@ -3,7 +3,7 @@
 Where all worlds go on for the whole run there is none of this: a thread's place is its world, a launch has one first
 step, and a world's noise goes by its index. With episodes (`Features.episodes`) the worlds in motion stand in a list,
 so that those which have ended cost nothing, each has a clock, and noise goes by the number of the trial that a world
-runs: trial n is the same in whatever world, part or launch it runs, bit for bit. Scenes of the body driver have no
+runs: trial n is the same in whatever world, part or launch it runs, bit for bit. Scenes of the grid driver have no
 episodes, but parts, whose noise goes by the index among all worlds.
 """
 
@@ -60,7 +60,7 @@ def world_itself(model: ModelData, world: int) -> int:
 
 @wp.func
 def part_number(model: ModelData, world: int) -> int:
-    """Number of a world's trial [1] in the body driver: its index among the worlds of all parts."""
+    """Number of a world's trial [1] in the grid driver: its index among the worlds of all parts."""
     return int(model.first_world) + world
 
 

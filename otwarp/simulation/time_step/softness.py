@@ -75,7 +75,7 @@ def contact_product(
 def takes_turns(
     scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], features: Features, time_step: float
 ) -> bool:
-    """Whether the contacts of the body driver may be solved one after the other, as a CPU does fastest.
+    """Whether the contacts of the grid driver may be solved one after the other, as a CPU does fastest.
 
     Rounds of turns grow with k·give where bodies lean on bodies in a row, give their mobilities × time step; it is
     taken at the overlap that stops a run. Harder scenes are left to sweeps, whose number does not.
@@ -104,7 +104,7 @@ def takes_turns(
 def soft_contacts(
     scene: Scene, moves: list[BodyMobility], values: Mapping[str, np.ndarray], features: Features, time_step: float
 ) -> bool:
-    """Whether the body driver may take contact forces at the start of a step for all of it.
+    """Whether the grid driver may take contact forces at the start of a step for all of it.
 
     Lone spheres alone, whose mobility is the same everywhere, under forces that one stage of the integrator serves.
     """

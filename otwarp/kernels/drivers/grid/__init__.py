@@ -1,4 +1,4 @@
-"""The body driver: many bodies that may touch. In: a feature set. Out: the kernels of a step, or one of many steps.
+"""The grid driver: many bodies that may touch. In: a feature set. Out: the kernels of a step, or one of many steps.
 
 Open `step` first: what one thread per body and launch does, one kernel after the other. `world` does the same to worlds
 of some hundred bodies by a block of threads each, for many steps in one launch.

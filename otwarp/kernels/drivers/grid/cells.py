@@ -1,4 +1,4 @@
-"""Cells of the many-body driver: elements sorted by the cell they are in, so that what is near is found at once.
+"""Cells of the grid driver: elements sorted by the cell they are in, so that what is near is found at once.
 
 Cells repeat along each axis: along a periodic one with the period, along an open one distances tell apart what shares
 a cell by that.

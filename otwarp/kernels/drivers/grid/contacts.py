@@ -1,4 +1,4 @@
-"""Contact forces of the body driver: sweeps over the contacts that `lists` found, until they are settled.
+"""Contact forces of the grid driver: sweeps over the contacts that `lists` found, until they are settled.
 
 The forces are λ = F(δ − s): Hertz's law at the end of the step, where the gaps have opened by s under all λ. They are
 the minimum of a convex energy, ½ λᵀGλ − λᵀ(δ − s₀) + Σψ*(λ) with G the opening of gap i per unit force in contact j, s₀

@@ -1,4 +1,4 @@
-"""Scratch of the body driver, and the pose of a body as its kernels read it."""
+"""Scratch of the grid driver, and the pose of a body as its kernels read it."""
 
 import warp as wp
 
@@ -68,7 +68,7 @@ class Link:
 
 @wp.struct
 class GridData:
-    """Scratch of the body driver; a slot holds a body, and slots follow the cells where contacts are soft.
+    """Scratch of the grid driver; a slot holds a body, and slots follow the cells where contacts are soft.
 
     What is marked (1|W) all worlds share, or each has its own, see `own_term`.
     """

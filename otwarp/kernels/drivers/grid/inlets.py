@@ -1,4 +1,4 @@
-"""Inlets in the body driver: at the end of a step, one thread per world lets in what has left, body by body.
+"""Inlets in the grid driver: at the end of a step, one thread per world lets in what has left, body by body.
 
 It is launched only where a body of any world is outside: a conditional part of the captured graph.
 """
@@ -34,7 +34,7 @@ def other_slots_clear_term(f: Features) -> wp.Function:
 
 
 def make_let_in(f: Features) -> wp.Kernel:
-    """Kernel over worlds of the body driver, at the end of a step in which some body of any world is outside."""
+    """Kernel over worlds of the grid driver, at the end of a step in which some body of any world is outside."""
     if f.soft_contacts:
         return _make_slots_in(f)
     let_in = let_bodies_in_term(f)

@@ -1,4 +1,4 @@
-"""Contacts of the body driver: every body lists its own, in the order of its neighbour lists."""
+"""Contacts of the grid driver: every body lists its own, in the order of its neighbour lists."""
 
 import warp as wp
 

@@ -1,4 +1,4 @@
-"""The free move of a body as the kernels of the body driver take it: everything but contact, at the present step.
+"""The free move of a body as the kernels of the grid driver take it: everything but contact, at the present step.
 
 It comes in the integrator's two stages, with the contacts solved after each.
 

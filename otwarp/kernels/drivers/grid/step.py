@@ -1,4 +1,4 @@
-"""The body driver: one thread per body and step, neighbours from lists, for scenes with many touching bodies.
+"""The grid driver: one thread per body and step, neighbours from lists, for scenes with many touching bodies.
 
 Kernels go over (world, share): a share of `size` bodies is one body on a GPU, and all of them on a CPU, where Warp
 copies the arguments of a kernel anew for every thread, which costs more than a body.
@@ -39,7 +39,7 @@ from otwarp.kernels.optics.trap_wrench import move_trap_term
 
 @dataclass(frozen=True, kw_only=True)
 class GridKernels:
-    """Kernels of the body driver; those that a scene does not need are None.
+    """Kernels of the grid driver; those that a scene does not need are None.
 
     Attributes:
         move_traps: Foci within their speed limits.

@@ -1,4 +1,4 @@
-"""How a body of the body driver keeps its list of contacts: whole, or as links where that is enough."""
+"""How a body of the grid driver keeps its list of contacts: whole, or as links where that is enough."""
 
 import warp as wp
 

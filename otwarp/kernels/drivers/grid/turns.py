@@ -1,4 +1,4 @@
-"""Contact forces of the body driver on a CPU: one contact after the other, until none moves.
+"""Contact forces of the grid driver on a CPU: one contact after the other, until none moves.
 
 A thread of a CPU has a world to itself, so that each contact can be solved exactly for its own force with all others as
 they are by now, and both partners moved at once: coordinate descent (nonlinear Gauss–Seidel) on the convex energy of

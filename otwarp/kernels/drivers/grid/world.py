@@ -1,4 +1,4 @@
-"""The body driver for worlds of some hundred bodies: a block of threads has a world to itself for many steps.
+"""The grid driver for worlds of some hundred bodies: a block of threads has a world to itself for many steps.
 
 What `grid` launches one kernel after the other, for all bodies of all worlds, the threads of a block do here to the
 bodies of their world, each to every so many, and wait for each other in between. A world thereby sweeps over its

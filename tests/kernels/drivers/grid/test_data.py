@@ -1,4 +1,4 @@
-"""What the body driver keeps of a contact."""
+"""What the grid driver keeps of a contact."""
 
 import pytest
 

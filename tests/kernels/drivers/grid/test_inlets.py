@@ -1,4 +1,4 @@
-"""Who comes in sees who is there and who came before, and waits; in the body driver as in that of few bodies."""
+"""Who comes in sees who is there and who came before, and waits; in the grid driver as in that of few bodies."""
 
 from __future__ import annotations
 

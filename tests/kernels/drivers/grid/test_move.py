@@ -1,4 +1,4 @@
-"""Free moves in the body driver."""
+"""Free moves in the grid driver."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ CROWDS = {
 
 
 def grid_stepper(sim: Simulation) -> GridStepper | BlockStepper:
-    """Its stepper, of the body driver."""
+    """Its stepper, of the grid driver."""
     assert isinstance(sim._stepper, GridStepper | BlockStepper)
     return sim._stepper
 

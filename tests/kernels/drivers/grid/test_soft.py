@@ -81,7 +81,7 @@ def bits(sim: Simulation, worlds: int | None = None) -> dict[str, bytes]:
 
 @pytest.fixture(params=[True, False], ids=["soft", "swept"])
 def make(request, monkeypatch, device):
-    """Builds hot crowds that make new lists every few steps, by both forms of the body driver."""
+    """Builds hot crowds that make new lists every few steps, by both forms of the grid driver."""
     if not request.param:
         monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
 

@@ -1,4 +1,4 @@
-"""The body driver against the world driver."""
+"""The grid driver against the world driver."""
 
 from __future__ import annotations
 
