@@ -14,6 +14,7 @@ from otwarp.kernels.drivers.grid.world import make_world_of_many_step
 from otwarp.kernels.drivers.lanes import make_lanes_step
 from otwarp.kernels.drivers.solo import make_solo_step
 from otwarp.kernels.drivers.world import make_world_step
+from otwarp.kernels.drivers.world_phases import WorldPhases, make_world_phases
 from otwarp.kernels.forces.readout import make_force_readout
 from otwarp.kernels.optics.readout import make_trap_readout
 
@@ -25,6 +26,7 @@ class Step:
     Attributes:
         features: What they were composed from.
         fused: The single kernel of the drivers that take many steps in a launch, or None.
+        phases: Those of a world driver in phases, or None.
         grid: The grid driver's kernels, or None.
         readout: Trap readout kernels (per trap and body, per hand), empty without traps.
         forces: Readout of the forces with parameters, or None without such.
@@ -32,6 +34,7 @@ class Step:
 
     features: Features
     fused: wp.Kernel | None = None
+    phases: WorldPhases | None = None
     grid: GridKernels | None = None
     readout: tuple[wp.Kernel, ...] = ()
     forces: wp.Kernel | None = None
@@ -40,7 +43,8 @@ class Step:
     def kernels(self) -> list[wp.Kernel]:
         """All kernels, in launch order."""
         fused = [self.fused] if self.fused is not None else []
-        return [*fused, *(self.grid.all if self.grid is not None else ()), *self.measuring]
+        parts = self.grid or self.phases
+        return [*fused, *(parts.all if parts is not None else ()), *self.measuring]
 
     @property
     def measuring(self) -> list[wp.Kernel]:
@@ -59,6 +63,8 @@ def make_step(features: Features) -> Step:
     if features.driver == "solo":
         fused = make_lanes_step(features) if features.lanes else make_solo_step(features)
         return Step(features=features, fused=fused, **measured)
+    if features.phased:
+        return Step(features=features, phases=make_world_phases(features), **measured)
     if features.driver == "world":
         make = make_coupled_step if features.coupling else make_world_step
         return Step(features=features, fused=make(features), **measured)

@@ -72,7 +72,8 @@ def compose(
     )
     lanes = device.is_cpu and f.precision == "float32" and _takes_lanes(f)
     # what a few worlds cannot fill costs one world 15 % of its speed
-    return dataclasses.replace(f, lanes=lanes, vectors=lanes and worlds >= GROUP and go_together(f))
+    vectors = lanes and worlds >= GROUP and go_together(f)
+    return dataclasses.replace(f, lanes=lanes, vectors=vectors, phased=device.is_cuda and _takes_phases(f))
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
@@ -161,6 +162,11 @@ def fits_a_block(scene: Scene) -> bool:
     """Whether a block of threads steps a world of the scene by itself in the grid driver."""
     colliding = sum(len(body.colliding) for body in scene.bodies)
     return max(len(scene.bodies), colliding) <= GRID_WORLD_BODIES
+
+
+def _takes_phases(f: Features) -> bool:
+    """Whether a GPU has a kernel for each stage: where one for all is more code than it keeps at hand."""
+    return f.driver == "world" and f.rigid and f.contacts and not f.coupling
 
 
 def _has_rods(body: Body) -> bool:

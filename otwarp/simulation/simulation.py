@@ -28,7 +28,7 @@ from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.stepping import FusedStepper
+from otwarp.simulation.stepping import FusedStepper, PhasedStepper
 from otwarp.simulation.user_forces import Force, check_forces
 
 
@@ -134,6 +134,8 @@ class Simulation:
             self._stepper = BlockStepper(*parts, threads, beside)
         elif self.model.features.driver == "grid":
             self._stepper = GridStepper(*parts, beside)
+        elif self.model.features.phased:
+            self._stepper = PhasedStepper(*parts, beside)
         else:
             self._stepper = FusedStepper(*parts, threads, beside)
 

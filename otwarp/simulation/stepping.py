@@ -1,4 +1,4 @@
-"""Launching the fused drivers: one kernel for many steps, over threads on a CPU."""
+"""Launching the drivers of few bodies: one kernel for many steps, or on a GPU a graph of the phases of some steps."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.drivers.lane_groups import threads_for
+from otwarp.kernels.drivers.world_phases import tick
 from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels, usable_cores
 from otwarp.simulation.launches import RecordedLaunch
@@ -101,6 +102,86 @@ class FusedStepper:
 
     def place(self) -> None:
         """Take note that the state is another one: nothing here remembers it."""
+
+    def extra_state(self) -> dict[str, wp.array]:
+        """Arrays beyond State that a checkpoint must hold: none."""
+        return {}
+
+
+STEPS_PER_GRAPH = 16
+"""Steps in the longer of the graphs: launching one takes longer than a step of few worlds."""
+
+
+class PhasedStepper:
+    """Launches the phases of the `world` driver: graphs of one step and of some, replayed.
+
+    The kernels `beside` are loaded along with it.
+    """
+
+    def __init__(
+        self,
+        step: Step,
+        model: Model,
+        state: State,
+        control: Control,
+        readout: Readout,
+        beside: Sequence[wp.Kernel] = (),
+    ):
+        assert step.phases is not None
+        self.phases, self.model = step.phases, model
+        self.state, self.control, self.readout = state, control, readout
+        self.bodies = step.features.bodies
+        self.scratch = allocate_world(step.features, model.worlds, model.place)
+        self.clock = wp.zeros(1, dtype=wp.int64, device=model.device)
+        load_kernels([*step.phases.all, tick, *beside], model.device)
+        self.layout = -1
+        self.graphs: dict[int, wp.Graph] = {}
+
+    def _launch(self, kernel: wp.Kernel | None, dim: int | tuple[int, int], *inputs: object) -> None:
+        if kernel is not None:
+            block = kernel.module.options["block_dim"]
+            wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)
+
+    def _take_steps(self, steps: int) -> None:
+        """Launch steps from where the clock stands, and turn it on."""
+        phases, worlds, each = self.phases, self.model.worlds, (self.bodies, self.model.worlds)
+        data, state, readout = self.model.data, self.state.data(), self.readout.data()
+        free = (data, self.control.data(), state, readout, self.scratch, self.clock)
+        touch = (data, state, readout, self.scratch, self.clock)
+        for ahead in range(steps):
+            self._launch(phases.predict, each, *free, ahead)
+            self._launch(phases.find, worlds, *free, ahead)
+            self._launch(phases.settle, worlds, *touch, ahead, 0)
+            if phases.correct is not None:
+                self._launch(phases.correct, each, *free, ahead)
+                self._launch(phases.settle, worlds, *touch, ahead, 1)
+            self._launch(phases.finish, worlds, *free, ahead)
+        self._launch(tick, 1, self.clock, steps)
+
+    def _capture(self, steps: int) -> wp.Graph:
+        with wp.ScopedCapture(device=self.model.device) as capture:
+            self._take_steps(steps)
+        assert capture.graph is not None
+        return capture.graph
+
+    def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
+        """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
+        device = self.model.device
+        self.clock.fill_(first_step)
+        if device.is_capturing:
+            self._take_steps(steps)
+        else:
+            if self.layout != self.control.layout:
+                # an array of the control grew and is another one now; the graphs hold the old address
+                self.graphs, self.layout = {}, self.control.layout
+            for length, times in ((STEPS_PER_GRAPH, steps // STEPS_PER_GRAPH), (1, steps % STEPS_PER_GRAPH)):
+                if times and length not in self.graphs:
+                    self.graphs[length] = self._capture(length)
+                for _ in range(times):
+                    wp.capture_launch(self.graphs[length])
+        self._launch(
+            self.phases.report, self.model.worlds, self.model.data, self.readout.data(), self.scratch, self.clock
+        )
 
     def extra_state(self) -> dict[str, wp.array]:
         """Arrays beyond State that a checkpoint must hold: none."""

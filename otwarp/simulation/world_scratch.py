@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import warp as wp
 
-from otwarp.kernels.contact.contact_list import unused_fields
+from otwarp.kernels.contact.body_solve import nodes_of
+from otwarp.kernels.contact.contact_list import ContactList, unused_fields
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
@@ -28,15 +29,31 @@ def spread_of(worlds: int, device: wp.Device) -> int:
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:
     """Scratch of `rows` worlds that are stepped at once; of no length where nothing can touch anything."""
-    f = features
-    unused = unused_fields(f) | (set(SolveRoom.vars) if f.body_space else set())
+    lengths = _lengths(features)
     scratch = place.typed(WorldScratch)()
     for name, field in place.typed(WorldScratch).vars.items():
-        dtype = field.type.dtype
-        if name in unused or not f.contacts or f.driver != "world":
-            setattr(scratch, name, wp.empty((0, 0), dtype=dtype, device=place.device))
+        dtype, length = field.type.dtype, lengths.get(name, 0)
+        if field.type.ndim == 1:
+            array = wp.zeros(length * rows, dtype=dtype, device=place.device)
         else:
-            length = f.max_contacts ** (2 if name == "matrix" else 1)
             # the same field of neighbouring worlds lies side by side, as threads of a GPU read it
-            setattr(scratch, name, wp.empty((length, rows), dtype=dtype, device=place.device).transpose())
+            shape = (length, rows) if length else (0, 0)
+            array = wp.empty(shape, dtype=dtype, device=place.device).transpose()
+        setattr(scratch, name, array)
+    if lengths.get("rotation"):
+        scratch.rotation.fill_(place.typed(wp.quat)(0.0, 0.0, 0.0, 1.0))
     return scratch
+
+
+def _lengths(f: Features) -> dict[str, int]:
+    """Entries that a world has in each array of the scratch; none where a name is not in it."""
+    lengths = {}
+    if f.contacts and f.driver == "world":
+        unused = unused_fields(f) | (set(SolveRoom.vars) if f.body_space else set())
+        lengths = {name: f.max_contacts for name in {**ContactList.vars, **SolveRoom.vars} if name not in unused}
+        if "matrix" in lengths:
+            lengths["matrix"] = f.max_contacts**2
+    if f.phased:
+        lengths |= dict.fromkeys(("linear", "angular", "free", "body_drift"), f.bodies)
+        lengths |= {"count": 1, "rotation": 0 if f.rigid else f.bodies, "moved": nodes_of(f) if f.body_space else 0}
+    return lengths

@@ -84,22 +84,21 @@ def turning_term(f: Features) -> wp.Function:
 
 
 def number_nodes_term(f: Features) -> wp.Function:
-    """`(model, space) -> nodes`: number the nodes, with no move yet."""
+    """`(model, again, space) -> nodes`: number the nodes, with no move yet unless they are solved `again`."""
     turning = turning_term(f)
 
     @wp.func
-    def number_nodes(model: ModelData, space: SpaceRoom) -> int:
+    def number_nodes(model: ModelData, again: bool, space: SpaceRoom) -> int:
         """How many nodes the bodies have."""
         bodies = int(wp.static(f.bodies))
         nodes = int(0)
         for b in range(bodies):
             space.node[b] = nodes
-            space.moved[nodes] = wp.vec3(0.0)
-            nodes += 1
-            if turning(model, b):
-                space.moved[nodes] = wp.vec3(0.0)
-                nodes += 1
+            nodes += wp.where(turning(model, b), 2, 1)
         space.node[bodies] = nodes
+        if not again:
+            for i in range(nodes):
+                space.moved[i] = wp.vec3(0.0)
         return nodes
 
     return number_nodes
@@ -349,9 +348,7 @@ def solve_bodies_term(f: Features) -> wp.Function:
         [µm]: 0 unless the rounds ran out.
         """
         bodies = int(wp.static(f.bodies))
-        if not again:
-            number_nodes(model, space)
-        nodes = space.node[bodies]
+        nodes = number_nodes(model, again, space)
         error = float(0.0)
         for round in range(ROUNDS):
             first = round == 0 and not again

@@ -89,6 +89,7 @@ class Features:
         noise: Distribution of the thermal noise, one of `NOISES`.
         episodes: Worlds end and start anew, each with a clock of its own; see `kernels.core.worlds`.
         in_turn: CPU form of the contacts of the `grid` driver: solved one after the other, not all at once in sweeps.
+        phased: GPU form of the `world` driver for bodies that turn and touch: a kernel for each stage of a step.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
         vectors: In `lanes` of lone spheres, there are worlds enough to step equal ones in a processor's vectors.
@@ -127,6 +128,7 @@ class Features:
     noise: str = "gaussian"
     episodes: bool = False
     in_turn: bool = False
+    phased: bool = False
     lanes: bool = False
     vectors: bool = False
 

@@ -58,9 +58,37 @@ def all_good(readout: ReadoutData, world: int, bodies: int, body: BodyRoom, step
     return good
 
 
+def take_move_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, b, body, step)`: body b arrives at `step`."""
+    record_escapes = escape_term(f) if f.escapes else None
+
+    @wp.func
+    def take_move(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int,
+        body: BodyRoom, step: wp.int64,
+    ):  # fmt: skip
+        """Move and turn a body by its move [µm, rad], and record escapes."""
+        position = body.position
+        rotation = body.rotation
+        before = Pose(position[b], rotation[b])
+        position[b] = position[b] + body.linear[b]
+        if wp.static(f.rigid):
+            rotation[b] = rotate_by(rotation[b], body.angular[b])
+        if wp.static(f.walls > 0):
+            position[b] = position[b] + out_of_walls(model.walls, b, Pose(position[b], rotation[b]))
+        if wp.static(f.escapes):
+            time = wp.float64(step) * model.time_step
+            pose = Pose(position[b], rotation[b])
+            record_escapes(model, control, state, readout, world, b, before, pose, step, time)
+        if wp.static(f.periodic):
+            position[b] = kept_in_cell(model, state, world, b, position[b])
+
+    return take_move
+
+
 def take_moves_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, body, step)`: arrive at `step`."""
-    record_escapes = escape_term(f) if f.escapes else None
+    take_move = take_move_term(f)
     let_all_in = let_all_in_term(f) if f.inlet else None
 
     @wp.func
@@ -69,26 +97,11 @@ def take_moves_term(f: Features) -> wp.Function:
         step: wp.int64,
     ):  # fmt: skip
         """Move and turn all bodies by their moves [µm, rad], and record escapes."""
-        position = body.position
-        rotation = body.rotation
-        linear = body.linear
-        angular = body.angular
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
-            before = Pose(position[b], rotation[b])
-            position[b] = position[b] + linear[b]
-            if wp.static(f.rigid):
-                rotation[b] = rotate_by(rotation[b], angular[b])
-            if wp.static(f.walls > 0):
-                position[b] = position[b] + out_of_walls(model.walls, b, Pose(position[b], rotation[b]))
-            if wp.static(f.escapes):
-                time = wp.float64(step) * model.time_step
-                pose = Pose(position[b], rotation[b])
-                record_escapes(model, control, state, readout, world, b, before, pose, step, time)
-            if wp.static(f.periodic):
-                position[b] = kept_in_cell(model, state, world, b, position[b])
+            take_move(model, control, state, readout, world, b, body, step)
         if wp.static(f.inlet):
-            let_all_in(model, state, readout, world, position, step)
+            let_all_in(model, state, readout, world, body.position, step)
 
     return take_moves
 
@@ -124,10 +137,31 @@ def move_traps_term(f: Features) -> wp.Function:
     return move_traps
 
 
-def predict_all_term(f: Features) -> wp.Function:
-    """`predict` of `Stages`: each body by itself."""
+def predict_body_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, b, body, step, time)`: the integrator's first stage of body b by itself."""
     constants_of, dynamics = body_dynamics(f)
     predict = INTEGRATORS[f.integrator].predict(dynamics)
+
+    @wp.func
+    def predict_body(
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, body: BodyRoom, step: wp.int64,
+        time: wp.float64,
+    ):  # fmt: skip
+        """Write its free move and its drift [µm, rad]."""
+        constants = constants_of(model, control, world, b)
+        pose = Pose(body.position[b], body.rotation[b])
+        move, now = predict(model, control, state, constants, world, b, pose, step, time)
+        body.free[b] = move
+        body.drift[b] = now
+        body.linear[b] = linear_part(move)
+        body.angular[b] = angular_part(move)
+
+    return predict_body
+
+
+def predict_all_term(f: Features) -> wp.Function:
+    """`predict` of `Stages`: each body by itself."""
+    predict_body = predict_body_term(f)
 
     @wp.func
     def predict_all(
@@ -135,28 +169,16 @@ def predict_all_term(f: Features) -> wp.Function:
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
         """Free moves and drifts [µm, rad] of the integrator's first stage, body by body."""
-        position = body.position
-        rotation = body.rotation
-        linear = body.linear
-        angular = body.angular
-        free = body.free
-        drift = body.drift
         # a variable: Warp would write out a loop over a constant body by body
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
-            constants = constants_of(model, control, world, b)
-            pose = Pose(position[b], rotation[b])
-            move, now = predict(model, control, state, constants, world, b, pose, step, time)
-            free[b] = move
-            drift[b] = now
-            linear[b] = linear_part(move)
-            angular[b] = angular_part(move)
+            predict_body(model, control, state, world, b, body, step, time)
 
     return predict_all
 
 
-def correct_all_term(f: Features) -> wp.Function | None:
-    """`correct` of `Stages`: each body by itself."""
+def correct_body_term(f: Features) -> wp.Function | None:
+    """`(model, control, state, world, b, body, step, time)`: the integrator's second stage of body b by itself."""
     scheme = INTEGRATORS[f.integrator]
     if scheme.correct is None:
         return None
@@ -164,29 +186,40 @@ def correct_all_term(f: Features) -> wp.Function | None:
     correct = scheme.correct(dynamics)
 
     @wp.func
+    def correct_body(
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, body: BodyRoom, step: wp.int64,
+        time: wp.float64,
+    ):  # fmt: skip
+        """Write its free move [µm, rad] as it is by both stages."""
+        constants = constants_of(model, control, world, b)
+        pose = Pose(body.position[b], body.rotation[b])
+        moved = twist(body.linear[b], body.angular[b])
+        more = correct(model, control, state, constants, world, b, pose, body.drift[b], moved, step, time)
+        move = body.free[b] + more
+        if wp.static(f.bends):
+            # so that free − drift is the whole move by the contact forces so far; the drift itself has served
+            body.drift[b] = body.free[b] - moved - more
+        body.linear[b] = linear_part(move)
+        body.angular[b] = angular_part(move)
+
+    return correct_body
+
+
+def correct_all_term(f: Features) -> wp.Function | None:
+    """`correct` of `Stages`: each body by itself."""
+    correct_body = correct_body_term(f)
+    if correct_body is None:
+        return None
+
+    @wp.func
     def correct_all(
         model: ModelData, control: ControlData, state: StateData, world: int, body: BodyRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
     ):  # fmt: skip
         """Free moves [µm, rad] with the integrator's second stage, body by body."""
-        position = body.position
-        rotation = body.rotation
-        linear = body.linear
-        angular = body.angular
-        free = body.free
-        drift = body.drift
         bodies = int(wp.static(f.bodies))
         for b in range(bodies):
-            constants = constants_of(model, control, world, b)
-            pose = Pose(position[b], rotation[b])
-            moved = twist(linear[b], angular[b])
-            more = correct(model, control, state, constants, world, b, pose, drift[b], moved, step, time)
-            move = free[b] + more
-            if wp.static(f.bends):
-                # so that free − drift is the whole move by the contact forces so far; the drift itself has served
-                drift[b] = free[b] - moved - more
-            linear[b] = linear_part(move)
-            angular[b] = angular_part(move)
+            correct_body(model, control, state, world, b, body, step, time)
 
     return correct_all
 

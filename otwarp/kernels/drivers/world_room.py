@@ -67,6 +67,14 @@ class WorldScratch:
     pivot: wp.array2d(dtype=float)
     order: wp.array2d(dtype=int)
     on: wp.array2d(dtype=int)
+    # of the `phased` form: what its kernels hand on
+    count: wp.array(dtype=int)  # (worlds) contacts
+    rotation: wp.array2d(dtype=wp.quat)  # (worlds, bodies) as in `BodyRoom`, where no body rotates
+    linear: wp.array2d(dtype=wp.vec3)
+    angular: wp.array2d(dtype=wp.vec3)
+    free: wp.array2d(dtype=vec6)
+    body_drift: wp.array2d(dtype=vec6)
+    moved: wp.array2d(dtype=wp.vec3)  # (worlds, nodes) as in `SpaceRoom`
 
 
 @wp.struct
@@ -105,6 +113,27 @@ def list_in_term(f: Features) -> wp.Function:
         return listed
 
     return list_in
+
+
+def bodies_in_term(f: Features) -> wp.Function:
+    """`(state, scratch, world, row) -> BodyRoom`: the bodies of a world in the state and in the scratch of all."""
+
+    @wp.func
+    def bodies_in(state: StateData, scratch: WorldScratch, world: int, row: int) -> BodyRoom:
+        """Views: what is written to the poses is in the state at once."""
+        body = BodyRoom()
+        body.position = state.position[world]
+        if wp.static(f.rigid):
+            body.rotation = state.orientation[world]
+        else:
+            body.rotation = scratch.rotation[row]
+        body.linear = scratch.linear[row]
+        body.angular = scratch.angular[row]
+        body.free = scratch.free[row]
+        body.drift = scratch.body_drift[row]
+        return body
+
+    return bodies_in
 
 
 @wp.func

@@ -1,0 +1,229 @@
+"""The `world` driver in phases: a kernel for each stage of a step, for scenes and devices where one for all is slow.
+
+A GPU fetches instructions slower than it runs them, and a step of bodies that turn and touch is more code than a
+multiprocessor caches: here each kernel is small, runs for all worlds before the next, and has as many threads as its
+work has parts. The functions are those of `world`, so that results are the same; what a stage finds out stays in
+`WorldScratch`. The number of the step is read from a clock, so that a graph of many steps can be replayed.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of
+from otwarp.kernels.contact.blocks import block_count
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.core.worlds import start_term, world_term
+from otwarp.kernels.drivers.world import correct_body_term, finish_term, move_traps_term, predict_body_term
+from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
+from otwarp.kernels.drivers.world_room import (
+    CarryRoom,
+    ContactRoom,
+    WorldScratch,
+    bodies_in_term,
+    list_in_term,
+    solve_room_in,
+)
+
+FREE_BLOCK = 64
+"""Threads of a block that steps bodies by themselves."""
+
+SETTLE_BLOCK = 64
+"""Threads of a block that finds or settles contacts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldPhases:
+    """The kernels of a step, in the order of their launches; None where there is nothing to do.
+
+    Attributes:
+        predict: Free moves of the integrator's first stage: one thread per body.
+        find: Moves traps and lists contacts: one thread per world, as all that follow.
+        settle: Solves the contacts, in the first stage and again in the second.
+        correct: The second stage: one thread per body.
+        finish: Takes the moves.
+        report: After the last step of a call, writes the contact forces.
+    """
+
+    predict: wp.Kernel
+    find: wp.Kernel | None
+    settle: wp.Kernel | None
+    correct: wp.Kernel | None
+    finish: wp.Kernel
+    report: wp.Kernel | None
+
+    @property
+    def all(self) -> list[wp.Kernel]:
+        """Those that there are."""
+        each = (self.predict, self.find, self.settle, self.correct, self.finish, self.report)
+        return [kernel for kernel in each if kernel is not None]
+
+
+def make_world_phases(f: Features) -> WorldPhases:
+    """Kernels of a step of a few bodies that do not carry each other along."""
+    correct = correct_body_term(f)
+    return WorldPhases(
+        predict=make_free_stage(f, predict_body_term(f)),
+        find=make_find(f) if f.contacts or f.speed_limits else None,
+        settle=make_settle(f) if f.contacts else None,
+        correct=make_free_stage(f, correct) if correct is not None else None,
+        finish=make_finish(f),
+        report=make_report(f) if f.contacts else None,
+    )
+
+
+def kernel_of(f: Features, block: int) -> Any:
+    """Decorator of a kernel of one step."""
+    options = {**f.module_options, "block_dim": block}
+    return wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=options)
+
+
+@wp.func
+def no_world(model: ModelData, world: int) -> bool:
+    """Whether a place stands for no world."""
+    return world < 0
+
+
+def place_term(f: Features) -> wp.Function:
+    """`(model, readout, place, clock, ahead) -> (world, step)` that a thread takes: world -1 if it takes none."""
+    world_of, step_of = world_term(f), start_term(f)
+
+    @wp.func
+    def place_of(model: ModelData, readout: ReadoutData, place: int, clock: wp.array(dtype=wp.int64), ahead: int):
+        """World and number of the step; none where a body has a fault, which stops its world."""
+        world = world_of(model, place)
+        step = wp.int64(0)
+        if world >= 0:
+            step = step_of(model, world, clock[0] + wp.int64(ahead))
+            bodies = int(wp.static(f.bodies))
+            faults = int(0)
+            for b in range(bodies):
+                faults += readout.fault[world, b]
+            world = wp.where(faults == 0, world, -1)
+        return world, step
+
+    return place_of
+
+
+def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
+    """Kernel over (bodies, worlds) of a stage of the integrator: threads of a warp have the same body."""
+    place_of, bodies_in = place_term(f), bodies_in_term(f)
+
+    @kernel_of(f, FREE_BLOCK)
+    def free_stage(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
+        clock: wp.array(dtype=wp.int64), ahead: int,
+    ):  # fmt: skip
+        """Move body b of each world as if it touched nothing."""
+        b, place = wp.tid()
+        world, step = place_of(model, readout, place, clock, ahead)
+        if world < 0:
+            return
+        body = bodies_in(state, scratch, world, place)
+        stage(model, control, state, world, b, body, step, wp.float64(step) * model.time_step)
+
+    return free_stage
+
+
+def make_find(f: Features) -> wp.Kernel:
+    """Kernel over worlds: move the traps that the first stage has seen, and list what may touch."""
+    place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
+    move_traps = move_traps_term(f) if f.speed_limits else None
+    find_contacts = find_contacts_term(f) if f.contacts else None
+
+    @kernel_of(f, SETTLE_BLOCK)
+    def find(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
+        clock: wp.array(dtype=wp.int64), ahead: int,
+    ):  # fmt: skip
+        """Move foci, and write the contacts of each world and their number."""
+        place = wp.tid()
+        world, step = place_of(model, readout, place, clock, ahead)
+        if world < 0:
+            return
+        time = wp.float64(step) * model.time_step
+        if wp.static(f.speed_limits):
+            move_traps(model, control, state, world, time)
+        if wp.static(f.contacts):
+            room = ContactRoom()
+            room.listed = list_in(scratch, place)
+            body = bodies_in(state, scratch, world, place)
+            scratch.count[place] = find_contacts(model, readout, world, body, room, CarryRoom(), step, time)
+
+    return find
+
+
+def make_settle(f: Features) -> wp.Kernel:
+    """Kernel over worlds: solve the contacts."""
+    place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
+    settle_contacts = settle_term(f)
+
+    @kernel_of(f, SETTLE_BLOCK)
+    def settle(
+        model: ModelData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
+        clock: wp.array(dtype=wp.int64), ahead: int, again: int,
+    ):  # fmt: skip
+        """Add to the moves of all bodies what their contacts move; `again` in the second stage."""
+        place = wp.tid()
+        world, step = place_of(model, readout, place, clock, ahead)
+        if world < 0:
+            return
+        room = ContactRoom()
+        room.listed = list_in(scratch, place)
+        if wp.static(f.body_space):
+            node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
+            block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
+            filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
+            side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
+            room.space = SpaceRoom(node, block, filled, side, scratch.moved[place])
+        else:
+            room.solve = solve_room_in(scratch, place)
+        body = bodies_in(state, scratch, world, place)
+        settle_contacts(
+            model, readout, world, body, room, CarryRoom(), scratch.count[place], again != 0, step
+        )  # fmt: skip
+
+    return settle
+
+
+def make_finish(f: Features) -> wp.Kernel:
+    """Kernel over worlds: take the moves of the step."""
+    place_of, bodies_in, finish_step = place_term(f), bodies_in_term(f), finish_term(f)
+
+    @kernel_of(f, FREE_BLOCK)
+    def finish(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
+        clock: wp.array(dtype=wp.int64), ahead: int,
+    ):  # fmt: skip
+        """Arrive at the end of the step, unless a body has a fault."""
+        place = wp.tid()
+        world, step = place_of(model, readout, place, clock, ahead)
+        if world < 0:
+            return
+        finish_step(model, control, state, readout, world, bodies_in(state, scratch, world, place), step)
+
+    return finish
+
+
+def make_report(f: Features) -> wp.Kernel:
+    """Kernel over worlds: write the contact forces of the last step."""
+    place_of, list_in, report_contacts = place_term(f), list_in_term(f), report_contacts_term(f)
+
+    @kernel_of(f, SETTLE_BLOCK)
+    def report(model: ModelData, readout: ReadoutData, scratch: WorldScratch, clock: wp.array(dtype=wp.int64)):
+        """Net forces and loads [pN] of each world that has no fault."""
+        place = wp.tid()
+        world, step = place_of(model, readout, place, clock, 0)
+        if world < 0:
+            return
+        report_contacts(readout, world, list_in(scratch, place), scratch.count[place])
+
+    return report
+
+
+@wp.kernel(enable_backward=False)
+def tick(clock: wp.array(dtype=wp.int64), steps: int):
+    """Turn the clock on by so many steps."""
+    clock[0] = clock[0] + wp.int64(steps)
