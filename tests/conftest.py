@@ -32,6 +32,7 @@ THOROUGH = (
     "kernels/drivers/test_lanes_rigid.py",
     "kernels/drivers/grid/test_neighbours.py",
     "kernels/drivers/grid/test_soft.py",
+    "kernels/drivers/test_world_phases.py",
     "kernels/test_step.py",
     "optics/test_table.py",
     "simulation/test_contact_chains.py",

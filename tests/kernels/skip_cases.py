@@ -85,7 +85,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     "obstacles": (
         dataclasses.replace(EVERYTHING, pairs=False),
         dataclasses.replace(EVERYTHING, pairs=False, obstacles=(), moving_obstacles=False),
-        ("obstacle_contacts", "box_distance", "mesh_distance", "hertz_dmt", "solve_contacts", "rigid_response"),
+        ("wall_contacts", "box_distance", "mesh_distance", "hertz_dmt", "solve_contacts", "rigid_response"),
     ),
     "one shape of six": (
         EVERYTHING,

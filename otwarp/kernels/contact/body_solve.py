@@ -218,6 +218,19 @@ def unbalanced_term(f: Features) -> wp.Function:
     return unbalanced
 
 
+@wp.func
+def line_at(listed: ContactList, i: int, opening: float, first: bool) -> Line:
+    """Load and slope of contact i where its gap opens by `opening` [µm]; `first`: where it would end alone."""
+    c = law_of(listed, i)
+    line = Line(0.0, 0.0, listed.depth[i])
+    if first:  # noqa: SIM108 (Warp would work out both)
+        line = first_line(c, opening)
+    else:
+        line = tangent(c, opening, line.depth)
+    listed.depth[i] = line.depth
+    return line
+
+
 def gather_term(f: Features) -> wp.Function:
     """`(model, world, listed, count, position, rotation, first, space)`: all that one of Newton's steps needs."""
     turning = turning_term(f)
@@ -234,18 +247,6 @@ def gather_term(f: Features) -> wp.Function:
             if turning(model, b):
                 way += wp.cross(space.moved[i + 1], arm)
         return way
-
-    @wp.func
-    def line_at(listed: ContactList, i: int, opening: float, first: bool) -> Line:
-        """Load and slope of contact i where its gap opens by `opening` [µm]; `first`: where it would end alone."""
-        c = law_of(listed, i)
-        line = Line(0.0, 0.0, listed.depth[i])
-        if first:  # noqa: SIM108 (Warp would work out both)
-            line = first_line(c, opening)
-        else:
-            line = tangent(c, opening, line.depth)
-        listed.depth[i] = line.depth
-        return line
 
     @wp.func
     def gather(

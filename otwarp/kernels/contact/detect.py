@@ -318,44 +318,56 @@ def element_wall_term(f: Features) -> wp.Function:
     return element_wall
 
 
-def obstacle_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, pose, move, pushed, listed, count, step, time) -> count`: a body and all obstacles.
+def wall_poses_term(f: Features) -> wp.Function:
+    """`(model, o, time) -> (wall, later)`: pose of obstacle o now and at the end of the step from `time`."""
+    pose_at = moving_pose if f.moving_obstacles else still_pose
 
-    `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body on top of it.
+    @wp.func
+    def wall_poses(model: ModelData, o: int, time: wp.float64) -> tuple[Pose, Pose]:
+        """Poses [µm], equal for an obstacle of one key, which stays: no second search for it."""
+        wall = pose_at(model.obstacles, o, time)
+        later = wall
+        if wp.static(f.moving_obstacles):
+            if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
+                later = pose_at(model.obstacles, o, time + model.time_step)
+        return wall, later
+
+    return wall_poses
+
+
+def wall_contacts_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, o, pose, move, wall, later, pushed, listed, count, step) -> count`.
+
+    Body a and obstacle o. `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body
+    on top of it.
     """
     element_wall = element_wall_term(f)
-    pose_at = moving_pose if f.moving_obstacles else still_pose
     distance_to = distance_term(f.obstacles)
 
     @wp.func
-    def obstacle_contacts(
-        model: ModelData, readout: ReadoutData, world: int, a: int, pose: Pose, move: Move, pushed: float,
-        listed: ContactList, count: int, step: wp.int64, time: wp.float64,
+    def wall_contacts(
+        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, move: Move, wall: Pose,
+        later: Pose, pushed: float, listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """New count; tests the bounding sphere, then the true shape, then element by element."""
         travel = free_travel(model, a, move)
-        for o in range(model.obstacles.shape.shape[0]):
-            wall = pose_at(model.obstacles, o, time)
-            later = wall
-            if wp.static(f.periodic):
-                pose.position += image_shift(model.period, pose.position - wall.position)
-            reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
-            centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
-            if wp.static(f.moving_obstacles):
-                # an obstacle of one key stays: no second search for the pose
-                if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
-                    later = pose_at(model.obstacles, o, time + model.time_step)
-                    reach += obstacle_travel(wall, later, wp.length(centre) + model.body.bound[a])
-            bound = model.body.bound[a] + reach + travel
-            near = wp.length(centre) < bound + model.obstacles.bound[o]
-            if near:
-                # the body's bounding sphere against the true shape, before its elements one by one
-                near = distance_to(model.obstacles, o, centre, bound)[3] < bound
-            if near:
-                for i in range(model.contact.start[a], model.contact.start[a + 1]):
-                    count = element_wall(
-                        model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step
-                    )  # fmt: skip
+        if wp.static(f.periodic):
+            pose.position += image_shift(model.period, pose.position - wall.position)
+        reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
+        centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
+        if wp.static(f.moving_obstacles):
+            if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
+                reach += obstacle_travel(wall, later, wp.length(centre) + model.body.bound[a])
+        bound = model.body.bound[a] + reach + travel
+        near = wp.length(centre) < bound + model.obstacles.bound[o]
+        if near:
+            # the body's bounding sphere against the true shape, before its elements one by one
+            near = distance_to(model.obstacles, o, centre, bound)[3] < bound
+        if near:
+            for i in range(model.contact.start[a], model.contact.start[a + 1]):
+                count = element_wall(
+                    model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step
+                )  # fmt: skip
         return count
 
-    return obstacle_contacts
+    return wall_contacts

@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.blocks import block_count
-from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of
+from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
@@ -342,12 +342,8 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
         if wp.static(f.contacts):
             room.listed = list_in(scratch, row)
             if wp.static(f.body_space):
-                node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
-                block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
-                filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
-                side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
                 moved = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
-                room.space = SpaceRoom(node, block, filled, side, moved)
+                room = ContactRoom(room.listed, room.solve, moved)
             else:
                 room.solve = solve_room_in(scratch, row)
         load_bodies(state, world, body)

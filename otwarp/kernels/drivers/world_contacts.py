@@ -2,10 +2,12 @@
 
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import open_gaps_term, solve_bodies_term
+from otwarp.kernels.contact.blocks import block_count
+from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, open_gaps_term, solve_bodies_term
 from otwarp.kernels.contact.contact import UNSETTLED
 from otwarp.kernels.contact.contact_list import ContactList, solved_term
-from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
+from otwarp.kernels.contact.detect import pair_contacts_term, wall_contacts_term, wall_poses_term
+from otwarp.kernels.contact.point_solve import MANY, MAX_POINTS, partners_term, solve_points_term
 from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
@@ -34,7 +36,7 @@ def find_contacts_term(f: Features) -> wp.Function:
     if its path may touch in between.
     """
     pair_contacts = pair_contacts_term(f) if f.pairs else None
-    obstacle_contacts = obstacle_contacts_term(f) if f.obstacles else None
+    wall_poses, wall_contacts = (wall_poses_term(f), wall_contacts_term(f)) if f.obstacles else (None, None)
 
     @wp.func
     def find_contacts(
@@ -55,18 +57,24 @@ def find_contacts_term(f: Features) -> wp.Function:
             farthest = wp.max(farthest, free_travel(model, a, Move(linear[a], angular[a])))
             if wp.static(f.brownian):
                 wander[a] = wander_of(model, world, a)
-        for a in range(bodies):
-            pose_a = Pose(position[a], rotation[a])
-            move_a = Move(linear[a], angular[a])
-            pushed = wp.min(farthest, PUSHED * model.body.bound[a])
-            if wp.static(bool(f.obstacles)):
-                near = pushed
-                if wp.static(f.brownian):
-                    near = wp.max(near, thermal_reach(wander[a]))
-                count = obstacle_contacts(
-                    model, readout, world, a, pose_a, move_a, near, room.listed, count, step, time
-                )
-            if wp.static(f.pairs):
+        if wp.static(bool(f.obstacles)):
+            # obstacle by obstacle, so that each is looked for in its key frames once
+            for o in range(model.obstacles.shape.shape[0]):
+                wall, later = wall_poses(model, o, time)
+                for a in range(bodies):
+                    pose = Pose(position[a], rotation[a])
+                    move = Move(linear[a], angular[a])
+                    near = wp.min(farthest, PUSHED * model.body.bound[a])
+                    if wp.static(f.brownian):
+                        near = wp.max(near, thermal_reach(wander[a]))
+                    count = wall_contacts(
+                        model, readout, world, a, o, pose, move, wall, later, near, room.listed, count, step
+                    )  # fmt: skip
+        if wp.static(f.pairs):
+            for a in range(bodies):
+                pose_a = Pose(position[a], rotation[a])
+                move_a = Move(linear[a], angular[a])
+                pushed = wp.min(farthest, PUSHED * model.body.bound[a])
                 for b in range(a):
                     pose_b = Pose(position[b], rotation[b])
                     if wp.static(f.periodic):
@@ -88,10 +96,64 @@ def settle_term(f: Features) -> wp.Function:
     return settle_moves_term(f) if f.body_space else settle_forces_term(f)
 
 
+def solve_in_space_term(f: Features) -> wp.Function:
+    """`solve_bodies`, with room for the matrix."""
+    solve_bodies = solve_bodies_term(f)
+
+    @wp.func
+    def solve_in_space(
+        model: ModelData, world: int, listed: ContactList, count: int, body: BodyRoom, again: bool,
+        moved: wp.array(dtype=wp.vec3),
+    ) -> float:  # fmt: skip
+        """How far forces out of balance would move a body [µm]."""
+        node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
+        block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
+        filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
+        side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
+        return solve_bodies(
+            model, world, listed, count, body.position, body.rotation, again, body.linear, body.angular,
+            SpaceRoom(node, block, filled, side, moved),
+        )  # fmt: skip
+
+    return solve_in_space
+
+
+def solve_moves_term(f: Features) -> wp.Function:
+    """`(model, world, listed, count, body, again, moved) -> float`: solve contacts for what they move, see `solve_bodies`.
+
+    For one point of each body where that is all there is.
+    """
+    few = f.bodies <= MAX_POINTS
+    partners_of, solve_points = (partners_term(f), solve_points_term(f)) if few else (None, None)
+    solve_bodies = solve_in_space_term(f) if f.rigid or not few else None
+
+    @wp.func
+    def solve_moves(
+        model: ModelData, world: int, listed: ContactList, count: int, body: BodyRoom, again: bool,
+        moved: wp.array(dtype=wp.vec3),
+    ) -> float:  # fmt: skip
+        """How far forces out of balance would move a body [µm]; `moved` is kept between the stages."""
+        error = float(0.0)
+        partners = int(MANY)
+        if wp.static(few):
+            partners = partners_of(model, listed, count)
+            if partners != MANY:
+                error = solve_points(
+                    model, world, listed, count, partners, body.position, body.rotation, again, body.linear,
+                    body.angular, moved,
+                )  # fmt: skip
+        if wp.static(solve_bodies is not None):
+            if partners == MANY:
+                error = solve_bodies(model, world, listed, count, body, again, moved)
+        return error
+
+    return solve_moves
+
+
 def settle_moves_term(f: Features) -> wp.Function:
     """`settle` of `Stages` where contacts are solved for what they move."""
     open_gaps = open_gaps_term(f)
-    solve_bodies = solve_bodies_term(f)
+    solve_moves = solve_moves_term(f)
 
     @wp.func
     def settle(
@@ -108,9 +170,7 @@ def settle_moves_term(f: Features) -> wp.Function:
         sane = bounded(int(wp.static(f.bodies)), body)
         listed = room.listed
         open_gaps(listed, count, again, body.linear, body.angular, body.free, body.drift)
-        error = solve_bodies(
-            model, world, listed, count, body.position, body.rotation, again, body.linear, body.angular, room.space
-        )
+        error = solve_moves(model, world, listed, count, body, again, room.moved)
         if error > UNSETTLED * listed.arm_a[0][3] and sane:
             raise_fault(readout, world, listed.pair[0][0], wp.static(int(Fault.UNSETTLED)), step)
 

@@ -11,8 +11,6 @@ from typing import Any
 
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of
-from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
@@ -27,11 +25,11 @@ from otwarp.kernels.drivers.world_room import (
     solve_room_in,
 )
 
-FREE_BLOCK = 64
-"""Threads of a block that steps bodies by themselves."""
+BLOCK = 64
+"""Threads of a block: few, so that few worlds are spread over more multiprocessors."""
 
-SETTLE_BLOCK = 64
-"""Threads of a block that finds or settles contacts."""
+FREE_BLOCKS, FIND_BLOCKS, SETTLE_BLOCKS = 6, 6, 6
+"""Blocks that a multiprocessor is to hold: 170 registers a thread, in place of 255."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +72,12 @@ def make_world_phases(f: Features) -> WorldPhases:
     )
 
 
-def kernel_of(f: Features, block: int) -> Any:
-    """Decorator of a kernel of one step."""
-    options = {**f.module_options, "block_dim": block}
-    return wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=options)
+def kernel_of(f: Features, blocks: int) -> Any:
+    """Decorator of a kernel of which so many blocks are to fit on a multiprocessor; float64 needs all registers."""
+    options = {**f.module_options, "block_dim": BLOCK}
+    bounds = (BLOCK,) if f.precision == "float64" else (BLOCK, blocks)
+    how = {"grid_stride": False, "launch_bounds": bounds, "module_options": options}
+    return wp.kernel(module="unique", enable_backward=False, **how)
 
 
 @wp.func
@@ -111,7 +111,7 @@ def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
     """Kernel over (bodies, worlds) of a stage of the integrator: threads of a warp have the same body."""
     place_of, bodies_in = place_term(f), bodies_in_term(f)
 
-    @kernel_of(f, FREE_BLOCK)
+    @kernel_of(f, FREE_BLOCKS)
     def free_stage(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -133,7 +133,7 @@ def make_find(f: Features) -> wp.Kernel:
     move_traps = move_traps_term(f) if f.speed_limits else None
     find_contacts = find_contacts_term(f) if f.contacts else None
 
-    @kernel_of(f, SETTLE_BLOCK)
+    @kernel_of(f, FIND_BLOCKS)
     def find(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -160,7 +160,7 @@ def make_settle(f: Features) -> wp.Kernel:
     place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
     settle_contacts = settle_term(f)
 
-    @kernel_of(f, SETTLE_BLOCK)
+    @kernel_of(f, SETTLE_BLOCKS)
     def settle(
         model: ModelData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int, again: int,
@@ -173,11 +173,7 @@ def make_settle(f: Features) -> wp.Kernel:
         room = ContactRoom()
         room.listed = list_in(scratch, place)
         if wp.static(f.body_space):
-            node = wp.zeros(shape=(wp.static(f.bodies + 1),), dtype=int)
-            block = wp.zeros(shape=(wp.static(block_count(nodes_of(f))),), dtype=wp.mat33)
-            filled = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=int)
-            side = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
-            room.space = SpaceRoom(node, block, filled, side, scratch.moved[place])
+            room.moved = scratch.moved[place]
         else:
             room.solve = solve_room_in(scratch, place)
         body = bodies_in(state, scratch, world, place)
@@ -192,7 +188,7 @@ def make_finish(f: Features) -> wp.Kernel:
     """Kernel over worlds: take the moves of the step."""
     place_of, bodies_in, finish_step = place_term(f), bodies_in_term(f), finish_term(f)
 
-    @kernel_of(f, FREE_BLOCK)
+    @kernel_of(f, FREE_BLOCKS)
     def finish(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -211,7 +207,7 @@ def make_report(f: Features) -> wp.Kernel:
     """Kernel over worlds: write the contact forces of the last step."""
     place_of, list_in, report_contacts = place_term(f), list_in_term(f), report_contacts_term(f)
 
-    @kernel_of(f, SETTLE_BLOCK)
+    @kernel_of(f, FREE_BLOCKS)
     def report(model: ModelData, readout: ReadoutData, scratch: WorldScratch, clock: wp.array(dtype=wp.int64)):
         """Net forces and loads [pN] of each world that has no fault."""
         place = wp.tid()

@@ -7,7 +7,6 @@ therefore a row of arrays of all worlds, `WorldScratch`.
 
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import SpaceRoom
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, has_ridges
 from otwarp.kernels.core.features import Features
@@ -44,7 +43,7 @@ class ContactRoom:
 
     listed: ContactList
     solve: SolveRoom
-    space: SpaceRoom
+    moved: wp.array(dtype=wp.vec3)  # as in `SpaceRoom`
 
 
 @wp.struct

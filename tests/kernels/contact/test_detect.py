@@ -11,7 +11,7 @@ import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList
-from otwarp.kernels.contact.detect import obstacle_contacts_term, pair_contacts_term
+from otwarp.kernels.contact.detect import pair_contacts_term, wall_contacts_term, wall_poses_term
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
@@ -77,7 +77,7 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
     """Kernel that lists the contacts of a pair of bodies, or of body 0 with the obstacles, for poses as given."""
     features = dataclasses.replace(features, max_contacts=ROOM, body_space=False)
     pairs = None if obstacle else pair_contacts_term(features)
-    walls = obstacle_contacts_term(features) if obstacle else None
+    walls, poses = (wall_contacts_term(features), wall_poses_term(features)) if obstacle else (None, None)
 
     @wp.kernel(module="unique", enable_backward=False)
     def list_contacts(
@@ -100,9 +100,11 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
         listed = ContactList(contacts, pair, four, four, two, one, four, four, three, three)
         first = Pose(position[i, 0], rotation[i, 0])
         rest = Move(wp.vec3(0.0), wp.vec3(0.0))
-        n = 0
+        n = int(0)
         if wp.static(obstacle):
-            n = walls(model, readout, 0, 0, first, rest, ahead, listed, 0, wp.int64(0), wp.float64(0.0))
+            for o in range(model.obstacles.shape.shape[0]):
+                wall, later = poses(model, o, wp.float64(0.0))
+                n = walls(model, readout, 0, 0, o, first, rest, wall, later, ahead, listed, n, wp.int64(0))
         else:
             second = Pose(position[i, 1], rotation[i, 1])
             n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, ahead, listed, 0, wp.int64(0))

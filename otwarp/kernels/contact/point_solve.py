@@ -1,0 +1,285 @@
+"""The contact forces of a world whose bodies are each touched through one point: three unknowns a body.
+
+The energy is that of `body_solve`. All forces on a lone sphere run through its centre, so that all contacts of a rigid
+body that touches nothing but one lone sphere run through one point of it. Of all its moves that move this point by x,
+it makes the one of least resistance, ½ xᵀA⁻¹x with the mobility A of the point: the point is all there is to be found,
+and the force A⁻¹x at it moves the body. Few bodies make a matrix so small that it stays in registers.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from otwarp.kernels.contact.blocks import inverse_root
+from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, line_at, turning_term
+from otwarp.kernels.contact.contact import rigid_response
+from otwarp.kernels.contact.contact_list import ContactList
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.roots import reciprocal_root
+from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.types import ModelData, mat66
+
+MAX_POINTS = 4
+"""Bodies of a world up to which its contacts may be solved so: their matrix is written out block by block."""
+
+_BITS = wp.constant(4)
+"""Bits in which a partner is kept."""
+
+_PARTNER = wp.constant(15)
+"""Their mask: 1 + the number of a body, 0 for none."""
+
+MANY = wp.constant(-1)
+"""In place of partners: some body is touched through more than one point."""
+
+
+def partners_term(f: Features) -> wp.Function:
+    """`(model, listed, count) -> int`: the lone sphere that each rigid body touches, or `MANY`."""
+    turning = turning_term(f)
+
+    @wp.func
+    def joined(partners: int, b: int, other: int) -> int:
+        """The partners with sphere `other` as that of body b, or `MANY` if it has another one."""
+        known = (partners >> (_BITS * b)) & _PARTNER
+        result = partners | ((other + 1) << (_BITS * b))
+        if known != 0 and known != other + 1:
+            result = MANY
+        return result
+
+    @wp.func
+    def partners_of(model: ModelData, listed: ContactList, count: int) -> int:
+        """1 + the number of each rigid body's partner, `_BITS` a body; 0 for bodies without."""
+        partners = int(0)
+        if wp.static(f.rigid):
+            for i in range(count):
+                pair = listed.pair[i]
+                a = pair[0]
+                b = pair[1]
+                if turning(model, a):
+                    if b < 0 or turning(model, wp.max(b, 0)):
+                        return MANY
+                    partners = joined(partners, a, b)
+                elif b >= 0 and turning(model, wp.max(b, 0)):
+                    partners = joined(partners, b, a)
+                if partners == MANY:
+                    return MANY
+        return partners
+
+    return partners_of
+
+
+@wp.func
+def point_mobility(mobility: mat66, rotation: wp.quat, arm: wp.vec3) -> wp.mat33:
+    """What the point at `arm` [µm] of a rigid body moves per force there: B M Bᵀ with B = (1, −[arm]×), world axes.
+
+    In the units of `mobility`, 1/µm or µm/pN.
+    """
+    a = wp.quat_rotate_inv(rotation, arm)
+    m = mobility
+    tt = wp.mat33(m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2])
+    rt = wp.mat33(m[3, 0], m[3, 1], m[3, 2], m[4, 0], m[4, 1], m[4, 2], m[5, 0], m[5, 1], m[5, 2])
+    rr = wp.mat33(m[3, 3], m[3, 4], m[3, 5], m[4, 3], m[4, 4], m[4, 5], m[5, 3], m[5, 4], m[5, 5])
+    lever = wp.skew(a)
+    both = lever * rt
+    turn = rotation_matrix(rotation)
+    return turn * (tt - both - wp.transpose(both) - lever * rr * lever) * wp.transpose(turn)
+
+
+def point_arm_term(f: Features) -> wp.Function:
+    """`(model, position, b, partner) -> arm`: from a body's reference point to the point it is touched through."""
+
+    @wp.func
+    def point_arm(model: ModelData, position: wp.array(dtype=wp.vec3), b: int, partner: int) -> wp.vec3:
+        """The arm [µm]; 0 without a partner."""
+        arm = wp.vec3(0.0)
+        if partner >= 0:
+            arm = position[partner] - position[b]
+            if wp.static(f.periodic):
+                arm += image_shift(model.period, arm)
+        return arm
+
+    return point_arm
+
+
+def table(rows: int, columns: int) -> Any:
+    """Type of a matrix of so many rows and columns."""
+    return wp.types.matrix(shape=(rows, columns), dtype=wp.float32)
+
+
+def column(rows: int) -> Any:
+    """Type of a vector of so many numbers."""
+    return wp.types.vector(length=rows, dtype=wp.float32)
+
+
+def solve_system_term(rows: int) -> wp.Function:
+    """`(system, right) -> solution` of a symmetric positive definite matrix, given by its lower triangle."""
+
+    @wp.func
+    def solve_system(system: table(rows, rows), right: column(rows)) -> column(rows):
+        """Cholesky's factor row by row, its diagonal inverted, and the solution by it."""
+        for i in range(wp.static(rows)):
+            rest = system[i, i]
+            value = right[i]
+            for j in range(i):
+                entry = system[i, j]
+                for k in range(j):
+                    entry -= system[i, k] * system[j, k]
+                entry *= system[j, j]
+                rest -= entry * entry
+                value -= entry * right[j]
+                system[i, j] = entry
+            root = reciprocal_root(rest)
+            system[i, i] = root
+            right[i] = root * value
+        for i in range(wp.static(rows - 1), -1, -1):
+            value = system[i, i] * right[i]
+            right[i] = value
+            for k in range(i):
+                right[k] -= system[i, k] * value
+        return right
+
+    return solve_system
+
+
+def gather_points_term(f: Features) -> wp.Function:
+    """`(listed, count, first, drags, moved) -> (system, right)` of one of Newton's steps."""
+    bodies = f.bodies
+    matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
+
+    @wp.func
+    def gather_points(listed: ContactList, count: int, first: bool, drags: blocks, moved: long):
+        """Matrix and right-hand sides at the moves of the points [µm], which `drags` [pN/µm] resist.
+
+        Neighbours of the same two bodies go together.
+        """
+        system = matrix()
+        right = long()
+        for k in range(wp.static(bodies)):
+            for r in range(3):
+                for c in range(3):
+                    system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
+                    right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
+        i = int(0)
+        while i < count:
+            pair = listed.pair[i]
+            way = wp.vec3(0.0)
+            # chosen, not indexed: what is written out by constants stays in registers
+            for k in range(wp.static(bodies)):
+                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
+                for r in range(3):
+                    way[r] += sign * moved[3 * k + r]
+            stiffness = wp.mat33(0.0)
+            force = wp.vec3(0.0)
+            joined = bool(True)
+            while joined:
+                face = listed.face[i]
+                n = wp.vec3(face[0], face[1], face[2])
+                line = line_at(listed, i, face[3] + wp.dot(way, n), first)
+                stiffness = stiffness + wp.outer(line.slope * n, n)
+                force = force + line.load * n
+                i += 1
+                joined = i < count
+                if joined:
+                    joined = listed.pair[i] == pair
+            for k in range(wp.static(bodies)):
+                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
+                for r in range(3):
+                    right[3 * k + r] += sign * force[r]
+                    for c in range(3):
+                        system[3 * k + r, 3 * k + c] += sign * sign * stiffness[r, c]
+                for j in range(k):
+                    both = wp.where(pair[0] == k and pair[1] == j, 1.0, 0.0)
+                    for r in range(3):
+                        for c in range(3):
+                            system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
+        return system, right
+
+    return gather_points
+
+
+def point_drag_term(f: Features) -> wp.Function:
+    """`(model, scale, rotation, b, arm) -> (drag, give)` of the point at `arm` of body b; `scale` = dt/η."""
+    turning = turning_term(f)
+
+    @wp.func
+    def point_drag(model: ModelData, scale: float, rotation: wp.array(dtype=wp.quat), b: int, arm: wp.vec3):
+        """Force there per move [pN/µm] of a step, and about the largest move per force [µm/pN]."""
+        shape = model.body.shape[b]
+        drag = wp.mat33(0.0)
+        give = float(0.0)
+        if turning(model, b):
+            mobility = scale * point_mobility(model.body.mobility[shape], rotation[b], arm)
+            inverse = inverse_root(mobility)
+            drag = wp.transpose(inverse) * inverse
+            give = wp.max(mobility[0, 0], wp.max(mobility[1, 1], mobility[2, 2]))
+        else:
+            give = scale * model.body.translation[shape]
+            drag = wp.diag(wp.vec3(1.0 / give, 1.0 / give, 1.0 / give))
+        return drag, give
+
+    return point_drag
+
+
+def solve_points_term(f: Features) -> wp.Function:
+    """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept) -> float`."""
+    turning, point_arm, point_drag = turning_term(f), point_arm_term(f), point_drag_term(f)
+    gather_points, solve_system = gather_points_term(f), solve_system_term(3 * f.bodies)
+    bodies = f.bodies
+    blocks, long, short = table(3 * bodies, 3), column(3 * bodies), column(bodies)
+
+    @wp.func
+    def solve_points(
+        model: ModelData, world: int, listed: ContactList, count: int, partners: int,
+        position: wp.array(dtype=wp.vec3), rotation: wp.array(dtype=wp.quat), again: bool,
+        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3),
+    ) -> float:  # fmt: skip
+        """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
+
+        `kept`: the moves of the points [µm], from which it starts if `again`. Returns as `body_solve.solve_bodies`.
+        """
+        scale = step_over_viscosity(model, world)
+        drags = blocks()
+        gives = short()
+        moved = long()
+        for k in range(wp.static(bodies)):
+            # a body without a partner is moved by nothing, and any point of it will do
+            arm = point_arm(model, position, k, ((partners >> (_BITS * k)) & _PARTNER) - 1)
+            drag, give = point_drag(model, scale, rotation, k, arm)
+            gives[k] = give
+            for r in range(3):
+                for c in range(3):
+                    drags[3 * k + r, c] = drag[r, c]
+                if again:
+                    moved[3 * k + r] = kept[k][r]
+        error = float(0.0)
+        for round in range(ROUNDS):
+            first = round == 0 and not again
+            system, right = gather_points(listed, count, first, drags, moved)
+            if not first:
+                error = float(0.0)
+                for k in range(wp.static(bodies)):
+                    left = wp.vec3(right[3 * k], right[3 * k + 1], right[3 * k + 2])
+                    error = wp.max(error, wp.length(left) * gives[k])
+                if error <= BALANCED:
+                    error = 0.0
+                if error == 0.0 or round == ROUNDS - 1:
+                    break
+            moved += wp.where(round < WHOLE_ROUNDS, 1.0, 0.5) * solve_system(system, right)
+        for k in range(wp.static(bodies)):
+            move = wp.vec3(moved[3 * k], moved[3 * k + 1], moved[3 * k + 2])
+            kept[k] = move
+            if turning(model, k):
+                force = wp.vec3()
+                for r in range(3):
+                    for c in range(3):
+                        force[r] += drags[3 * k + r, c] * move[c]
+                arm = point_arm(model, position, k, ((partners >> (_BITS * k)) & _PARTNER) - 1)
+                turn = rigid_response(model.body, k, rotation[k], scale, arm, force)
+                linear[k] = linear[k] + turn.linear
+                angular[k] = angular[k] + turn.angular
+            else:
+                linear[k] = linear[k] + move
+        return error
+
+    return solve_points

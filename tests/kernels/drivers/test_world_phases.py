@@ -1,0 +1,58 @@
+"""The world driver in phases against the one of a single kernel."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from otwarp.errors import SimulationError
+from otwarp.kernels.core.faults import Fault
+from otwarp.kernels.step import make_step
+from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.stepping import FusedStepper, PhasedStepper
+from tests.simulation.test_determinism import touching_scene
+
+WORLDS = 6
+
+ROUNDED = 2e-5
+"""Places and forces of equal steps in kernels of a GPU [µm, pN], whose compiler fuses other multiplications in each."""
+
+
+def in_one_and_in_phases(device: str) -> list[Simulation]:
+    sims = [Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device) for _ in range(2)]
+    for sim, phased in zip(sims, (False, True), strict=True):
+        step = make_step(dataclasses.replace(sim.model.features, phased=phased))
+        parts = (step, sim.model, sim.state, sim.control, sim._readout)
+        sim._stepper = PhasedStepper(*parts) if phased else FusedStepper(*parts, 1)
+    return sims
+
+
+def test_same_steps_however_launched(device):
+    """Graphs of one step and of sixteen give what one kernel gives for all of them, contact forces included."""
+    fused, phased = in_one_and_in_phases(device)
+    fused.step(40)
+    for steps in (1, 37, 2):
+        phased.step(steps)
+    same = {"rtol": 0.0, "atol": 0.0 if device == "cpu" else ROUNDED}
+    for name in ("position", "contact_force", "contact_load"):
+        a, b = (getattr(s.state if name == "position" else s.readout, name).numpy() for s in (fused, phased))
+        assert np.abs(a).max() > 0.01
+        np.testing.assert_allclose(b, a, **same)
+
+
+def test_a_fault_stops_its_world_alone(device):
+    """A world whose body has been thrown out keeps its state; the others go on as without it."""
+    whole, faulty = (in_one_and_in_phases(device)[1] for _ in range(2))
+    place = faulty.state.position.numpy().copy()
+    place[2, 1, 0] = 2e9
+    faulty.state.position.assign(place)
+    whole.step(20)
+    with pytest.raises(SimulationError) as error:
+        faulty.step(20)
+    assert (error.value.world, error.value.step) == (2, 0)
+    assert faulty._readout.fault.numpy()[2, 1] == Fault.NON_FINITE
+    np.testing.assert_array_equal(faulty.state.position.numpy()[2], place[2])
+    others = [w for w in range(WORLDS) if w != 2]
+    np.testing.assert_array_equal(faulty.state.position.numpy()[others], whole.state.position.numpy()[others])
