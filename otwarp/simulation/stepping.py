@@ -137,7 +137,7 @@ class PhasedStepper:
         self.layout = -1
         self.graphs: dict[int, wp.Graph] = {}
 
-    def _launch(self, kernel: wp.Kernel | None, dim: int | tuple[int, int], *inputs: object) -> None:
+    def _launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object) -> None:
         if kernel is not None:
             block = kernel.module.options["block_dim"]
             wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)

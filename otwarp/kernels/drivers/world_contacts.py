@@ -119,9 +119,9 @@ def solve_in_space_term(f: Features) -> wp.Function:
 
 
 def solve_moves_term(f: Features) -> wp.Function:
-    """`(model, world, listed, count, body, again, moved) -> float`: solve contacts for what they move, see `solve_bodies`.
+    """`(model, world, listed, count, body, again, moved) -> float`: solve contacts for what they move.
 
-    For one point of each body where that is all there is.
+    For what they move one point of each body, where they all run through such.
     """
     few = f.bodies <= MAX_POINTS
     partners_of, solve_points = (partners_term(f), solve_points_term(f)) if few else (None, None)

@@ -39,7 +39,7 @@ def listed_of(
 ):
     """List the contacts, with their openings by the free moves."""
     still = wp.zeros(shape=(BODIES,), dtype=vec6)
-    count = int(0)
+    count = 0
     for i in range(COUNT):
         count = _put(ReadoutData(), 0, listed, count, given[i], wp.int64(0))
     _open(listed, count, False, linear, angular, still, still)

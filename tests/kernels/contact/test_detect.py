@@ -100,7 +100,7 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
         listed = ContactList(contacts, pair, four, four, two, one, four, four, three, three)
         first = Pose(position[i, 0], rotation[i, 0])
         rest = Move(wp.vec3(0.0), wp.vec3(0.0))
-        n = int(0)
+        n = wp.int32(0)
         if wp.static(obstacle):
             for o in range(model.obstacles.shape.shape[0]):
                 wall, later = poses(model, o, wp.float64(0.0))
