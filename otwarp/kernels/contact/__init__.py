@@ -2,6 +2,6 @@
 
 detect finds touching pairs with obstacles, segments, curvature and excursion; contact holds the law of one pair; solve
 settles all contacts of a world in one direct solve, coupled_solve those of hydrodynamically coupled bodies; body_solve
-settles soft ones for what they move the bodies, by the laws of implicit_law and the factors of blocks; travel keeps
-fast bodies from passing through each other. Open solve first.
+settles soft ones for what they move the bodies, by the laws of implicit_law and the factors of blocks, and point_solve
+for what they move one point of each; travel keeps fast bodies from passing through each other. Open solve first.
 """
