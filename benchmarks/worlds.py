@@ -1,12 +1,14 @@
-"""Worlds that end and start anew: what they cost, what a call costs, and how worlds scale over several devices.
+"""Worlds that end and start anew, cells that come in again: what they cost; and how worlds scale over devices.
 
 `python -m benchmarks.worlds --device cuda:0 --devices cuda:0 cuda:1` measures several devices as well.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import warp as wp
@@ -34,6 +36,11 @@ SHARED = {"cpu": 2_048, "cuda": 1_048_576}
 """Worlds of one device where several share them."""
 MOVING = (1.0, 0.5, 0.1, 0.01, 0.0)
 """Parts of the worlds that are in motion."""
+CHANNELS = {"cpu": (1,), "cuda": (1, 1_024)}
+"""Worlds of the channel whose cells come in again."""
+FILLED = 500
+"""Steps of a channel before it is timed, so that cells cross its ends."""
+CHANNEL = Path(__file__).parent.parent / "scenes" / "microfluidic_channel.usda"
 
 
 def bead_scene() -> Scene:
@@ -106,6 +113,28 @@ def ended_costs(device: wp.Device, worlds: int, rounds: int) -> dict[float, Quar
     return {part: found[str(part)].ratio() for part in MOVING}
 
 
+def channels() -> tuple[Scene, Scene]:
+    """The shipped channel, which is periodic, and as an open one whose cells come in again at an inlet."""
+    scene = Scene.load(CHANNEL)
+    end = 0.5 * scene.settings.period[0]
+    ends = {"domain_low": (-end, 0.0, 0.0), "domain_high": (end, 0.0, 0.0)}
+    inlet = {"inlet_low": (-end, -40.0, 4.0), "inlet_high": (6.0 - end, 40.0, 20.0)}
+    settings = dataclasses.replace(scene.settings, period=(0.0, 0.0, 0.0), **ends, **inlet)
+    return scene, dataclasses.replace(scene, settings=settings)
+
+
+def inlet_cost(device: wp.Device, worlds: int, rounds: int, seconds: float) -> dict[str, Quartiles]:
+    """Time of a step of the periodic channel [s], and that of the open one over it."""
+    works = []
+    for scene in channels():
+        sim = Simulation(scene, worlds=worlds, device=device, seed=1)
+        sim.step(FILLED)
+        steps = calls_for(sim.step, device, seconds)
+        works.append(lambda sim=sim, steps=steps: elapsed(partial(sim.step, steps), device).on(device) / steps)
+    found = interleaved({"": (works[1], works[0])}, rounds)[""]
+    return {"periodic": Quartiles.of(found.second), "open": found.ratio()}
+
+
 def shard_ratios(devices: Sequence[str], worlds: int, rounds: int) -> dict[str, Quartiles]:
     """How much faster all devices are than the first: as many worlds on each (weak), as many in all (strong)."""
     make = partial(ShardedSimulation, bead_scene())
@@ -138,6 +167,7 @@ def measure(
     calls: Sequence[int] = CALLS,
     many: int | None = None,
     shared: int | None = None,
+    channels_of: Sequence[int] | None = None,
     rounds: int = 9,
     seconds: float = 0.2,
 ) -> Section:
@@ -148,6 +178,8 @@ def measure(
     costs = {worlds: call_costs(place, worlds, rounds, seconds) for worlds in calls}
     ended = ended_costs(place, many, rounds)
     over = episode_cost(place, many, rounds)
+    wide = CHANNELS[kind] if channels_of is None else channels_of
+    inlets = {worlds: inlet_cost(place, worlds, rounds, seconds) for worlds in wide}
     tables = [
         Table(
             title=f"One turn of {STEPS} steps of a bead in a trap [µs]",
@@ -160,11 +192,17 @@ def measure(
             rows=[(f"{100 * part:g} %", ratio.text()) for part, ratio in ended.items()],
             note=f"With episodes over without, all in motion: {over.text('.3f')}.",
         ),
+        Table(
+            title="A step of the shipped channel, and with an inlet in place of its period",
+            head=("worlds", "periodic [ms]", "with an inlet, relative to that"),
+            rows=[(f"{w:,}", c["periodic"].times(1e3).text(), c["open"].text()) for w, c in inlets.items()],
+        ),
     ]
     data = {
         "calls": {str(w): {n: vars(q) for n, q in c.items()} for w, c in costs.items()},
         "ended": {str(p): vars(q) for p, q in ended.items()},
         "episodes": vars(over),
+        "inlets": {str(w): {n: vars(q) for n, q in c.items()} for w, c in inlets.items()},
     }
     if devices:
         ratios = shard_ratios(devices, shared, rounds)

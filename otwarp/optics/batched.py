@@ -16,6 +16,7 @@ from otwarp.device import empty
 from otwarp.errors import InputError
 from otwarp.kernels.core.exact_data import ROW, ExactData
 from otwarp.kernels.optics.exact import exact_force_kernel
+from otwarp.kernels.optics.exact_room import WARP, room_of
 from otwarp.optics.beam import Beam
 from otwarp.optics.exact import checked_points, evaluate, quadrature_nodes
 from otwarp.optics.harmonics import gauss_legendre, wigner_d
@@ -25,13 +26,7 @@ GROWTH = 1.25
 """Nodes of a rule of quadrature over those of the one before, nearly."""
 
 MOST_NODES = 4096
-"""Nodes of the largest rule: its kernel keeps 0.3 MB per thread. Points beyond, over 700 µm away, are left to NumPy."""
-
-NODE_BYTES = 84
-"""What a thread keeps per node."""
-
-DEVICE_SHARE = 0.5
-"""Part of a GPU's memory that threads may keep: CUDA sets it aside for all that can be resident at once."""
+"""Nodes of the largest rule: a thread keeps 0.3 MB. Points beyond, over 700 µm away, are left to NumPy."""
 
 MOST_ENTRIES = 3e7
 """Entries of the largest table, 0.25 GB: for spheres of many multipoles it ends the rules earlier."""
@@ -39,8 +34,8 @@ MOST_ENTRIES = 3e7
 NEGLIGIBLE = 1e-17
 """Part of the largest weight, or of the beam's amplitude in a row of the table, that is left out."""
 
-CHUNK = 1 << 20
-"""Points of one launch."""
+LAUNCH_BYTES = 1 << 30
+"""Of a GPU's memory what the threads of one launch keep: enough of them to fill it."""
 
 CHUNK_PER_CORE = 64
 """Points of one launch on a CPU, whose cores share out the launches."""
@@ -75,6 +70,10 @@ class PackedForce:
     nodes: int
     reach: float
 
+    def with_room(self, threads: int) -> Annotated[Any, ExactData]:
+        """`data` for a launch of up to so many threads of a GPU, with room for what they keep."""
+        return in_room(self.data, room_for(threads, self.orders, self.nodes, self.data.table.device))
+
 
 def batched_force(
     beam: Beam, sphere: Particle, points: np.ndarray, *, device: wp.Device | str | None = None
@@ -100,7 +99,7 @@ def batched_force(
     where = _device(device)
     # a little more, so that the device cannot round a point beyond the rule chosen here
     extent = beam.wavenumber * np.linalg.norm(places, axis=1) * (1.0 + 1e-12)
-    far = extent > _furthest(beam, orders, where)
+    far = extent > _furthest(beam, orders)
     out = np.empty_like(places)
     if np.any(far):
         out[far] = evaluate(beam, sphere, places[far]).force
@@ -111,19 +110,19 @@ def batched_force(
     packed = _packed(beam.with_power(1.0), sphere, int(rule[near].max()) + 1, where.alias)
     # neighbours in a batch should do the same work: the same rule, and Bessel functions of like argument
     sequence = near[np.lexsort((np.hypot(places[near, 0], places[near, 1]), rule[near]))]
-    kernel = exact_force_kernel(packed.orders, packed.nodes)
+    kernel = exact_force_kernel(packed.orders, packed.nodes, shared=where.is_cuda)
     if where.is_cpu:
         # once, before threads may race for it
         kernel.module.load(where, 1)
         out[sequence] = _on_cores(kernel, packed.data, places[sequence], where)
         return out
-    for first in range(0, len(sequence), CHUNK):
-        chosen = sequence[first : first + CHUNK]
+    chunk = max(1, min(len(sequence), LAUNCH_BYTES // (16 * room_of(packed.orders, packed.nodes))))
+    data = packed.with_room(chunk)
+    for first in range(0, len(sequence), chunk):
+        chosen = sequence[first : first + chunk]
         there = wp.array(places[chosen], dtype=wp.vec3d, device=where)
         found = empty(len(chosen), wp.vec3d, where)
-        wp.launch(
-            kernel, dim=len(chosen), inputs=[packed.data, there, 0], outputs=[found], device=where, block_dim=BLOCK
-        )
+        wp.launch(kernel, dim=len(chosen), inputs=[data, there, 0], outputs=[found], device=where, block_dim=BLOCK)
         out[chosen] = found.numpy()
     return out
 
@@ -169,12 +168,9 @@ def _rule_of(orders: int, extent: np.ndarray) -> np.ndarray:
     return rule + (extent > _extent_of(orders, rule))
 
 
-def _furthest(beam: Beam, orders: int, device: wp.Device) -> float:
+def _furthest(beam: Beam, orders: int) -> float:
     """Extent of the largest rule that has at most `MOST_NODES` and `MOST_ENTRIES`."""
-    room = MOST_NODES
-    while not device.is_cpu and room * NODE_BYTES * 2048 * device.sm_count > DEVICE_SHARE * device.total_memory:
-        room //= 2
-    most = min(room, MOST_ENTRIES / orders**2)
+    most = min(MOST_NODES, MOST_ENTRIES / orders**2)
     extents = _extent_of(orders, np.arange(32))
     return float(max((e for e in extents if quadrature_nodes(orders, float(e) + beam.aberration) <= most), default=0.0))
 
@@ -186,7 +182,7 @@ def pack_force(beam: Beam, sphere: Particle, *, reach: float, device: wp.Device 
         InputError: A sphere too large to converge, a reach too large for the kernel, or no such device.
     """
     _, orders = checked_points(beam, sphere, np.zeros((0, 3)))
-    furthest = _furthest(beam, orders, _device(device)) / beam.wavenumber
+    furthest = _furthest(beam, orders) / beam.wavenumber
     if not 0.0 < reach <= furthest:
         raise InputError(f"reach of the exact force is {reach:g} µm; allowed: above 0, up to {furthest:.3g} µm")
     rules = int(_rule_of(orders, np.array([beam.wavenumber * reach]))[0]) + 1
@@ -230,6 +226,21 @@ def _packed(beam: Beam, sphere: Particle, rules: int, device: str) -> PackedForc
         nodes=_capacity(max(counts), 128),
         reach=float(extents[-1]) / beam.wavenumber,
     )
+
+
+def room_for(threads: int, orders: int, nodes: int, device: wp.Device) -> wp.array:
+    """What up to so many threads of a GPU keep of exact forces with these capacities; of length 0 on a CPU."""
+    warps = -(-threads // WARP) if device.is_cuda else 0
+    return empty(warps * WARP * room_of(orders, nodes), wp.vec2d, device)
+
+
+def in_room(data: Annotated[Any, ExactData], room: wp.array) -> Annotated[Any, ExactData]:
+    """`data` with a room."""
+    out = ExactData()
+    for name in ExactData.vars:
+        setattr(out, name, getattr(data, name))
+    out.room = room
+    return out
 
 
 def _capacity(needed: int, least: int) -> int:

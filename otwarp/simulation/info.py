@@ -39,7 +39,7 @@ def device_bytes(model: Model, *groups: Any) -> int:
         *model.force_data,
     ):
         arrays += [v for v in fields(part).values() if isinstance(v, wp.array)]
-    arrays.append(data.traps.tables.node)
+    arrays += [data.traps.tables.node, model.exact_room]
     return sum(a.capacity for a in arrays)
 
 

@@ -34,7 +34,7 @@ from otwarp.simulation.packing.coupling import pack_coupling
 from otwarp.simulation.packing.flow import pack_flow
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
 from otwarp.simulation.packing.inlets import pack_inlets
-from otwarp.simulation.packing.optics import TrapOptics
+from otwarp.simulation.packing.optics import TrapOptics, exact_room
 from otwarp.simulation.packing.period import pack_period
 from otwarp.simulation.packing.traps import HeldSphere, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
@@ -44,6 +44,7 @@ from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
 from otwarp.simulation.time_step.softness import soft_contacts, takes_turns
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
+from otwarp.simulation.world_scratch import largest_launch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,6 +77,7 @@ class Model:
         force_data: `ForceData` of the forces with parameters, likewise; at most one.
         episode_data: `WorldsData`, likewise, where worlds have clocks of their own.
         inlet_data: `InletData`, likewise, where cells come in again.
+        exact_room: Of a GPU's threads for exact forces, likewise.
     """
 
     scene: Scene
@@ -102,6 +104,7 @@ class Model:
     force_data: list[Any]
     episode_data: list[Any]
     inlet_data: list[Any]
+    exact_room: wp.array
 
     @property
     def time_step(self) -> float:
@@ -147,9 +150,10 @@ class Model:
         features = dataclasses.replace(_stepped_features(known, scales.time_step, place), leaps=staged is not None)
         packed = Place(place, options.precision)
         known = dataclasses.replace(known.part(rows), features=features)
-        data, meshes, force_data = _pack(known, scales.time_step, seed, staged, packed)
-        data.first_world = wp.int32(rows.start)
         count = rows.stop - rows.start
+        room = exact_room(known.optics, largest_launch(features, count, place), place)
+        data, meshes, force_data = _pack(known, scales.time_step, seed, staged, room, packed)
+        data.first_world = wp.int32(rows.start)
         data.worlds, episode_data = pack_worlds(count if features.episodes else 0, rows.start, packed)
         data.inlets, inlet_data = pack_inlets(known.scene, packed)
         resolved: dict[str, Any] = {
@@ -169,6 +173,7 @@ class Model:
             force_data=force_data,
             episode_data=episode_data,
             inlet_data=inlet_data,
+            exact_room=room,
         )
 
     def rows(self, values: np.ndarray) -> np.ndarray:
@@ -271,7 +276,7 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device)
 
 
 def _pack(
-    known: ResolvedScene, time_step: float, seed: int, staged: list[Samples] | None, place: Place
+    known: ResolvedScene, time_step: float, seed: int, staged: list[Samples] | None, room: wp.array, place: Place
 ) -> tuple[Annotated[Any, ModelData], list[wp.Mesh], list[Any]]:
     """The kernels' view, and the meshes and parameters of forces that it refers to."""
     scene, moves, values, optics, features = known.scene, known.moves, known.values, known.optics, known.features
@@ -287,7 +292,7 @@ def _pack(
     data.coupling = pack_coupling(scene, moves, features.coupling, place)
     data.forces, force_data = pack_forces(scene, moves, known.forces, place)
     held = _held_spheres(scene, known.held, moves)
-    data.traps = pack_traps(scene, values, held, known.held_range, optics, staged, place)
+    data.traps = pack_traps(scene, values, held, known.held_range, optics, staged, room, place)
     data.time_step = wp.float64(time_step)
     data.seed = wp.uint32(seed)
     return data, meshes, force_data

@@ -8,7 +8,7 @@ import warp as wp
 
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
-from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.features import Features, world_threads
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
 
@@ -25,6 +25,12 @@ def spread_of(worlds: int, device: wp.Device) -> int:
     while device.is_cuda and spread < WARP and 2 * spread * worlds <= THREADS_PER_MULTIPROCESSOR * device.sm_count:
         spread *= 2
     return spread
+
+
+def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
+    """Threads of the largest launch over the traps or bodies of `worlds` worlds, of any driver or readout."""
+    block = world_threads(f.bodies) if f.by_world else 1
+    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), block)
 
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:

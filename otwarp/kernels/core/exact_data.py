@@ -33,3 +33,4 @@ class ExactData:
     same: wp.array(dtype=wp.vec2d)  # (N + 3) response of n and n − 1 to waves of one helicity
     cross: wp.array(dtype=wp.vec2d)  # (N + 3) the same between helicities
     turn: wp.array(dtype=wp.vec2d)  # (N + 3) response of electric with magnetic waves of n, over n(n + 1)
+    room: wp.array(dtype=wp.vec2d)  # of a GPU's threads, see `kernels.optics.exact_room`; (0) on a CPU

@@ -24,8 +24,8 @@ TURNING_BLOCK = 64
 """The same where a thread steps a body that turns: few are spread over more multiprocessors, and more of them fit
 beside each other where each takes as many registers as a thread can have."""
 
-BODY_BLOCKS = 6
-"""Blocks of bodies that turn which a multiprocessor is to hold: 170 registers a thread, in place of 255."""
+BODY_BLOCKS = 8
+"""Blocks of bodies that turn which a multiprocessor is to hold: 128 registers a thread, in place of 255."""
 
 GRID_WORLD_BODIES = 512
 """Bodies, and what collides of them, up to which a block of threads steps a world of the grid driver by itself."""

@@ -44,6 +44,7 @@ SHARED = {
     "core.functions",
     "forces.force",
     "optics.exact",
+    "optics.exact_room",
     "optics.exact_waves",
     # what float64 does without: lanes of a CPU
     "drivers.lane_groups",

@@ -67,7 +67,9 @@ def clear_of_obstacles_term(f: Features) -> wp.Function:
                 away = nearest(model.period, away)
             if wp.length(away) < radius + model.obstacles.bound[o]:
                 local = wp.quat_rotate_inv(wall.rotation, away)
-                clear = clear and distance_to(model.obstacles, o, local, radius)[3] >= radius
+                clear = distance_to(model.obstacles, o, local, radius)[3] >= radius
+                if not clear:
+                    break
         return clear
 
     return clear_of_obstacles
@@ -85,7 +87,9 @@ def others_clear_term(f: Features) -> wp.Function:
                 away = there - position[a]
                 if wp.static(f.periodic):
                     away = nearest(model.period, away)
-                clear = clear and wp.length(away) >= model.body.bound[a] + model.body.bound[b]
+                clear = wp.length(away) >= model.body.bound[a] + model.body.bound[b]
+                if not clear:
+                    break
         return clear
 
     return others_clear

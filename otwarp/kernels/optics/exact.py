@@ -1,4 +1,4 @@
-"""Exact optical force on a sphere (generalised Lorenz–Mie theory) in float64: one point per thread, no scratch memory.
+"""Exact optical force on a sphere (generalised Lorenz–Mie theory) in float64: one point per thread.
 
 Notation: σ = ±1 helicity, (n, m) multipole, t_q quadrature nodes of the polar angle, w_q their weights with the beam's
 amplitude, (ρ, φ, z) the sphere's centre from the focus, ℓ the beam's azimuthal charge. With the waves
@@ -20,7 +20,8 @@ import functools
 
 import warp as wp
 
-from otwarp.kernels.core.exact_data import ROW, ExactData
+from otwarp.kernels.core.exact_data import ExactData
+from otwarp.kernels.optics.exact_room import own_part, room_of, row_of
 from otwarp.kernels.optics.exact_waves import (
     conj,
     conj_times,
@@ -124,18 +125,23 @@ def together(data: ExactData, one: SideSums, other: SideSums, k_x: wp.float64, k
     return wp.vec3d(across[0], across[1], axial)
 
 
-def side_sums_term(orders: int, nodes: int) -> wp.Function:
-    """Function `(data, rule, charge, kρ, kz) -> SideSums` with room for `orders` and `nodes`."""
-    room = orders + ROW + 1
+def side_sums_term(orders: int, nodes: int, shared: bool) -> wp.Function:
+    """Function `(data, rule, charge, kρ, kz) -> SideSums` with room for `orders` and `nodes`, as `exact_force_term`."""
+    room, whole = row_of(orders), room_of(orders, nodes)
 
     @wp.func
     def side_sums(data: ExactData, rule: int, charge: int, k_rho: wp.float64, k_z: wp.float64) -> SideSums:
         """Sums over m from `charge` up, with J_{m−1−charge} and J_{m+1−charge}."""
-        start = wp.zeros(shape=wp.static(nodes), dtype=wp.int32)
-        inverse = wp.zeros(shape=wp.static(nodes), dtype=wp.float64)
-        wave = wp.zeros(shape=wp.static(3 * nodes), dtype=wp.vec2d)
-        a = wp.zeros(shape=wp.static(2 * room), dtype=wp.vec2d)
-        b = wp.zeros(shape=wp.static(2 * room), dtype=wp.vec2d)
+        if wp.static(shared):
+            begun = own_part(data.room, wp.static(whole), 0, wp.static(nodes))
+            wave = own_part(data.room, wp.static(whole), wp.static(nodes), wp.static(3 * nodes))
+            a = own_part(data.room, wp.static(whole), wp.static(4 * nodes), wp.static(2 * room))
+            b = own_part(data.room, wp.static(whole), wp.static(4 * nodes + 2 * room), wp.static(2 * room))
+        else:
+            begun = wp.zeros(shape=wp.static(nodes), dtype=wp.vec2d)
+            wave = wp.zeros(shape=wp.static(3 * nodes), dtype=wp.vec2d)
+            a = wp.zeros(shape=wp.static(2 * room), dtype=wp.vec2d)
+            b = wp.zeros(shape=wp.static(2 * room), dtype=wp.vec2d)
         sums = SideSums()
         offset = data.node_start[rule]
         count = data.node_start[rule + 1] - offset
@@ -143,16 +149,16 @@ def side_sums_term(orders: int, nodes: int) -> wp.Function:
         # beyond `top` the waves of all nodes vanish
         top = wp.min(highest, last_bessel_order(k_rho) + 1)
         if top >= 0:
-            start_waves(data, offset, count, wp.static(nodes), k_rho, k_z, top, start, inverse, wave)
+            start_waves(data, offset, count, wp.static(nodes), k_rho, k_z, top, begun, wave)
         begin = count
-        while begin > 0 and start[wp.max(begin - 1, 0)] >= top:
+        while begin > 0 and begun[wp.max(begin - 1, 0)][0] >= wp.float64(top):
             begin -= 1
         # all threads count down from the same order, so that neighbours read the same rows of the table
         for back in range(highest - wp.max(-data.orders - charge, 0) + 1):
             order = highest - back
             if order <= top:
-                lower_waves(wp.static(nodes), order, begin, count, inverse, wave)
-                while begin > 0 and start[wp.max(begin - 1, 0)] >= order - 1:
+                lower_waves(wp.static(nodes), order, begin, count, begun, wave)
+                while begin > 0 and begun[wp.max(begin - 1, 0)][0] >= wp.float64(order - 1):
                     begin -= 1
                 now = (order % 2) * wp.static(room)
                 above = ((order + 1) % 2) * wp.static(room)
@@ -171,7 +177,7 @@ def side_sums_term(orders: int, nodes: int) -> wp.Function:
 
 
 @functools.lru_cache(maxsize=32)
-def exact_force_term(orders: int, nodes: int) -> wp.Function:
+def exact_force_term(orders: int, nodes: int, shared: bool = False) -> wp.Function:
     """Force term `(data: ExactData, displacement: vec3d) -> vec3d` with room for `orders` and `nodes`.
 
     The displacement is that of the sphere's centre from the focus in the frame of the beam [µm]; the result is the
@@ -180,8 +186,9 @@ def exact_force_term(orders: int, nodes: int) -> wp.Function:
     Args:
         orders: At least `ExactData.orders`.
         nodes: At least the nodes of every rule.
+        shared: Of a GPU: threads keep what they need in parts of `ExactData.room`, of `room_of(orders, nodes)` each.
     """
-    side_sums = side_sums_term(orders, nodes)
+    side_sums = side_sums_term(orders, nodes, shared)
 
     @wp.func
     def exact_force(data: ExactData, displacement: wp.vec3d) -> wp.vec3d:
@@ -208,9 +215,9 @@ def exact_force_term(orders: int, nodes: int) -> wp.Function:
 
 
 @functools.lru_cache(maxsize=32)
-def exact_force_kernel(orders: int, nodes: int) -> wp.Kernel:
+def exact_force_kernel(orders: int, nodes: int, shared: bool = False) -> wp.Kernel:
     """Kernel `(data, points, first, force)`: Q at `points[first + thread]`; see `exact_force_term`."""
-    term = exact_force_term(orders, nodes)
+    term = exact_force_term(orders, nodes, shared)
 
     @wp.kernel(module="unique", enable_backward=False)
     def exact_force_at(data: ExactData, points: wp.array(dtype=wp.vec3d), first: int, force: wp.array(dtype=wp.vec3d)):

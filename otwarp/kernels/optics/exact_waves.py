@@ -47,12 +47,12 @@ def last_bessel_order(x: wp.float64) -> int:
 @wp.func
 def start_waves(
     data: ExactData, offset: int, nodes: int, room: int, k_rho: wp.float64, k_z: wp.float64, top: int,
-    start: wp.array(dtype=wp.int32), inverse: wp.array(dtype=wp.float64), wave: wp.array(dtype=wp.vec2d),
+    begun: wp.array(dtype=wp.vec2d), wave: wp.array(dtype=wp.vec2d),
 ):  # fmt: skip
     """Put G_{top+1} and G_top, or the first order of G that does not vanish, into slots j mod 3 of `wave`.
 
-    Miller's downward recurrence, normalised with 1 = J₀ + 2 Σ J_2k (Gautschi 1967, doi:10.1137/1009002); `start`
-    receives the order at which each node's recurrence begins, `inverse` 2/x with x = kρ sin t_q.
+    Miller's downward recurrence, normalised with 1 = J₀ + 2 Σ J_2k (Gautschi 1967, doi:10.1137/1009002); `begun`
+    receives the order at which each node's recurrence begins, and 2/x with x = kρ sin t_q.
     """
     for q in range(nodes):
         x = wp.max(k_rho * data.sine[offset + q], SMALLEST)
@@ -83,8 +83,7 @@ def start_waves(
         phase = k_z * data.cosine[offset + q]
         size = wp.float64(1.0) / (wp.float64(2.0) * total - zeroth)
         carrier = size * times(data.weight[offset + q], wp.vec2d(wp.cos(phase), wp.sin(phase)))
-        start[q] = last
-        inverse[q] = factor
+        begun[q] = wp.vec2d(wp.float64(last), factor)
         for slot in range(3):
             value = wp.float64(0.0)
             if last <= top:
@@ -99,7 +98,7 @@ def start_waves(
 
 @wp.func
 def lower_waves(
-    room: int, order: int, begin: int, end: int, inverse: wp.array(dtype=wp.float64), wave: wp.array(dtype=wp.vec2d)
+    room: int, order: int, begin: int, end: int, begun: wp.array(dtype=wp.vec2d), wave: wp.array(dtype=wp.vec2d)
 ):
     """G_{j−1} = (2j/x) G_j − G_{j+1} for `order` j at the nodes from `begin` to `end`."""
     above = ((order + 1) % 3) * room
@@ -107,7 +106,7 @@ def lower_waves(
     below = ((order + 2) % 3) * room
     factor = wp.float64(order)
     for q in range(begin, end):
-        wave[below + q] = (factor * inverse[q]) * wave[here + q] - wave[above + q]
+        wave[below + q] = (factor * begun[q][1]) * wave[here + q] - wave[above + q]
 
 
 SUM_ROW = f"""
@@ -116,11 +115,17 @@ SUM_ROW = f"""
 #endif
     const double* d_a = (const double*)__builtin_assume_aligned(table.data + entry + at_a, 16);
     const double* d_b = (const double*)__builtin_assume_aligned(table.data + entry + at_b, 16);
-    const double* g_a = (const double*)(wave.data + low);
-    const double* g_b = (const double*)(wave.data + high);
+#if defined(__CUDA_ARCH__)
+    // threads keep their numbers in turns
+    const int step = wave.strides[0] / sizeof(double);
+#else
+    const int step = 2;
+#endif
+    const double* g_a = (const double*)wave.data + step * low;
+    const double* g_b = (const double*)wave.data + step * high;
     double a_re[{ROW}] = {{}}, a_im[{ROW}] = {{}}, b_re[{ROW}] = {{}}, b_im[{ROW}] = {{}};
     for (int q = 0; q < count; ++q, d_a += {2 * ROW}, d_b += {2 * ROW}) {{
-        const double x = g_a[2 * q], y = g_a[2 * q + 1], u = g_b[2 * q], v = g_b[2 * q + 1];
+        const double x = g_a[step * q], y = g_a[step * q + 1], u = g_b[step * q], v = g_b[step * q + 1];
         for (int i = 0; i < {ROW}; ++i) {{
             a_re[i] += x * d_a[i];
             a_im[i] += y * d_a[i];
@@ -128,13 +133,13 @@ SUM_ROW = f"""
             b_im[i] += v * d_b[i];
         }}
     }}
-    double* out_a = (double*)(a.data + n);
-    double* out_b = (double*)(b.data + n);
+    double* out_a = (double*)a.data + step * n;
+    double* out_b = (double*)b.data + step * n;
     for (int i = 0; i < {ROW}; ++i) {{
-        out_a[2 * i] = sign * a_re[i];
-        out_a[2 * i + 1] = sign * a_im[i];
-        out_b[2 * i] = sign * b_re[i];
-        out_b[2 * i + 1] = sign * b_im[i];
+        out_a[step * i] = sign * a_re[i];
+        out_a[step * i + 1] = sign * a_im[i];
+        out_b[step * i] = sign * b_re[i];
+        out_b[step * i + 1] = sign * b_im[i];
     }}
 """
 """Most of all arithmetic. In C++ because Warp's indexing (strides, negative indices) hides from the compiler that the

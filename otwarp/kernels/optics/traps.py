@@ -93,13 +93,13 @@ def tabulated_stiffness_term(interpolation: str, layers: int) -> wp.Function:
 
 
 @functools.lru_cache(maxsize=16)
-def exact_term(orders: int, nodes: int) -> wp.Function:
+def exact_term(orders: int, nodes: int, shared: bool) -> wp.Function:
     """The exact force of the trap's beam on the sphere's kind, in float64; it ends as the tables do.
 
     Args:
-        orders, nodes: Capacities of `exact_force_term`.
+        orders, nodes, shared: As `exact_force_term`.
     """
-    force_at = exact_force_term(orders, nodes)
+    force_at = exact_force_term(orders, nodes, shared)
 
     @wp.func
     def exact(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
@@ -172,9 +172,9 @@ EXACT_KEY = 40
 """First key of the exact models, whose terms depend on the room their spheres and reach need."""
 
 
-def exact_name(orders: int, nodes: int, interpolation: str, layers: int) -> str:
-    """Name of the exact model with these capacities; the rest describes the tables beside it."""
-    return f"exact_{orders}_{nodes}_{interpolation}_{layers}"
+def exact_name(orders: int, nodes: int, interpolation: str, layers: int, shared: bool) -> str:
+    """Name of the exact model with these capacities, `shared` on a GPU; the rest describes the tables beside it."""
+    return f"exact_{orders}_{nodes}_{interpolation}_{layers}{'_shared' if shared else ''}"
 
 
 def trap_term(name: str) -> TrapTerm:
@@ -183,10 +183,10 @@ def trap_term(name: str) -> TrapTerm:
     An exact force has a table beside it, which knows how far it reaches and how stiff it is.
     """
     if name.startswith("exact_"):
-        orders, nodes, interpolation, layers = name.split("_")[1:]
+        orders, nodes, interpolation, layers, *shared = name.split("_")[1:]
         key = EXACT_KEY + 3 * (interpolation == "bicubic") + int(layers) - 1
         stiffness = tabulated_stiffness_term(interpolation, int(layers))
-        return TrapTerm(key, prepare_table, exact_term(int(orders), int(nodes)), stiffness)
+        return TrapTerm(key, prepare_table, exact_term(int(orders), int(nodes), bool(shared)), stiffness)
     return TRAP_TERMS[name]
 
 

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import warp as wp
 
+from otwarp.device import empty
+from otwarp.kernels.core.exact_data import ExactData
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 from otwarp.kernels.optics.traps import exact_name, table_name
 from otwarp.laws.trap_law import FIELDS, TrapLaw
@@ -135,9 +137,14 @@ class TrapOptics:
             return f"{'harmonic' if entry.optical else entry.model}_{'split' if entry.axial else 'isotropic'}"
         table = self.tables[self.table[trap, 0]]
         if entry.model == "exact":
-            orders, nodes = (max(getattr(e, n) for e in self.exact.values()) for n in ("orders", "nodes"))
-            return exact_name(orders, nodes, entry.interpolation, table.layers)
+            shared = any(e.data.table.device.is_cuda for e in self.exact.values())
+            return exact_name(*self.exact_capacities, entry.interpolation, table.layers, shared)
         return table_name(entry.interpolation, table.layers, _upright(entry, table.beam))
+
+    @property
+    def exact_capacities(self) -> tuple[int, int]:
+        """Orders and nodes that serve all exact forces of the scene."""
+        return max(e.orders for e in self.exact.values()), max(e.nodes for e in self.exact.values())
 
     def _optical(self, trap: int) -> bool:
         return bool(self.table.shape[1]) and bool(self.table[trap, 0] >= 0)
@@ -232,6 +239,27 @@ def trap_sides(scene: Scene) -> np.ndarray:
         turn = polarization_azimuth(beam_of(trap, scene.medium)) if trap.model == "table" else 0.0
         sides.append(rotate(np.array(trap.orientation), np.array([math.cos(turn), math.sin(turn), 0.0])))
     return np.array(sides).reshape(-1, 3)
+
+
+def exact_room(optics: TrapOptics, threads: int, device: wp.Device) -> wp.array:
+    """What up to so many threads of a GPU keep of exact forces, one at a time; of length 0 on a CPU, or without any."""
+    if not optics.exact:
+        return empty(0, wp.vec2d, device)
+    from otwarp.optics.batched import room_for
+
+    return room_for(threads, *optics.exact_capacities, device)
+
+
+def pack_exact(optics: TrapOptics, room: wp.array, device: Place) -> wp.array:
+    """What exact forces are computed from by table, all with the same room."""
+    if not optics.exact:
+        return empty(0, ExactData, device.device)
+    from otwarp.optics.batched import in_room
+
+    known = [
+        in_room(optics.exact[i].data, room) if i in optics.exact else ExactData() for i in range(len(optics.tables))
+    ]
+    return wp.array(known, dtype=ExactData, device=device.device)
 
 
 def pack_tables(optics: TrapOptics, device: Place) -> tuple[Annotated[Any, ForceTableData], wp.array]:

@@ -11,7 +11,6 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.exact_data import ExactData
 from otwarp.kernels.core.types import MediumData, TrapData
 from otwarp.kernels.optics.traps import trap_term
 from otwarp.laws.trap_law import FIELDS, TrapLaw
@@ -19,7 +18,7 @@ from otwarp.scene import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
 from otwarp.simulation.packing.arrays import Place, device_array
 from otwarp.simulation.packing.commands import Samples, sampled_commands
-from otwarp.simulation.packing.optics import TrapOptics, pack_tables, trap_sides
+from otwarp.simulation.packing.optics import TrapOptics, pack_exact, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
 
 _HANDS = {"none": 0, "left": 1, "right": 2}
@@ -104,6 +103,7 @@ def pack_traps(
     held_range: np.ndarray,
     optics: TrapOptics,
     staged: list[Samples] | None,
+    room: wp.array,
     device: Place,
 ) -> Annotated[Any, TrapData]:
     """Trap constants.
@@ -114,6 +114,7 @@ def pack_traps(
         held_range: (1|W, T) distance at which that sphere has escaped [µm].
         optics: Force tables.
         staged: Commands as `staged_commands` has them.
+        room: As `exact_room` has it.
 
     Raises:
         InputError: Curves across and along the beam that were fitted for spheres of different radii.
@@ -140,8 +141,7 @@ def pack_traps(
     data.side = device_array(trap_sides(scene), wp.vec3, device)
     data.table = device_array(optics.table, wp.int32, device, ndim=2)
     data.tables, data.finest = pack_tables(optics, device)
-    packed = [optics.exact[i].data if i in optics.exact else ExactData() for i in range(len(optics.tables))]
-    data.exact = wp.array(packed if optics.exact else [], dtype=ExactData, device=device.device)
+    data.exact = pack_exact(optics, room, device)
     data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
     data.axis = device_array([beam_axis(t) for t in traps], wp.vec3, device)
     data.equilibrium = device_array([t.equilibrium for t in traps], wp.float32, device)

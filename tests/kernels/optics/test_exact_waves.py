@@ -20,19 +20,18 @@ def waves(
     k_rho: wp.float64,
     k_z: wp.float64,
     top: int,
-    start: wp.array(dtype=wp.int32),
-    inverse: wp.array(dtype=wp.float64),
+    begun: wp.array(dtype=wp.vec2d),
     wave: wp.array(dtype=wp.vec2d),
     out: wp.array2d(dtype=wp.vec2d),
 ):
     """G_j of all orders from `top` down to 0, (top + 1, nodes)."""
-    start_waves(data, 0, ROOM, ROOM, k_rho, k_z, top, start, inverse, wave)
+    start_waves(data, 0, ROOM, ROOM, k_rho, k_z, top, begun, wave)
     for step in range(top + 1):
         order = top - step
         for q in range(ROOM):
             out[order, q] = wave[(order % 3) * ROOM + q]
         if order > 0:
-            lower_waves(ROOM, order, 0, ROOM, inverse, wave)
+            lower_waves(ROOM, order, 0, ROOM, begun, wave)
 
 
 @wp.kernel(enable_backward=False)
@@ -50,9 +49,9 @@ def test_waves_are_bessel_functions_times_a_phase(k_rho, k_z, device):
     data.weight = wp.array(weight, dtype=wp.vec2d, device=device)
     top = 6
     out = wp.zeros((top + 1, ROOM), dtype=wp.vec2d, device=device)
-    room = [wp.zeros(ROOM, dtype=d, device=device) for d in (wp.int32, wp.float64)]
+    begun = wp.zeros(ROOM, dtype=wp.vec2d, device=device)
     wave = wp.zeros(3 * ROOM, dtype=wp.vec2d, device=device)
-    given = [data, wp.float64(k_rho), wp.float64(k_z), top, *room, wave, out]
+    given = [data, wp.float64(k_rho), wp.float64(k_z), top, begun, wave, out]
     wp.launch(waves, dim=1, inputs=given, device=device)
     got = out.numpy()[..., 0] + 1j * out.numpy()[..., 1]
     x = k_rho * np.sin(t)

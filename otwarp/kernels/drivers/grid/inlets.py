@@ -27,7 +27,9 @@ def other_slots_clear_term(f: Features) -> wp.Function:
                 away = there - wp.vec3(other[0], other[1], other[2])
                 if wp.static(f.periodic):
                     away = nearest(model.period, away)
-                clear = clear and wp.length(away) >= other[3] + model.body.bound[b]
+                clear = wp.length(away) >= other[3] + model.body.bound[b]
+                if not clear:
+                    break
         return clear
 
     return other_slots_clear
