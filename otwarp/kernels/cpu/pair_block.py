@@ -2,9 +2,10 @@
 
 What takes a CPU's time here is not arithmetic but branches that it cannot foresee: how many spheres are in a cell, how
 many of them are near, and which of these touch. A run of sorted spheres is therefore tested 16 at a time, however short
-it is, and of the pairs of a list those that touch are picked without a branch. A pair is a word, 16·j + k: sphere j
-beside the k-th of a block of 16. As `otwarp.kernels.cpu.noise_block`, this is Clang's vector arithmetic, without fused
-multiply–adds; on CUDA these functions do not exist.
+it is, and of the pairs of a list those that touch are picked without a branch. Next come places and constants that lie
+anywhere in memory, since bodies are in no order: they are asked for before they are needed. A pair is a word, 16·j + k:
+sphere j beside the k-th of a block of 16. As `otwarp.kernels.cpu.noise_block`, this is Clang's vector arithmetic,
+without fused multiply–adds; on CUDA these functions do not exist.
 """
 
 import functools
@@ -119,6 +120,7 @@ _TOUCHING = """
     const int before = found;
     for (int p = begin; p < end; ++p) {
         const int pair = list.data[p], i = first + (pair & 15), j = pair >> 4;
+        __builtin_prefetch(place + (list.data[p + 16] >> 4));
         const auto& one = place[i];
         const auto& other = place[j];
         float x = one[0] - other[0], y = one[1] - other[1], z = one[2] - other[2];
@@ -128,8 +130,16 @@ _TOUCHING = """
         chosen.data[2 * found + 1] = j;
         found += x * x + y * y + z * z < far * far;
     }
-    // ascending by body for each sphere: few have more than one
     auto body = [&](int j) { return order.data[(size_t)turn * order.shape[1] + j]; };
+    for (int i = first; i < first + count; ++i)
+        __builtin_prefetch(shape.data + body(i));
+    for (int t = 2 * before; t < 2 * found; ++t) {
+        const int b = body(chosen.data[t]);
+        __builtin_prefetch(compliance.data + b);
+        __builtin_prefetch(adhesion.data + b);
+        __builtin_prefetch(range.data + b);
+    }
+    // ascending by body for each sphere: few have more than one
     for (int t = before + 1; t < found; ++t)
         for (int u = t; u > before; --u) {
             int* pair = chosen.data + 2 * u;
@@ -170,17 +180,21 @@ def near_term(periodic: bool) -> wp.Function:
 
 @functools.lru_cache(maxsize=2)
 def touching_term(periodic: bool) -> wp.Function:
-    """`(period, places, row, first, list, begin, end, reach, order, turn, chosen, found) -> found`.
+    """`(period, places, row, first, count, list, begin, end, reach, order, turn, shape, compliance, adhesion, range,
+    chosen, found) -> found`.
 
-    Appends those of the listed pairs begin … end − 1 of the spheres from `first` on that are within reach of each other
-    to the `found` ones that there are: number of the sphere, and of the other.
+    Appends those of the listed pairs begin … end − 1 of `count` spheres from `first` on that are within reach of each
+    other to the `found` ones that there are: number of the sphere, and of the other. Asks memory for what the step then
+    reads of the bodies.
     """
 
     @wp.func_native(_source(_TOUCHING, periodic))
     def touching(
-        period: PeriodData, places: wp.array2d(dtype=wp.vec4), row: int, first: int, list: wp.array(dtype=wp.int32),
-        begin: int, end: int, reach: float, order: wp.array2d(dtype=wp.int32), turn: int,
-        chosen: wp.array(dtype=wp.int32), found: int,
+        period: PeriodData, places: wp.array2d(dtype=wp.vec4), row: int, first: int, count: int,
+        list: wp.array(dtype=wp.int32), begin: int, end: int, reach: float, order: wp.array2d(dtype=wp.int32),
+        turn: int, shape: wp.array(dtype=wp.int32), compliance: wp.array(dtype=wp.float32),
+        adhesion: wp.array(dtype=wp.float32), range: wp.array(dtype=wp.float32), chosen: wp.array(dtype=wp.int32),
+        found: int,
     ) -> int:  # fmt: skip
         """Pairs whose gap is less than `reach` [µm], for each sphere in the order of the others' bodies."""
         ...

@@ -24,7 +24,8 @@ def probe(
     period: PeriodData, places: wp.array2d(dtype=wp.vec4), order: wp.array2d(dtype=wp.int32),
     key: wp.array(dtype=wp.int32), start: wp.array(dtype=wp.int32), finish: wp.array(dtype=wp.int32),
     sorted: wp.array2d(dtype=wp.float32), list: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32),
-    chosen: wp.array(dtype=wp.int32), found: wp.array(dtype=wp.int32),
+    chosen: wp.array(dtype=wp.int32), found: wp.array(dtype=wp.int32), shape: wp.array(dtype=wp.int32),
+    constant: wp.array(dtype=wp.float32),
 ):  # fmt: skip
     """Sort the spheres, list the neighbours of each, and pick those of the first two that touch."""
     near = wp.static(near_term(True))
@@ -46,7 +47,10 @@ def probe(
         end = int(begin)
         for i in range(first, wp.min(first + PAIRS, COUNT)):
             end += count[i]
-        found[0] = touching(period, places, 1, first, list, begin, end, 0.0, order, 1, chosen, found[0])
+        found[0] = touching(
+            period, places, 1, first, wp.min(PAIRS, COUNT - first), list, begin, end, 0.0, order, 1, shape, constant,
+            constant, constant, chosen, found[0],
+        )  # fmt: skip
         begin = end
 
 
@@ -73,6 +77,7 @@ def test_lists_and_touching_pairs_are_those_of_all_pairs(name, device):
     key, first, last, near, count, chosen, found = (wp.zeros(int(n), dtype=wp.int32, device=device) for n in sizes)
     columns = wp.zeros((4, COUNT + PAIRS), dtype=wp.float32, device=device)
     inputs = [length_of(period), places, order, key, first, last, columns, near, count, chosen, found]
+    inputs += [wp.zeros(COUNT, dtype=dtype, device=device) for dtype in (wp.int32, wp.float32)]
     wp.launch(probe, dim=1, inputs=inputs, device=device)
 
     p, body = places.numpy()[1], order.numpy()[1]

@@ -99,8 +99,9 @@ def touching_pairs_term(f: Features) -> wp.Function:
             last = wp.min(begin + PAIRS, first + count) - 1
             end = n.begin[last] + wp.max(n.count[last], 0)
             found = touching(
-                model.period, grid.place, grid.row[0], begin, n.neighbour, n.begin[begin], end, n.reach, grid.order,
-                grid.turn[0], chosen, found,
+                model.period, grid.place, grid.row[0], begin, last + 1 - begin, n.neighbour, n.begin[begin], end,
+                n.reach, grid.order, grid.turn[0], model.body.shape, model.contact.compliance, model.contact.adhesion,
+                model.contact.adhesion_range, chosen, found,
             )  # fmt: skip
         return found
 
