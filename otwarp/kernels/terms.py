@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from otwarp.kernels.core.features import GRID_WORLD_BODIES, MAX_WORLD_BODIES, Features
+from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.table import FORCES, active_forces
-from otwarp.kernels.optics.traps import AUTHORED
-
-Row = tuple[str, bool, str, str]
-"""A term, whether a step has it, why if so, and why not if not."""
 
 
 def terms(f: Features) -> list[tuple[str, bool, str]]:
-    """(term, compiled in, why) for every optional term; of traps one per kind of model."""
+    """(term, compiled in, why) for every optional term; first those of forces with several models."""
     rows = [*FORCES.values(), *(row for row in active_forces(f) if row not in FORCES.values())]
-    forces = [(r.name, r.active(f), r.why(f), r.why_not) for r in rows if r.name != "traps"]
-    traps = [*((k, f"{k} trap") for k in AUTHORED), ("table", "tabulated trap"), ("exact", "exact optical force")]
-    yes_no: tuple[Row, ...] = (
-        *((name, any(kind in m for m in f.trap_models), "a trap uses it", "no trap uses it") for kind, name in traps),
+    forces = [(r.name, r.active(f), r.why(f), r.why_not) for r in rows if r.listed is None]
+    models = [term for r in rows if r.listed is not None for term in r.listed(f)]
+    yes_no: tuple[Term, ...] = (
+        *models,
         ("moving traps", f.moving_traps, "traps have time samples", "no trap has time samples"),
         ("trap speed limit", f.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
         ("rotation, 6×6 mobility", f.rigid, "a body has several spheres", "all bodies are lone spheres"),
@@ -57,7 +54,7 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
     return [(name, on, yes if on else no) for name, on, yes, no in yes_no]
 
 
-def _contact_terms(f: Features) -> tuple[Row, ...]:
+def _contact_terms(f: Features) -> tuple[Term, ...]:
     """What contacts are, and how their forces are found."""
     return (
         ("body–body contact", f.pairs, "two or more bodies collide", "fewer than two bodies collide"),

@@ -15,14 +15,14 @@ from otwarp.kernels.core.noise import NOISES
 from otwarp.kernels.core.precision import PRECISIONS
 from otwarp.kernels.drivers.lane_groups import GROUP
 from otwarp.kernels.drivers.lanes_alike import go_together
-from otwarp.kernels.forces.table import needs_place
+from otwarp.kernels.forces.locality import needs_place
 from otwarp.kernels.hydrodynamics.coupling import COUPLED
 from otwarp.kernels.hydrodynamics.walls import NEAR_WALLS
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.scene import Body, Scene
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import is_rigid
-from otwarp.simulation.packing.coupling import takes_coupling
+from otwarp.simulation.packing.coupling import check_coupling, takes_coupling
 from otwarp.simulation.packing.flow import flows
 from otwarp.simulation.packing.inlets import has_inlet
 from otwarp.simulation.packing.optics import TrapOptics
@@ -54,7 +54,10 @@ def compose(
         InputError: Rods that collide in a many-body scene; coupling of too many bodies, or beside hydrodynamic walls;
             an unknown precision, or one that the scene does not go with.
     """
-    f = dataclasses.replace(_terms(scene, values, optics), forces=forces)
+    f = dataclasses.replace(scene_features(scene, values, optics), forces=forces)
+    check_coupling(scene)
+    _check_rods(scene, f)
+    hydrodynamic_walls(scene)  # no body starts behind one
     _check_precision(scene, f, options.precision, fast_math=options.fast_math)
     if options.ends is not None and f.driver == "grid":
         raise InputError(
@@ -74,6 +77,20 @@ def compose(
     # what a few worlds cannot fill costs one world 15 % of its speed
     vectors = lanes and worlds >= GROUP and go_together(f)
     return dataclasses.replace(f, lanes=lanes, vectors=vectors, phased=device.is_cuda and _takes_phases(f))
+
+
+def _check_rods(scene: Scene, f: Features) -> None:
+    """Refuse rods that collide in a many-body scene.
+
+    Raises:
+        InputError: One line.
+    """
+    if f.driver == "grid" and f.rods:
+        first = next(rod for b in scene.bodies for rod in b.rods if rod.collides)
+        raise InputError(
+            f"{scene.file or scene.root}: {first.prim}: ot:rod:collides = true: must be false in a scene of "
+            f"{f.bodies} bodies, rods collide in scenes of up to {MAX_WORLD_BODIES}"
+        )
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
@@ -126,17 +143,14 @@ def check_settings(scene: Scene) -> None:
 def serving_integrator(f: Features) -> str:
     """The integrator that does what the wanted one would: a simpler one where that makes no difference.
 
-    Where no force depends on place, one stage is exact. Near walls, where mobility depends on place, only some schemes
+    Where nothing depends on place, one stage is exact. Near walls, where mobility depends on place, only some schemes
     have the right drift; of bodies that carry each other along it depends on place, too.
     """
     if f.walls:
         return f.integrator if f.integrator in NEAR_WALLS else NEAR_WALLS[0]
     if f.coupling:
         return f.integrator if f.integrator in COUPLED else COUPLED[0]
-    local = needs_place(f) or (f.rigid and f.flow is not None)
-    if not local and f.flow in (None, "uniform"):
-        return "eulerMaruyama"
-    return f.integrator
+    return f.integrator if needs_place(f) else "eulerMaruyama"
 
 
 def _room_for_contacts(scene: Scene, pairs: bool) -> int:
@@ -174,8 +188,8 @@ def _has_rods(body: Body) -> bool:
     return any(rod.collides for rod in body.rods)
 
 
-def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -> Features:
-    """The terms this scene needs; the integrator is still the wanted one."""
+def scene_features(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -> Features:
+    """The terms this scene needs, whether or not they go together; the integrator is still the wanted one."""
     bodies, traps = scene.bodies, scene.traps
     colliding = sum(bool(b.colliding) for b in bodies)
     pushed = any(s.trapped for b in bodies for s in b.spheres)
@@ -189,12 +203,6 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
     if pairs or obstacles or limits or coupling:
         driver = "world" if len(bodies) <= MAX_WORLD_BODIES else "grid"
     rods = bool(pairs or obstacles) and any(_has_rods(b) for b in bodies)
-    if driver == "grid" and rods:
-        first = next(rod for b in bodies for rod in b.rods if rod.collides)
-        raise InputError(
-            f"{scene.file or scene.root}: {first.prim}: ot:rod:collides = true: must be false in a scene of "
-            f"{len(bodies)} bodies, rods collide in scenes of up to {MAX_WORLD_BODIES}"
-        )
     return Features(
         driver=driver,
         bodies=len(bodies),
@@ -215,7 +223,7 @@ def _terms(scene: Scene, values: Mapping[str, np.ndarray], optics: TrapOptics) -
         coupling=coupling,
         periodic=any(scene.settings.period),
         inlet=has_inlet(scene),
-        walls=min(2, len(hydrodynamic_walls(scene))),
+        walls=min(2, sum(o.hydrodynamic for o in scene.obstacles)),
         max_contacts=_room_for_contacts(scene, pairs) if pairs or obstacles else MAX_CONTACTS,
         escapes=bool(models) and bool(np.any(np.isfinite(trap_reach(scene, values, 1.0)))),
         integrator=scene.settings.integrator,

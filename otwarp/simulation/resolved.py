@@ -17,7 +17,7 @@ from otwarp.kernels.forces.force import Load
 from otwarp.kernels.optics.traps import AUTHORED
 from otwarp.laws.trap_law import FIELDS
 from otwarp.scene import Scene
-from otwarp.simulation.composition import compose
+from otwarp.simulation.composition import compose, scene_features
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.packing.forces import ActiveForces
@@ -28,7 +28,7 @@ from otwarp.simulation.packing.walls import check_flow
 from otwarp.simulation.time_step.edges import Edges, at_edges, close_starts, left_behind, pulls
 from otwarp.simulation.time_step.relaxation import Neighbours, TrapRelaxation
 from otwarp.simulation.time_step.speeds import authored_powers
-from otwarp.simulation.time_step.steady_loads import steady_loads
+from otwarp.simulation.time_step.steady_loads import stated_loads, steady_loads
 from otwarp.simulation.user_forces import user_parameters
 
 
@@ -89,7 +89,7 @@ class ResolvedScene:
         held = near.held(scene)
         features = compose(scene, values, optics, device, forces.laws, options, worlds=worlds, part=part)
         check_flow(scene, values)
-        loads = steady_loads(scene, moves, values, forces, device)
+        loads = steady_loads(scene, moves, values, features, forces, device)
         gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)
         gap = np.maximum(gap, left_behind(scene, moves, values, held))
         pull = pulls(scene, moves, values, loads, held)
@@ -126,6 +126,21 @@ class ResolvedScene:
     def reference(self) -> np.ndarray:
         """(B, 3) reference point of each body in its prim's frame [µm]."""
         return np.array([m.reference for m in self.moves]).reshape(-1, 3)
+
+
+def resting_loads(scene: Scene) -> list[Load]:
+    """Forces on all bodies by all that a scene authors but its traps, without a simulation, as `steady_loads`.
+
+    Mobilities are needed, and torques and rates found, only where a scene has forces with parameters.
+    """
+    active = ActiveForces.of(scene, (), {}, 1)
+    optics = TrapOptics.without_tables(scene)
+    scene = optics.resolve(scene)
+    values = _scene_values(scene)
+    features = dataclasses.replace(scene_features(scene, values, optics), forces=active.laws)
+    if not active.laws:
+        return stated_loads(scene, values, features)
+    return steady_loads(scene, mobilities(scene), values, features, active, wp.get_device("cpu"))
 
 
 def _check_laws(scene: Scene, overrides: Mapping[str, np.ndarray]) -> None:

@@ -16,8 +16,8 @@ from otwarp.scene import Body, Medium, Scene, SceneBuilder, Settings
 from otwarp.simulation.info import describe
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.resolved import resting_loads
 from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.time_step.steady_loads import resting_loads
 from otwarp.units import BOLTZMANN
 from tests.simulation.crowds import SOFT_STEP, crowd, jumbled
 from tests.simulation.forces import (

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
 import warp as wp
 
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.features import Features
+
+Term = tuple[str, bool, str, str]
+"""A term of the step, whether a step has it, why if so, and why not if not."""
 
 
 @dataclass(frozen=True)
@@ -17,11 +22,16 @@ class BodyFacts:
 
     Attributes:
         weight: Weight minus buoyancy [pN].
-        weight_arm: Distance of the centroid, where it acts, from the centre of diffusion [µm].
+        weight_arm: Distance of the centroid, where it acts, from the centre of diffusion [µm]; 0 where nobody asks for
+            torques.
+        body: The `otwarp.scene.Body`.
+        values: Parameters of medium, flow, traps and this body by name, (1|W, …) in internal units.
     """
 
     weight: float
     weight_arm: float
+    body: Any = None
+    values: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -48,10 +58,13 @@ class ForceRow:
 
     Attributes:
         name: What `otwarp info` calls it.
-        active: Whether a step with these features has it.
+        active: Whether a step with these features has it; time steps and budgets ask it of the model's own features.
         why: Why it is in such a step; a function of the features.
         why_not: Why it is not in the others.
-        local: Whether it depends on where the body is, so that an integrator's second look finds another one.
+        local: Whether it depends on where a lone sphere is, so that an integrator's second look finds another one.
+        local_on_rigid: Whether it depends on where a rigid body is, or on how it is turned.
+        acts: Factory of `(model, b) -> bool`, whether it can act on body b; None: on any.
+        prepare: Factory of `(model, control, bead, world, b) -> BeadConstants`, with what a lone sphere carries for it.
         on_sphere: Factory of `(model, control, state, bead, world, b, position, time) -> vec3` [pN], on a lone sphere.
         on_body: Factory of `(model, control, state, body, world, b, pose, time) -> Wrench`, on a rigid body.
         sphere_stiffness: Factory of the symmetric part of −∂F/∂x on a sphere [pN/µm], arguments as `on_sphere`.
@@ -59,6 +72,7 @@ class ForceRow:
         load: `BodyFacts → Load`, for a force that all follows from them; traps count by their powers instead, and
             `parametric` forces by their parameters.
         parametric: The force with parameters per body that this row is.
+        listed: What `otwarp info` lists in its place, where it is several terms.
     """
 
     name: str
@@ -66,9 +80,17 @@ class ForceRow:
     why: Callable[[Features], str]
     why_not: str
     local: bool = True
+    local_on_rigid: bool = True
+    acts: Callable[[Features], wp.Function] | None = None
+    prepare: Callable[[Features], wp.Function] | None = None
     on_sphere: Callable[[Features], wp.Function] | None = None
     on_body: Callable[[Features], wp.Function] | None = None
     sphere_stiffness: Callable[[Features], wp.Function] | None = None
     body_stiffness: Callable[[Features], wp.Function] | None = None
     load: Callable[[BodyFacts], Load] | None = None
     parametric: BodyForce | None = None
+    listed: Callable[[Features], list[Term]] | None = None
+
+    def is_local(self, *, rigid: bool) -> bool:
+        """Whether it depends on the place of a lone sphere, or with `rigid` of a body that turns."""
+        return self.local_on_rigid if rigid else self.local

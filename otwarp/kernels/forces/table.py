@@ -4,9 +4,9 @@ from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.body_forces.external import EXTERNAL
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.forces.force import ForceRow
-from otwarp.kernels.forces.gravity import weight_load, weight_of_body, weight_of_sphere
+from otwarp.kernels.forces.gravity import prepare_weight, weight_load, weight_of_body, weight_of_sphere
 from otwarp.kernels.forces.parametric import parametric_on_body, parametric_on_sphere
-from otwarp.kernels.forces.traps import traps_on_sphere
+from otwarp.kernels.forces.traps import is_trapped, prepare_traps, trap_kinds, traps_on_sphere
 from otwarp.kernels.optics.trap_wrench import trap_wrench_term, wrench_stiffness_term
 
 
@@ -22,6 +22,8 @@ def parametric(force: BodyForce, why: str, why_not: str, *, name: str = "", loca
         why=lambda f: why,
         why_not=why_not,
         local=local,
+        # what is constant at a sphere turns a body all the same
+        local_on_rigid=local or force.acts_on == "spheres",
         on_sphere=lambda f: parametric_on_sphere(f, index_in(f)),
         on_body=lambda f: parametric_on_body(f, index_in(f)),
         parametric=force,
@@ -34,10 +36,13 @@ FORCES: dict[str, ForceRow] = {
         active=lambda f: bool(f.trap_models),
         why=lambda f: "models: " + ", ".join(f.trap_models),
         why_not="no trap, or no sphere that traps act on",
+        acts=lambda f: is_trapped,
+        prepare=prepare_traps,
         on_sphere=lambda f: traps_on_sphere(f, "force"),
         on_body=trap_wrench_term,
         sphere_stiffness=lambda f: traps_on_sphere(f, "stiffness"),
         body_stiffness=wrench_stiffness_term,
+        listed=trap_kinds,
     ),
     "gravity": ForceRow(
         name="gravity",
@@ -45,6 +50,7 @@ FORCES: dict[str, ForceRow] = {
         why=lambda f: "ot:scene:gravity",
         why_not="ot:scene:gravity is false",
         local=False,
+        prepare=prepare_weight,
         on_sphere=weight_of_sphere,
         on_body=weight_of_body,
         load=weight_load,
@@ -65,9 +71,3 @@ def active_forces(f: Features) -> list[ForceRow]:
     known = [row.parametric for row in FORCES.values()]
     rows = [row for row in FORCES.values() if row.active(f)]
     return rows + [parametric(force, "given to the simulation", "") for force in f.forces if force not in known]
-
-
-def needs_place(f: Features) -> bool:
-    """Whether some force of a step depends on where bodies are, or on how they are turned."""
-    turned = f.rigid and f.gravity
-    return turned or any(row.local for row in active_forces(f))

@@ -1,5 +1,7 @@
 """All forces on a body that are not contact: the sum of the active rows of `FORCES`."""
 
+from functools import reduce
+
 import warp as wp
 
 from otwarp.kernels.core.features import Features
@@ -15,6 +17,28 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.forces.table import active_forces
 from otwarp.kernels.forces.zeros import ZEROS, no_body_stiffness, no_wrench
+
+
+def prepare_sphere(f: Features) -> wp.Function:
+    """`(model, control, bead, world, b) -> BeadConstants` of a lone sphere, with what it carries for its forces."""
+
+    @wp.func
+    def unchanged(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
+        """`bead`: no force needs more of it."""
+        return bead
+
+    def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        """One after the other."""
+
+        @wp.func
+        def prepared(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
+            """`bead` with what the rows so far and the next row read of it."""
+            return other(model, control, one(model, control, bead, world, b), world, b)
+
+        return prepared
+
+    terms = [row.prepare(f) for row in active_forces(f) if row.prepare]
+    return reduce(both, terms) if terms else unchanged
 
 
 def sphere_total(f: Features, what: str) -> wp.Function:
@@ -47,10 +71,7 @@ def sphere_total(f: Features, what: str) -> wp.Function:
         return total
 
     terms = [make(f) for make in made]
-    result = terms[0] if terms else zero
-    for term in terms[1:]:
-        result = both(result, term)
-    return result
+    return reduce(both, terms) if terms else zero
 
 
 def body_total(f: Features) -> wp.Function:
@@ -82,16 +103,11 @@ def body_total(f: Features) -> wp.Function:
         return total
 
     terms = [row.on_body(f) for row in active_forces(f) if row.on_body]
-    result = terms[0] if terms else zero
-    for term in terms[1:]:
-        result = both(result, term)
-    return result
+    return reduce(both, terms) if terms else zero
 
 
 def body_stiffness_total(f: Features) -> wp.Function:
     """`(model, control, state, world, b, pose, time) -> (6, 6)` symmetric part of −∂(F, T)/∂(x, θ) on a rigid body."""
-    terms = [row.body_stiffness(f) for row in active_forces(f) if row.body_stiffness]
-    assert len(terms) <= 1, "only traps have one"
 
     @wp.func
     def zero(
@@ -100,4 +116,19 @@ def body_stiffness_total(f: Features) -> wp.Function:
         """The empty sum [pN/µm, pN, pN·µm]: no force has a part that the exponential integrator treats as linear."""
         return no_body_stiffness()
 
-    return terms[0] if terms else zero
+    def both(one: wp.Function, other: wp.Function) -> wp.Function:
+        """The sum of two terms, with the arguments of each."""
+
+        @wp.func
+        def total(
+            model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64
+        ) -> mat66:
+            """Sum of the rows so far and the next row, in the order of the table."""
+            value = one(model, control, state, world, b, pose, time)
+            value += other(model, control, state, world, b, pose, time)
+            return value
+
+        return total
+
+    terms = [row.body_stiffness(f) for row in active_forces(f) if row.body_stiffness]
+    return reduce(both, terms) if terms else zero

@@ -17,20 +17,24 @@ from otwarp.simulation.packing.bodies import is_rigid
 
 
 def takes_coupling(scene: Scene) -> bool:
-    """Whether the bodies of a scene carry each other along: if it asks for that and there are several.
+    """Whether the bodies of a scene carry each other along: if it asks for that and there are several."""
+    return scene.settings.coupling and len(scene.bodies) > 1
+
+
+def check_coupling(scene: Scene) -> None:
+    """Refuse coupling of too many bodies, or beside a wall.
 
     Raises:
         InputError: More than `MAX_WORLD_BODIES` bodies, or a hydrodynamic wall.
     """
-    if not scene.settings.coupling or len(scene.bodies) < 2:
-        return False
+    if not takes_coupling(scene):
+        return
     where = f"{scene.file or scene.root}: {scene.root}: ot:scene:hydrodynamicCoupling = true: must be false"
     if len(scene.bodies) > MAX_WORLD_BODIES:
         raise InputError(f"{where} in a scene of {len(scene.bodies)} bodies; up to {MAX_WORLD_BODIES} can be coupled")
     walls = [o.prim for o in scene.obstacles if o.hydrodynamic]
     if walls:
         raise InputError(f"{where} beside {walls[0]}, whose ot:obstacle:hydrodynamic is true; one of the two can act")
-    return True
 
 
 def given_turning(move: BodyMobility) -> np.ndarray:

@@ -121,6 +121,12 @@ class TrapOptics:
             exact = {i: pack_force(made[i].beam, made[i].sphere, reach=made[i].cutoff, device=device) for i in used}
         return cls(kinds, tuple(made), table, nearest, exact)
 
+    @classmethod
+    def without_tables(cls, scene: Scene) -> TrapOptics:
+        """What serves where only the kinds of terms count: optical traps pass for harmonic ones."""
+        traps = len(scene.traps)
+        return cls((), (), np.full((traps, 0), -1, dtype=np.int32), np.zeros(traps, dtype=int))
+
     def kind(self, radius: float, index: float) -> int:
         """Optical kind of a trapped sphere."""
         return self.kinds.index((radius, index))

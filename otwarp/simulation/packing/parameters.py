@@ -177,6 +177,12 @@ def scene_values(scene: Scene) -> dict[str, np.ndarray]:
     return values
 
 
+def values_of(values: Mapping[str, np.ndarray], b: int) -> dict[str, np.ndarray]:
+    """Of `values`, those of one body as (1|W,) or (1|W, 3), and all that are not of bodies as they are."""
+    bodies = {name for name, spec in PARAMETERS.items() if spec.of == "bodies"}
+    return {name: array[:, b] if name in bodies else array for name, array in values.items()}
+
+
 def _field(owner: object, row: Attribute) -> object:
     """What a part of the scene holds for an attribute, its default where there is no such part or no such entry."""
     for name in row.field.split("."):

@@ -17,19 +17,22 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.forces.force import BodyFacts, Load
 from otwarp.kernels.forces.table import FORCES
 from otwarp.scene import Scene
-from otwarp.simulation.packing.bodies import is_rigid, mobilities, union_volume, weight
+from otwarp.simulation.packing.bodies import is_rigid, union_volume, weight
 from otwarp.simulation.packing.forces import ActiveForces
-from otwarp.simulation.packing.parameters import scene_values
+from otwarp.simulation.packing.parameters import values_of
 from otwarp.simulation.time_step.force_probe import measured_loads
 
 
-def weights(scene: Scene, moves: list[BodyMobility] | None = None) -> list[Load]:
-    """Loads of all bodies by the rows of `FORCES` that follow from the bodies alone.
+def stated_loads(
+    scene: Scene, values: Mapping[str, np.ndarray], features: Features, moves: list[BodyMobility] | None = None
+) -> list[Load]:
+    """Loads of all bodies by the rows of `FORCES` that say it themselves.
 
     Args:
+        values: The `(1|W, …)` parameters of the scene.
+        features: Of the model, by which rows are active.
         moves: Mobilities of the bodies; without them torques are left out.
     """
-    features = Features(gravity=scene.settings.gravity)
     rows = [row.load for row in FORCES.values() if row.load is not None and row.active(features)]
     if not rows:
         return [Load()] * len(scene.bodies)
@@ -38,27 +41,17 @@ def weights(scene: Scene, moves: list[BodyMobility] | None = None) -> list[Load]
         arm = 0.0
         if moves is not None and is_rigid(body):
             arm = float(np.linalg.norm(union_volume(body)[1] - moves[b].reference))
-        facts = BodyFacts(weight(scene, body), arm)
+        facts = BodyFacts(weight(scene, body), arm, body, values_of(values, b))
         first, *rest = (load(facts) for load in rows)
         loads.append(sum(rest, start=first))
     return loads
-
-
-def resting_loads(scene: Scene) -> list[Load]:
-    """Forces on all bodies by all that a scene authors but its traps, without a simulation, as `steady_loads`.
-
-    Mobilities are needed, and torques and rates found, only where a scene has forces with parameters.
-    """
-    active = ActiveForces.of(scene, (), {}, 1)
-    if not active.laws:
-        return weights(scene)
-    return steady_loads(scene, mobilities(scene), scene_values(scene), active, wp.get_device("cpu"))
 
 
 def steady_loads(
     scene: Scene,
     moves: list[BodyMobility],
     values: Mapping[str, np.ndarray],
+    features: Features,
     active: ActiveForces,
     device: wp.Device,
 ) -> list[Load]:
@@ -67,13 +60,14 @@ def steady_loads(
     Args:
         moves: Mobilities of the bodies.
         values: The `(1|W, …)` parameters of the scene.
+        features: Of the model, by which built-in forces are active.
         active: The forces with parameters.
         device: Where forces are measured that state no bounds.
 
     Returns:
         Bounds per body; of measured forces the largest values that were seen.
     """
-    loads = weights(scene, moves)
+    loads = stated_loads(scene, values, features, moves)
     for index, law in enumerate(active.laws):
         more = _stated(active, index, moves, scene)
         if law.slope is None or law.load is None or law.turns:

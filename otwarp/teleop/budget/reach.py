@@ -25,7 +25,7 @@ from otwarp.errors import InputError
 from otwarp.scene import IDENTITY, Body, Obstacle, Rod, Scene, Sphere, Track, Trap
 from otwarp.scene.flow_profile import flow_velocity
 from otwarp.scene.transforms import align_z, rotate
-from otwarp.simulation.time_step.steady_loads import resting_loads
+from otwarp.simulation.resolved import resting_loads
 from otwarp.units import BOLTZMANN
 
 SWEEP = 40.0

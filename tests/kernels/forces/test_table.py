@@ -1,7 +1,7 @@
 """Rows of the step: the built-in forces it has, then the user's."""
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.forces.table import FORCES, active_forces, needs_place
+from otwarp.kernels.forces.table import active_forces
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from tests.kernels.forces.setups import scene, turning
@@ -13,10 +13,3 @@ def test_rows_come_in_the_order_of_the_table():
     assert [row.name for row in active_forces(f)] == ["traps", "gravity", "external force", "turning"]
     assert all(row.why(f) for row in active_forces(f))
     assert not active_forces(Features(bodies=1))
-
-
-def test_place_matters_to_traps_and_to_a_body_whose_weight_turns_it():
-    assert needs_place(Features(bodies=1, traps=1, trap_models=("harmonic_isotropic",)))
-    assert needs_place(Features(bodies=1, gravity=True, rigid=True))
-    assert not needs_place(Features(bodies=1, gravity=True))
-    assert not needs_place(Features(bodies=1, forces=(FORCES["external"].parametric,)))

@@ -17,6 +17,7 @@ from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Mov
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import BLOCK, before_step, block_source
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term
+from otwarp.kernels.forces.locality import needs_place_term
 from otwarp.kernels.integrate.body import as_move, body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 
@@ -138,17 +139,7 @@ def correct_term(f: Features) -> wp.Function:
     assert scheme.correct is not None
     correction = scheme.correct(dynamics)
     body_pose, own = body_pose_term(f), own_term(f)
-    everywhere = f.flow not in (None, "uniform") or f.walls > 0 or bool(f.forces)
-
-    @wp.func
-    def may_differ(model: ModelData, b: int) -> bool:
-        """Whether a force on a body, or its mobility, depends on where it is."""
-        there = bool(wp.static(everywhere))
-        if wp.static(bool(f.trap_models)):
-            there = there or model.body.trapped_start[b + 1] > model.body.trapped_start[b]
-        if wp.static(f.rigid and f.gravity):
-            there = there or model.body.rigid[b] != 0
-        return there
+    may_differ = needs_place_term(f)
 
     @wp.func
     def correct_body(
