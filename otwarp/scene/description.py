@@ -249,13 +249,14 @@ class Obstacle(ByValue):
 class Flow:
     """Background flow along the local +X of its prim, varying along the local +Z (and +Y).
 
-    kind `uniform`: u = speed; `shear`: u = shear_rate·z; `poiseuille`: u = speed·(1 − (z/half_height)²) between the
-    plates at z = ±half_height; `rectangular`: between these and the walls at y = ±half_width; `grid`: as `field` says,
-    which was read from `file`. 0 outside. Speed is in µm/s (at the centre line of a channel), rate in 1/s.
+    kind, a row of `flow_profile.PROFILES`: `uniform`, u = speed; `shear`, u = shear_rate·z; `poiseuille`,
+    u = speed·(1 − (z/half_height)²) between the plates at z = ±half_height; `rectangular`, between these and the walls
+    at y = ±half_width; `grid`, as `field` says, which was read from `file`. 0 outside. Speed is in µm/s (at the centre
+    line of a channel), rate in 1/s.
     """
 
     prim: str
-    kind: Literal["uniform", "shear", "poiseuille", "rectangular", "grid"]
+    kind: str
     origin: Vec3 = (0.0, 0.0, 0.0)
     orientation: Quat = IDENTITY
     speed: float = 0.0

@@ -129,7 +129,7 @@ CUBE = (
 def flow(kind: str) -> Flow:
     """A background flow along x through the bead."""
     origin = shift(PLACE, z=1.0)
-    return Flow(prim="/World", kind=kind, origin=origin, speed=10.0, shear_rate=2.0, half_height=50.0)  # type: ignore[arg-type]
+    return Flow(prim="/World", kind=kind, origin=origin, speed=10.0, shear_rate=2.0, half_height=50.0)
 
 
 def alone(*, settings: Settings = STILL, caught_by: Trap | None = None, **more: object) -> Scene:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from otwarp.scene.description import Body, Flow, Obstacle, Rod, Settings
+from otwarp.scene.flow_profile import PROFILES
 from otwarp.scene.obstacle_shapes import SHAPES
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.scene.vocabulary.values import authored, bad
@@ -117,10 +118,6 @@ def _straight(obstacle: Obstacle, row: np.ndarray) -> bool:
     return obstacle.shape == "mesh" or (obstacle.shape == "box" and np.abs(row).max() > 1.0 - ALONG)
 
 
-_ACROSS = {"uniform": (), "shear": (2,), "poiseuille": (2,), "rectangular": (1, 2), "grid": ()}
-"""Profile of a flow → axes of its frame along which it varies."""
-
-
 REPEATS = 1e-3
 """How far a velocity field may fail to repeat, relative to its extent and its largest velocity."""
 
@@ -136,7 +133,7 @@ def _check_flow(where: str, flow: Flow, axis: int, period: float) -> None:
         if not even or leap > REPEATS * flow.field.fastest:
             allowed = f"one as long as the period of {period:g} µm along {_AXES[axis]}, which ends as it begins"
             raise bad(where, flow.prim, "ot:flow:file", f"a field of {length:g} µm", allowed)
-    for across in _ACROSS[flow.kind]:
+    for across in PROFILES[flow.kind].across:
         if abs(turn[axis, across]) > ALONG:
             allowed = f"one that does not vary along {_AXES[axis]}, which is periodic"
             raise bad(where, flow.prim, "ot:flow:kind", flow.kind, allowed)

@@ -14,6 +14,7 @@ from otwarp.scene.check.parts import check_bodies, check_obstacle, check_trap
 from otwarp.scene.check.period import check_period
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
 from otwarp.scene.flow_grid import FlowGrid
+from otwarp.scene.flow_profile import PROFILES
 from otwarp.scene.vocabulary.values import bad
 
 INFINITY = float("inf")
@@ -122,12 +123,14 @@ def _check_flow(where: str, flow: Flow) -> None:
     check_places(where, [flow.prim], "origin", check_numbers(where, flow.prim, "origin", flow.origin, (3,))[None])
     turn = check_numbers(where, flow.prim, "orientation", flow.orientation, (4,))
     check_turns(where, [flow.prim], "orientation", turn[None])
-    if flow.kind in ("poiseuille", "rectangular") and flow.half_height == 0.0:  # negative is out of the table's range
-        raise bad(where, flow.prim, "ot:flow:halfHeight", flow.half_height, f"in (0, inf) m for {flow.kind}")
-    if flow.kind == "rectangular" and flow.half_width == 0.0:
-        raise bad(where, flow.prim, "ot:flow:halfWidth", flow.half_width, "in (0, inf) m for rectangular")
-    if flow.kind == "grid" and not isinstance(flow.field, FlowGrid):
-        raise bad(where, flow.prim, "ot:flow:file", flow.file or "(empty)", "a file with a velocity field for grid")
+    for row in vocabulary.FLOW.attributes:
+        # negative is out of the table's range
+        if row.field in PROFILES[flow.kind].lengths and getattr(flow, row.field) == 0.0:
+            raise bad(where, flow.prim, row.name, getattr(flow, row.field), f"in (0, inf) m for {flow.kind}")
+    if PROFILES[flow.kind].strength is None and not isinstance(flow.field, FlowGrid):
+        raise bad(
+            where, flow.prim, "ot:flow:file", flow.file or "(empty)", f"a file with a velocity field for {flow.kind}"
+        )
 
 
 def _check_goal(where: str, goal: Goal, bodies: Sequence[Body]) -> None:

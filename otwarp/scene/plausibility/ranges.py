@@ -13,6 +13,7 @@ import numpy as np
 
 from otwarp.scene.description import Body, Trap
 from otwarp.scene.finding import Finding
+from otwarp.scene.flow_profile import kinds_with
 from otwarp.scene.scene import Scene
 from otwarp.units import FROM_SI, INTERNAL_SYMBOL, SI_SYMBOL
 
@@ -226,23 +227,28 @@ ROWS: tuple[UsualRange, ...] = (
         low=1e-3,
         high=1e4,
         dimension="speed",
-        values=_flow("ot:flow:speed", "speed", "uniform", "poiseuille", "rectangular"),
+        values=_flow("ot:flow:speed", "speed", *kinds_with(strength="speed")),
         parameters=("flow_speed",),
     ),
     UsualRange(
         low=1e-4,
         high=1e5,
         dimension="rate",
-        values=_flow("ot:flow:shearRate", "shear_rate", "shear"),
+        values=_flow("ot:flow:shearRate", "shear_rate", *kinds_with(strength="shear_rate")),
         parameters=("flow_shear_rate",),
     ),
     UsualRange(
         low=0.5,
         high=1e5,
         dimension="length",
-        values=_flow("ot:flow:halfHeight", "half_height", "poiseuille", "rectangular"),
+        values=_flow("ot:flow:halfHeight", "half_height", *kinds_with(length="half_height")),
     ),
-    UsualRange(low=0.5, high=1e5, dimension="length", values=_flow("ot:flow:halfWidth", "half_width", "rectangular")),
+    UsualRange(
+        low=0.5,
+        high=1e5,
+        dimension="length",
+        values=_flow("ot:flow:halfWidth", "half_width", *kinds_with(length="half_width")),
+    ),
     UsualRange(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
     UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
     UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:lostDistance", "goal", "lost_distance")),

@@ -11,7 +11,7 @@ import warp as wp
 from otwarp.kernels.core.types import FlowData
 from otwarp.scene import Flow, Scene
 from otwarp.scene.flow_grid import FlowGrid
-from otwarp.scene.flow_profile import drive, sides
+from otwarp.scene.flow_profile import PROFILES, field_of
 from otwarp.scene.transforms import multiply, rotation_matrix
 from otwarp.simulation.packing.arrays import Place, device_array
 
@@ -23,9 +23,13 @@ def flows(scene: Scene, values: Mapping[str, np.ndarray]) -> bool:
     flow = scene.flow
     if flow is None:
         return False
-    if flow.field is not None:
-        return flow.field.fastest > 0.0
-    return bool(np.any(values["flow_shear_rate" if flow.kind == "shear" else "flow_speed"]))
+    return bool(np.any(strengths(flow, values)))
+
+
+def strengths(flow: Flow, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(1|W,) what the velocity of a flow is proportional to, of data its largest velocity."""
+    of = PROFILES[flow.kind].strength
+    return np.abs(values[f"flow_{of}"]) if of else np.array([field_of(flow).fastest])
 
 
 def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: Place) -> Annotated[Any, FlowData]:
@@ -42,12 +46,10 @@ def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: P
     nodes = np.zeros((0, 3, 3))
     if flow is not None:
         turn = np.array(flow.orientation)
-        data.half_height = flow.half_height
-        if flow.kind == "rectangular":
-            if flow.half_height > flow.half_width:
-                turn = multiply(turn, _QUARTER_ABOUT_X)  # so that z is along the shorter side
-            data.half_height, data.half_width = sides(flow)
-            data.drive = drive(flow)
+        section = PROFILES[flow.kind].section(flow)
+        if section.turned:
+            turn = multiply(turn, _QUARTER_ABOUT_X)
+        data.half_height, data.half_width, data.drive = section.half_height, section.half_width, section.drive
         data.origin, data.rotation = vec3(*flow.origin), device.typed(wp.quat)(*turn)
         if flow.field is not None:
             nodes = _nodes(flow.field)

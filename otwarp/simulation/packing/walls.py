@@ -14,8 +14,7 @@ from otwarp.hydrodynamics.rigid import BodyMobility
 from otwarp.kernels.core.types import WallData
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Body, Flow, Obstacle, Scene
-from otwarp.scene.flow_grid import FlowGrid
-from otwarp.scene.flow_profile import flow_velocity
+from otwarp.scene.flow_profile import PROFILES, field_of, flow_velocity
 from otwarp.simulation.packing.arrays import Place, device_array
 from otwarp.simulation.packing.bodies import drag_spheres
 from otwarp.simulation.packing.flow import flows
@@ -65,37 +64,30 @@ def check_flow(scene: Scene, values: Mapping[str, np.ndarray]) -> None:
     flow = scene.flow
     if flow is None or not flows(scene, values):
         return
-    if flow.field is not None:
-        _check_field(scene, flow, flow.field)
+    still = PROFILES[flow.kind].still
+    if still is None:
+        _check_field(scene, flow)
         return
-    up = rotate(np.array(flow.orientation), np.array([0.0, 0.0, 1.0]))
+    planes = still(flow)
     for wall in hydrodynamic_walls(scene):
-        normal, offset = plane_of(wall)
-        height = offset * float(normal @ up) - float(up @ np.array(flow.origin))
-        parallel = np.linalg.norm(np.cross(normal, up)) < STILL
-        channel = flow.kind in ("poiseuille", "rectangular")
-        size = flow.half_height if channel else max(s.radius for b in scene.bodies for s in b.spheres)
-        still = (-flow.half_height, flow.half_height) if channel else (0.0,) if flow.kind == "shear" else ()
-        side = flow.kind == "rectangular" and _is_side(flow, normal, offset)
-        if not side and (not parallel or not any(abs(height - z) < STILL * size for z in still)):
-            where = {
-                "poiseuille": f"at ±{flow.half_height:g} µm of the prim's own z",
-                "rectangular": f"at ±{flow.half_height:g} µm of the prim's own z and ±{flow.half_width:g} µm of its y",
-                "shear": "at 0 of the prim's own z",
-            }.get(flow.kind, "nowhere")
+        if not any(_is_on(scene, flow, *plane_of(wall), *plane) for plane in planes):
+            at = [f"{f'±{half:g} µm' if half else '0'} of the prim's own {'xyz'[axis]}" for axis, half in planes]
+            where = f"at {' and '.join(at)}" if at else "nowhere"
             raise _bad(scene, wall, "true", f"false where {flow.prim} flows; its {flow.kind} flow stands still {where}")
 
 
-def _is_side(flow: Flow, normal: np.ndarray, offset: float) -> bool:
-    """Whether a plane is a side wall of a rectangular channel."""
-    across = rotate(np.array(flow.orientation), np.array([0.0, 1.0, 0.0]))
-    place = offset * float(normal @ across) - float(across @ np.array(flow.origin))
-    along = bool(np.linalg.norm(np.cross(normal, across)) < STILL)
-    return along and abs(abs(place) - flow.half_width) < STILL * flow.half_width
+def _is_on(scene: Scene, flow: Flow, normal: np.ndarray, offset: float, axis: int, half: float) -> bool:
+    """Whether a plane is one of those at ±`half` [µm] along an axis of the flow."""
+    along = rotate(np.array(flow.orientation), np.eye(3)[axis])
+    place = offset * float(normal @ along) - float(along @ np.array(flow.origin))
+    size = half or max(s.radius for b in scene.bodies for s in b.spheres)
+    parallel = bool(np.linalg.norm(np.cross(normal, along)) < STILL)
+    return parallel and abs(abs(place) - half) < STILL * size
 
 
-def _check_field(scene: Scene, flow: Flow, field: FlowGrid) -> None:
+def _check_field(scene: Scene, flow: Flow) -> None:
     """Refuse a velocity field that moves along a hydrodynamic wall, looked at below all nodes."""
+    field = field_of(flow)
     axes = [low + h * np.arange(n) for low, h, n in zip(field.low, field.spacing, field.nodes, strict=True)]
     local = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     nodes = rotate(np.array(flow.orientation), local) + np.array(flow.origin)

@@ -10,9 +10,9 @@ import numpy as np
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.forces.force import Load
 from otwarp.scene import Obstacle, Scene, Sphere
-from otwarp.scene.flow_profile import drive, sides
+from otwarp.scene.flow_profile import PROFILES, in_frame
 from otwarp.simulation.packing.bodies import is_rigid, obstacle_bound
-from otwarp.simulation.packing.traps import rotate
+from otwarp.simulation.packing.flow import strengths
 from otwarp.simulation.time_step.relaxation import point_mobility
 
 
@@ -32,20 +32,16 @@ def body_bound(scene: Scene) -> float:
     """Radius about its prim's origin that holds any body [µm]."""
     spheres = [float(np.linalg.norm(s.offset)) + s.radius for b in scene.bodies for s in b.spheres]
     rods = [float(np.linalg.norm(p)) + r.radius for b in scene.bodies for r in b.rods for p in (r.start, r.end)]
-    return max(spheres + rods)
+    return max(spheres + rods, default=0.0)
 
 
 def flow_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
-    """Fastest flow where bodies and traps are [µm/s]; a shear flow has no fastest place of its own."""
-    if scene.flow is None:
+    """Fastest flow where bodies and traps are [µm/s]."""
+    flow = scene.flow
+    if flow is None:
         return 0.0
-    if scene.flow.field is not None:
-        return scene.flow.field.fastest
-    if scene.flow.kind != "shear":
-        return float(np.abs(values["flow_speed"]).max())
-    inverse = np.array(scene.flow.orientation) * [-1.0, -1.0, -1.0, 1.0]
-    height = np.abs(rotate(inverse, places(scene, values) - scene.flow.origin)[:, 2]).max() + body_bound(scene)
-    return float(np.abs(values["flow_shear_rate"]).max() * height)
+    extent = np.abs(in_frame(flow, places(scene, values))).max(axis=0, initial=0.0) + body_bound(scene)
+    return PROFILES[flow.kind].fastest(flow, float(strengths(flow, values).max()), extent)
 
 
 def trap_speed(scene: Scene, values: Mapping[str, np.ndarray]) -> float:
@@ -133,21 +129,14 @@ def turning_rate(
 ) -> float:
     """Fastest turning of a rigid body in the flow and under the torque of its weight and other forces [rad/s].
 
-    The velocity gradient of the flow (γ̇ in shear, 2U/h at the plates of a channel, at most Gh in a rectangular one, the
-    curl of a field), and |T|·μ_r.
+    The velocity gradient of the flow and |T|·μ_r.
     """
     rigid = [(t, m) for b, t, m in zip(scene.bodies, loads, moves, strict=True) if is_rigid(b)]
     if not rigid:
         return 0.0
     flow, gradient, hanging = scene.flow, 0.0, 0.0
-    if flow is not None and flow.kind == "shear":
-        gradient = float(np.abs(values["flow_shear_rate"]).max())
-    elif flow is not None and flow.kind == "poiseuille":
-        gradient = 2.0 * float(np.abs(values["flow_speed"]).max()) / flow.half_height
-    elif flow is not None and flow.kind == "rectangular":
-        gradient = float(np.abs(values["flow_speed"]).max()) * drive(flow) * sides(flow)[0]
-    elif flow is not None and flow.field is not None:
-        gradient = float(np.linalg.norm(flow.field.curl, axis=-1).max())
+    if flow is not None:
+        gradient = PROFILES[flow.kind].gradient(flow, float(strengths(flow, values).max()))
     for load, move in rigid:
         if load.torque:
             turn = float(np.linalg.eigvalsh(move.mobility[3:, 3:])[-1])
