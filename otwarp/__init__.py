@@ -6,7 +6,26 @@
     sim.run(0.5)
     sim.state.position.numpy()       # (256, bodies, 3) µm
 
-Names are loaded when first used, so that `import otwarp` costs nothing.
+Names are loaded when first used, so that `import otwarp` costs nothing. The rooms, each with a floor plan in its own
+docstring (docs/architecture.md shows who may import whom):
+
+    scene          what a USD stage says; read, checked, written, recorded, drawn
+    simulation     a model of a scene, and the one object that steps it (open `simulation/simulation.py` first)
+    kernels        physics as Warp functions, composed into the step
+    optics         beams, Mie scattering, force tables, fits
+    hydrodynamics  mobilities of bodies, in float64
+    laws           what several rooms evaluate, each in its own way
+    record         frames of a run to files
+    preview        pictures and movies of them
+    haptics        what operators feel, a thousand times a second
+    teleop         live sessions: page, operators, budget, recording
+    ros            the same session as the topics of ROS 1 and ROS 2
+    bench          what a user measures on his machine
+    cli            all of this from the command line
+
+Files that every room may import: `errors` (what a user meets), `units` (internal units and constants), `files` (whole
+or not at all), `cache` (what took long to compute, on disk), `lazy` (names loaded when used), `device` (Warp, started
+and chosen), `warp_internals` (all that counts on more of Warp than it promises).
 """
 
 from __future__ import annotations

@@ -37,6 +37,12 @@ def inner_rooms(room: str) -> list[str]:
     return sorted(p.name for p in folder.iterdir() if (p / "__init__.py").exists()) if folder.is_dir() else []
 
 
+def inner_files(room: str) -> list[str]:
+    """Files of a room that the import tests take for an inner room."""
+    names = (key.removeprefix(f"{room}.") for key in INNER if key.startswith(f"{room}."))
+    return sorted(name for name in names if (PACKAGE / room / f"{name}.py").is_file())
+
+
 def data() -> dict[str, Any]:
     """What the picture shows: rooms, whom each may import, their inner rooms; and what stands under them all."""
     rooms = [room for room in ALLOWED if (PACKAGE / room).is_dir() and room not in ROOT]
@@ -109,19 +115,24 @@ def first_words(file: Path) -> str:
 
 
 def table() -> str:
-    """Rooms and inner rooms, what they say of themselves, and whom they may import."""
+    """Rooms and inner rooms, what they say of themselves, and whom they may import besides what is below all."""
     lines = ["| room | holds | may import |", "|---|---|---|"]
     for room, others in sorted(data()["imports"].items()):
-        path = f"../otwarp/{room}/__init__.py"
-        words = first_words(PACKAGE / room / "__init__.py").replace("|", "\\|")
-        lines.append(f"| [**{room}**]({path}) | {words} | {', '.join(others)} |")
-        for inner in inner_rooms(room):
-            words = first_words(PACKAGE / room / inner / "__init__.py").replace("|", "\\|")
-            allowed = INNER.get(f"{room}.{inner}")
-            names = sorted(name.removeprefix(f"{room}.") for name in allowed or ())
-            said = "" if allowed is None else ", ".join(names) or "none of its room"
-            lines.append(f"| [{room}/{inner}](../otwarp/{room}/{inner}/__init__.py) | {words} | {said} |")
+        lines.append(line(f"**{room}**", f"{room}/__init__.py", ", ".join(others) or "no room"))
+        for inner in sorted([*inner_rooms(room), *inner_files(room)]):
+            names = sorted(name.removeprefix(f"{room}.") for name in INNER[f"{room}.{inner}"])
+            file = f"{room}/{inner}/__init__.py" if inner in inner_rooms(room) else f"{room}/{inner}.py"
+            lines.append(line(f"{room}/{inner}", file, ", ".join(names) or "none of its room"))
+    for name in sorted({*ROOT, "device"}):
+        file = f"{name}/__init__.py" if (PACKAGE / name).is_dir() else f"{name}.py"
+        lines.append(line(f"**{name}**", file, ", ".join(sorted(ALLOWED[name])) or "nothing"))
     return "\n".join(lines)
+
+
+def line(name: str, file: str, may_import: str) -> str:
+    """A row of the table."""
+    words = first_words(PACKAGE / file).replace("|", "\\|")
+    return f"| [{name}](../otwarp/{file}) | {words} | {may_import} |"
 
 
 def write() -> None:

@@ -8,13 +8,13 @@ and which the room's `table` and `figure` turn into what is shown.
                  `observables` with standard errors, `fokker_planck` for what is true, `largest_step` for 1 %
     speed        steps per second of the `workloads`, in turns with `peers` in other languages
     stability    `grids` of stress tests: cells with noise in `thermal`, without in `mechanical`, drawn in
-                 `random_scenes`; each gets a `verdict` against `closed_forms`
+                 `random_scenes`; each gets a `verdict`
     terms        what every term of the step costs: pairs of `scenes` that differ by one
 
 All of them time by `timing` (interleaved pairs, medians and quartiles), say where by `machine`, keep what they found in
 `findings` and print tables of `report`; `picture` is the look of their figures. `rungs` has a trapped bead and the
-ladder of force models, `timed_rung` steps it; `scenes` has small scenes with closed forms. Open `speed/measure.py`
-first.
+ladder of force models, `timed_rung` steps it, `radial_wells` says what it does; `closed_forms` are those of contact,
+springs and floors; `scenes` has small scenes with closed forms. Open `speed/measure.py` first.
 
 Scripts of the repository's `benchmarks/` use these rooms; nothing here knows of them.
 """

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 from scipy.optimize import brentq
 
+from otwarp.bench.closed_forms import drag
 from otwarp.bench.scenes import PLACE, bead, scene
-from otwarp.bench.stability.closed_forms import drag
 from otwarp.laws import TrapLaw
 from otwarp.scene import Medium, Scene, Settings, Track, Trap
 from otwarp.units import BOLTZMANN

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.bench.stability.closed_forms import POISSON_RATIO
+from otwarp.bench.closed_forms import POISSON_RATIO
 from otwarp.laws import TrapLaw
 from otwarp.scene import (
     IDENTITY,

@@ -11,7 +11,8 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | `description`, `track`, `scene` | plain frozen dataclasses in µm, s, pN, mW, K: neither USD nor Warp | `description` |
 | `finding` | what is wrong or odd in a scene | `finding` |
 | `obstacle_shapes` | the table of shapes: prim, distance, outline | `obstacle_shapes` |
-| `transforms`, `meshes` | rigid transforms and triangle meshes, NumPy | `transforms` |
+| `flow_profile`, `flow_grid` | the table of flow profiles: velocity, bounds; a flow as data | `flow_profile` |
+| `transforms`, `meshes`, `period` | rigid transforms, triangle meshes and space that repeats, NumPy | `transforms` |
 | `vocabulary` | the one table of `ot:` attributes, which all the rest follows | `vocabulary/__init__` |
 | `schema` | the USD schema files, written from the table | `schema/generate` |
 | `check` | what every description is held to, from a file or from Python |

@@ -13,9 +13,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from otwarp.bench import closed_forms
 from otwarp.bench.radial_wells import SHAPES
 from otwarp.bench.scenes import PLACE, bead, resting, robot, scene, spring
-from otwarp.bench.stability import closed_forms, random_scenes
+from otwarp.bench.stability import random_scenes
 from otwarp.bench.stability.grids import GRIDS, INTEGRATORS
 from otwarp.bench.stability.laws import time_in_a_well
 from otwarp.bench.stability.measure import bench_stability, chosen_grids

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from otwarp.bench.stability.closed_forms import POISSON_RATIO, drag, hardness, mean_height
+from otwarp.bench.closed_forms import POISSON_RATIO, drag, hardness, mean_height
 from otwarp.bench.stability.curved import OBSTACLES, curved_gap
 from otwarp.bench.stability.gaps import beads_in_box, box_contacts, pairs_in_traps
 from otwarp.bench.stability.hard_spheres import pair_gaps

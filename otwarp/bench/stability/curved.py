@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from otwarp.bench.closed_forms import POISSON_RATIO, drag, hardness
 from otwarp.bench.scenes import PLACE, bead, obstacle, scene, spring
-from otwarp.bench.stability.closed_forms import POISSON_RATIO, drag, hardness
 from otwarp.bench.stability.gaps import ENERGY, POLYMER
 from otwarp.bench.stability.hard_spheres import GapDistribution, spring_gaps
 from otwarp.bench.stability.thermal import Effort, advance, simulate

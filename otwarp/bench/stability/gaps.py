@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from otwarp.bench.closed_forms import drag, hardness
 from otwarp.bench.scenes import bead, obstacle, scene, spring
-from otwarp.bench.stability.closed_forms import drag, hardness
 from otwarp.bench.stability.hard_spheres import metropolis, near_gaps, pair_gaps
 from otwarp.bench.stability.thermal import Effort, advance, simulate
 from otwarp.bench.stability.verdict import Deviation

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from otwarp.bench import closed_forms
 from otwarp.bench.scenes import PLACE, POWER, STIFFNESS, bead, obstacle, pair, resting, scene, spring
-from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.thermal import Effort, advance, chosen_step, simulate, steps_for
 from otwarp.bench.stability.verdict import Defect, Deviation
 from otwarp.laws import TrapLaw

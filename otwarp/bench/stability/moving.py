@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from otwarp.bench import closed_forms
 from otwarp.bench.scenes import PLACE, POWER, STIFFNESS, bead, scene, spring
-from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.thermal import Effort, advance, simulate
 from otwarp.bench.stability.verdict import Deviation, against
 from otwarp.scene import Body, Scene, Sphere, Track

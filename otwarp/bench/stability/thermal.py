@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from otwarp.bench import closed_forms
 from otwarp.bench.scenes import ELEMENTS, HELD, PLACE, POWER, STIFFNESS, bead, resting, robot, scene, spring
-from otwarp.bench.stability import closed_forms
 from otwarp.bench.stability.verdict import Defect, Deviation, against
 from otwarp.errors import SimulationError
 from otwarp.kernels.integrate.integrators import INTEGRATORS

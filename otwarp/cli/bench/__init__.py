@@ -1,4 +1,8 @@
-"""`otwarp bench`: what accuracy, speed and stability cost on this machine; one module for every benchmark."""
+"""`otwarp bench`: what accuracy, speed and stability cost on this machine; one module for every benchmark.
+
+`forces`, `integrators`, `speed`, `stability`, `terms`: a command each, which asks the room of its name in
+`otwarp.bench` (open `speed` first). `options`: what they ask alike, and how they print.
+"""
 
 from __future__ import annotations
 

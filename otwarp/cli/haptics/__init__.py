@@ -1,4 +1,7 @@
-"""`otwarp haptics`: what concerns hands and their devices; one module for every command."""
+"""`otwarp haptics`: what concerns hands and their devices; one module for every command.
+
+`check` (with its `tables`), `config`, `replay`: a command each. Open `check` first.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Device side in SI units (m, s, N), scene side in µm, s, mW, pN. Vectors are tuples of three floats: the servo makes a
 few hundred of them per millisecond, and NumPy's overhead per call would cost more than the arithmetic. Beside these,
-the rooms share:
+which are here, the rooms share (open fields first):
 
 config, fields   every number that shapes a force, with its range; presets; the way to JSON and back
 realtime         clocks, and what the operating system grants a punctual loop

@@ -1,7 +1,8 @@
 """Devices by name: `mouse`, `virtual:<script>`, `replay:<file>`, … as typed after `--left` and `--right`.
 
 A device fulfils `core.Device`: metres, buttons as bits and newtons in its own frame. It is one file with
-`create(spec)` and, for hardware, `find_devices()`, and one row of `KINDS`; `mouse` is the shortest to read.
+`create(spec)` and, for hardware, `find_devices()`, and one row of `KINDS`; open `mouse` first, the
+shortest.
 
     mouse, virtual, replay             software: the page's pointer, a script, a recording
     spacemouse, dualsense              by HID: `hid` has what they share, `hid_ports` the system's side

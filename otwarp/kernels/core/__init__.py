@@ -1,6 +1,12 @@
 """What every kernel is written with.
 
-types (the structs that kernels read and write; open this first), features (what a scene needs), medium, random and
-noise, rotation, roots, cells and reads, faults, key frames, the signature of `Dynamics`, and `precision`, which makes
-float64 kernels from float32 ones. Imports nothing of the other rooms.
+In: nothing of the other rooms. Out:
+
+    types (open it first), table_data, exact_data   the structs that kernels read and write
+    features, dynamics                              what a scene needs; what an integrator is composed from
+    medium, noise, random, rotation, roots          arithmetic of the liquid, of thermal noise, of turns
+    keyframes, worlds                               samples in time; worlds with clocks of their own
+    cells, periodic, recycling                      space: neighbours, what repeats, inlets and outlets
+    faults, reads, rounding                         what went wrong, reading past caches, how finely numbers round
+    functions, precision                            functions from outside and from text; float64 kernels from float32
 """

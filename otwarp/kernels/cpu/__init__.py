@@ -2,5 +2,5 @@
 
 noise_block draws the deviates of 16 steps at once, rigid_block multiplies with a body's mobility, table_block sums a
 body's forces in bilinear tables, pair_block finds spheres that are near each other. They compute what scalar functions
-elsewhere compute, in float32; CUDA has no use for them.
+elsewhere compute, in float32; CUDA has no use for them. Open noise_block first.
 """

@@ -7,7 +7,7 @@ world: up to 24 bodies that touch, one thread per world (world_room: the memory 
     a kernel for each stage).
 grid: many bodies, one thread per body and step, or a block of threads per world of some hundred.
 
-inlets: cells that have left come in again, in all of these.
+inlets: cells that have left come in again, in all of these; grid_inlets: in the grid driver.
 episodes: which worlds are in motion, which have ended, which start anew; predicates: what commonly ends them.
 
 Open solo first: it is the shortest that is complete.

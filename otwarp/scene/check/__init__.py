@@ -7,4 +7,6 @@
 | `numbers` | places, rotations and tracks |
 | `parts` | traps, bodies and obstacles |
 | `overlap` | bodies that start inside each other or inside an obstacle |
+| `period` | space that repeats: its length, and obstacles and a flow that repeat, too |
+| `inlet` | an inlet: its domain, and cells that use it |
 """

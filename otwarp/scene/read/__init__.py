@@ -11,6 +11,7 @@
 | `source` | an open stage; stage units → µm, time codes → s |
 | `attributes` | `ot:` attributes by the vocabulary's rows: names, types, ranges |
 | `bodies`, `traps`, `obstacles`, `environment` | the readers |
+| `flow_file`, `vtk_file` | velocity fields on a grid, of NumPy, netCDF and VTK |
 | `motion` | time samples → keys between which straight lines will do |
 | `lenses` | cameras that can show something |
 | `remarks` | what the file says without effect |

@@ -3,6 +3,8 @@
 The schema files (`otwarp/scene/schema/`), the reader, the author, the parameters of `Simulation` and `docs/scene.md`
 all follow this table; tests hold them to it. Values in USD are SI; geometry (radii, transforms) is in stage units.
 
+`attribute` says what a row is (open it first), `values` takes values from SI units to the internal ones and back.
+
 A new attribute is one row in the file of its prim (`medium`, `traps`, `bodies`, `obstacles`, `task`) and a field of the
 dataclass that it fills; `make schema` writes the rest. A built-in force with scene attributes needs its rows alone, in
 `forces.FORCES`, and no field:

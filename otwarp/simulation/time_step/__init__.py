@@ -11,5 +11,6 @@ In: a `Scene` and what `packing` found of it. Out: `TimeScales`, of which `times
     coupled_rates  faster still, where bodies carry each other along
     speeds         of what neither traps nor noise move: flow, obstacles, weight, adhesion
     steady_loads   of the forces of `FORCES`, traps apart; the teleop budget and walls ask it, too
+    force_probe    of forces that state no bounds, as measured
     softness       whether all contacts are so soft against the step that explicit forces serve
 """

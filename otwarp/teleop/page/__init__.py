@@ -3,7 +3,7 @@
 In come `LiveFrame`s, out come commands. `PageProcess` here is the sink, as its session sees it; its other end is
 `child`, a fresh interpreter (viser's threads would otherwise share ours with the stepping). Frames go down its stdin,
 what its users ask comes up its stdout. A frame is sent only when the child has shown the one before, by a thread of its
-own: `publish` copies a few arrays and returns, whatever the child does.
+own: `publish` copies a few arrays and returns, whatever the child does. Open `child` first.
 
 session's process
     compose           a scene → what is drawn of it: solids as triangles, balls, traps, a camera

@@ -1,7 +1,8 @@
 """Recordings of sessions: what the hands did, what the simulation was, what was felt, and all else that a replay needs.
 
 The loop hands over references and goes on; a thread of the `RecordingWriter` writes them into an MCAP file. Nothing
-here blocks the loop: what the disk does not take in time is dropped, counted and reported. Beside it:
+here blocks the loop: what the disk does not take in time is dropped, counted and reported. Beside it
+(open file first):
 
 file        the format: messages and force laws, written and read bit for bit
 scenery     what it says once, for other programs: the scene as markers, and what its JSON looks like

@@ -1,7 +1,8 @@
 """One workload as other people would write it: a file for every language or library, none of which knows otwarp.
 
-Case a, the modules here: N independent Brownian beads in three dimensions, each in its own harmonic trap, by the
-Euler–Maruyama scheme in float32 (Ermak and McCammon 1978, doi:10.1063/1.436761):
+Case a, the modules here (`c_bead`, `numba_bead`, `numpy_bead`: open the last first): N independent Brownian beads in
+three dimensions, each in its own harmonic trap, by the Euler–Maruyama scheme in float32 (Ermak and McCammon 1978,
+doi:10.1063/1.436761):
 
     x ← x + h·(c − x) + s·ξ,  h = k·dt/γ,  s = √(2 k_B T dt/γ)
 
