@@ -1,4 +1,4 @@
-"""What a user meets: bad input, input that is hardly meant, and a run that had to stop."""
+"""What a user meets: bad input, input that is implausible, and a run that had to stop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class InputError(ValueError):
 
 
 class PlausibilityWarning(UserWarning):
-    """What a scene says is allowed, yet hardly meant: the message names file, prim, value and what is usual.
+    """What a scene says is allowed, yet implausible: the message names file, prim, value and what is usual.
 
     `warnings.simplefilter("error", otwarp.PlausibilityWarning)` makes it an error, `"ignore"` silences it.
     """

@@ -21,7 +21,6 @@ THOROUGH = (
     "benchmarks/",
     "cli/test_bench.py",
     "cli/test_warnings.py",
-    "extending/",
     "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
     "kernels/cpu/test_table_block.py",

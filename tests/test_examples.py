@@ -30,6 +30,7 @@ def here(monkeypatch):
     plt.close("all")
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_is_short_listed_and_tested(name):
     text = (EXAMPLES / f"{name}.py").read_text()
@@ -39,6 +40,7 @@ def test_an_example_is_short_listed_and_tested(name):
     assert f"test_{name}" in globals()
 
 
+@pytest.mark.quick
 def test_first_run():
     found, theory = import_module("examples.first_run").main(worlds=400)
     # of a standard deviation of 400 draws
@@ -61,6 +63,7 @@ def test_open_channel(tmp_path: Path):
     assert (tmp_path / "open_channel.png").is_file()
 
 
+@pytest.mark.quick
 def test_sweep_power(tmp_path: Path):
     worlds, samples = 64, 20
     ratio = import_module("examples.sweep_power").main(worlds, samples, tmp_path)
@@ -69,6 +72,7 @@ def test_sweep_power(tmp_path: Path):
     assert np.mean(ratio) == pytest.approx(1.0, abs=SIGMAS * math.sqrt(2 / (worlds * samples)))
 
 
+@pytest.mark.quick
 def test_user_force(tmp_path: Path):
     worlds = 400
     found, theory = import_module("examples.user_force").main(worlds, tmp_path)
@@ -83,10 +87,12 @@ def test_author_scene(tmp_path: Path):
     assert lag == pytest.approx(theory, abs=SIGMAS * 0.0203 / math.sqrt(worlds))
 
 
+@pytest.mark.quick
 def test_optical_force():
     assert import_module("examples.optical_force").main(points=100, tolerance=1e-2) < 1e-2
 
 
+@pytest.mark.quick
 def test_robot_mobility():
     diffusion = import_module("examples.robot_mobility").main(accuracy=0.05)
     assert np.linalg.eigvalsh(diffusion).min() > 0.0

@@ -63,10 +63,17 @@ RUNS = """
 import json, traceback
 from otwarp.cli.main import main
 
-for arguments in json.load(open("commands.json")):
+for arguments in json.loads(sys.argv[2]):
     print("run", json.dumps(arguments), file=sys.stderr, flush=True)
     code = main(arguments)
     assert code == 0, (arguments, code)
+"""
+
+IMPORTS = """
+from importlib import import_module
+
+for name in sys.argv[2:]:
+    import_module(name)
 """
 
 CPU = ["--device", "cpu"]
@@ -145,19 +152,19 @@ def elsewhere(tmp_path_factory) -> Path:
     shutil.copy(ROOT / "scenes" / "single_bead.usda", folder / "bead.usda")
     shutil.copy(ROOT / "scenes" / "teleop_small.usda", folder / "teleop.usda")
     (folder / "cube.stl").write_text(cube())
-    (folder / "commands.json").write_text(json.dumps([arguments(name) for name in COMMANDS]))
     return folder
 
 
-def run(site: Path, folder: Path, script: str) -> str:
+def run(site: Path, folder: Path, script: str, *words: str) -> str:
     """What a script that knows only the installed package prints, and what it says on the way."""
     paths = {"PYTHONPATH": str(site), "OTWARP_CACHE": str(folder / "tables")}
-    command = [sys.executable, "-c", OUTSIDE + script, str(site)]
+    command = [sys.executable, "-c", OUTSIDE + script, str(site), *words]
     done = subprocess.run(command, cwd=folder, env=os.environ | paths, capture_output=True, text=True)
     assert done.returncode == 0, f"{done.stdout[-1000:]}\n{done.stderr[-3000:]}"
     return done.stdout + done.stderr
 
 
+@pytest.mark.quick
 def test_data_files_are_in_the_wheel(site):
     for folder in ("scene/schema", "bench/speed"):
         here = {p.name for p in (ROOT / "otwarp" / folder).iterdir() if p.suffix not in (".py", "") and p.is_file()}
@@ -169,20 +176,30 @@ def test_data_files_are_in_the_wheel(site):
     assert all((site / "otwarp" / p.relative_to(ROOT / "otwarp")).is_file() for p in data), "package-data lacks some"
 
 
+@pytest.mark.quick
 def test_every_module_is_in_the_wheel_and_nothing_of_the_repository(site):
     modules = {p.relative_to(ROOT) for p in (ROOT / "otwarp").rglob("*.py")}
     assert {p.relative_to(site) for p in (site / "otwarp").rglob("*.py")} == modules
     assert {p.name for p in site.iterdir() if p.suffix != ".dist-info"} == {"otwarp"}
 
 
+@pytest.mark.quick
 def test_every_command_helps(site, elsewhere):
     out = run(site, elsewhere, HELPS)
     for name in (*COMMANDS, "ros1", "ros2"):
         assert f"help of {name}\n" in out
 
 
+@pytest.mark.quick
+def test_every_module_is_imported(site, elsewhere):
+    """None of them asks for the repository; what functions import is in `tests/test_import_rules.py`."""
+    modules = sorted(p.relative_to(site).with_suffix("") for p in (site / "otwarp").rglob("*.py"))
+    names = [".".join(m.parts).removesuffix(".__init__") for m in modules if m.name != "__main__"]
+    run(site, elsewhere, IMPORTS, *names)
+
+
 def test_every_command_runs(site, elsewhere):
-    out = run(site, elsewhere, RUNS)
+    out = run(site, elsewhere, RUNS, json.dumps([arguments(name) for name in COMMANDS]))
     assert "cell delivery, 1 world" in out and "NumPy" in out and "Cost of each term" in out
     for name in ("forces", "integrators", "speed", "stability", "terms"):
         assert json.loads((elsewhere / f"{name}.json").read_text()), name

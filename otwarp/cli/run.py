@@ -118,7 +118,7 @@ def _refuse_with_resume(context: click.Context) -> None:
 
 
 @contextmanager
-def _told(say: Callable[[str], None]) -> Iterator[None]:
+def _saying(say: Callable[[str], None]) -> Iterator[None]:
     """Say what otwarp logs."""
     log, handler = logging.getLogger("otwarp"), logging.Handler()
     handler.emit = lambda record: say(record.getMessage())
@@ -134,12 +134,12 @@ def _told(say: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
-    """A bar with the real-time factor on standard error, if that is a terminal; at every frame, heed SIGTERM.
+    """A bar with the real-time factor on standard error, if that is a terminal; at every frame, end on SIGTERM.
 
-    What takes long before the first frame is told in a line: kernels that are compiled.
+    What takes long before the first frame is said in a line: kernels that are compiled.
     """
     if not sys.stderr.isatty():
-        with _told(lambda line: click.echo(f"otwarp: {line}", err=True)):
+        with _saying(lambda line: click.echo(f"otwarp: {line}", err=True)):
             yield lambda simulated, wall: stop.check()
         return
     from rich.console import Console
@@ -155,7 +155,7 @@ def _progress_bar(duration: float) -> Iterator[Callable[[float, float], None]]:
     console = Console(stderr=True, highlight=False)
     with (
         Progress(*columns, console=console, transient=True) as bar,
-        _told(lambda line: console.print(line, markup=False)),
+        _saying(lambda line: console.print(line, markup=False)),
     ):
         task = bar.add_task("run", total=duration, speed="")
         begins: list[float] = []

@@ -16,6 +16,6 @@ def start() -> int:
         from otwarp.cli.main import main
 
         return main()
-    except KeyboardInterrupt:  # before `main` heeds it, or after
+    except KeyboardInterrupt:  # before `main` catches it, or after
         print("otwarp: interrupted", file=sys.stderr)
         return stop.EXIT_INTERRUPTED

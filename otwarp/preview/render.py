@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.device import pick_device
-from otwarp.preview.kernels.raycast import draw_pixels, find_first
+from otwarp.preview.kernels.raycast import draw_pixels
 from otwarp.preview.studio import PictureStyle, Uploaded, arrange
 from otwarp.scene.drawing.draw_list import Drawables
 
@@ -140,18 +140,3 @@ def render(drawables: Drawables, look: PictureStyle | None = None, device: str |
     look = look or PictureStyle()
     image = render_linear(drawables, look, device)
     return _quantised(to_display(vignette(bloom(image)) if look.style == "dark" else image))
-
-
-def first_hits(drawables: Drawables, look: PictureStyle, device: str | None = "cpu") -> tuple[np.ndarray, np.ndarray]:
-    """What the camera sees first at each pixel's centre, for measurements and tests.
-
-    Returns:
-        (height, width) distance along the ray [µm], 1e30 where nothing is hit, and (height, width) index of the shape
-        among the infinite planes and then the other surfaces of `drawables`, −1 for none. Beams are looked through.
-    """
-    chosen, pixels = pick_device(device), look.width * look.height
-    ready = arrange(drawables, look, chosen)
-    distance = wp.empty(pixels, dtype=float, device=chosen)
-    index = wp.empty(pixels, dtype=int, device=chosen)
-    wp.launch(find_first, dim=pixels, inputs=[ready.world, ready.studio, distance, index], device=chosen)
-    return distance.numpy().reshape(look.height, look.width), index.numpy().reshape(look.height, look.width)

@@ -17,7 +17,7 @@ class Scene(ByValue):
     """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
 
     Not part of equality: `file` is where it was read from, `remarks` what is odd in the file itself, and `judged` says
-    that its oddities were told already, as of a part of another scene.
+    that its oddities were reported already, as of a part of another scene.
     """
 
     file: Path | None = field(default=None, compare=False)

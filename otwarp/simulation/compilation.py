@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 LOG = logging.getLogger("otwarp")
-"""Where it is told, at level INFO; `otwarp run` prints it."""
+"""Where it is logged, at level INFO; `otwarp run` prints it."""
 
 _BINARIES = {".o", ".ptx", ".cubin"}
 
@@ -29,8 +29,8 @@ def load_kernels(kernels: Iterable[Any], device: wp.Device) -> None:
     variant is the one that launches use: one thread per block on a CPU.
     """
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
-    told = LOG.isEnabledFor(logging.INFO)
-    missing = {module for module in modules if told and not is_compiled(module, device)}
+    logged = LOG.isEnabledFor(logging.INFO)
+    missing = {module for module in modules if logged and not is_compiled(module, device)}
     if missing:
         LOG.info(
             "compiling %d of %d kernel modules for %s, some seconds each; the next run finds them in %s",

@@ -61,6 +61,7 @@ def test_plot_with_another_run(numbers, tmp_path, capfd):
     assert "no trap" in out and "harmonic" in out and str(picture) in out
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -96,6 +97,7 @@ def test_a_run_of_another_bead_is_refused(numbers, capfd, tmp_path):
     assert "another bead" in error and "r = 0.5 µm" in error and not picture.exists()
 
 
+@pytest.mark.quick
 def test_help_names_the_benchmarks(capfd):
     assert main(["bench", "--help"]) == 0
     out = capfd.readouterr().out
@@ -118,6 +120,7 @@ def test_integrators(tmp_path, capfd):
     assert "another bead" in capfd.readouterr().err
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -153,6 +156,7 @@ def test_terms_prints_costs_and_writes_numbers(tmp_path, capfd, monkeypatch):
     assert terms["Brownian noise"]["on"]["median"] > 0.0
 
 
+@pytest.mark.quick
 def test_terms_refuses_a_time_that_is_none(capfd):
     assert main(["bench", "terms", "--seconds", "-1"]) == 2
     assert capfd.readouterr().err == "otwarp: --seconds is -1; allowed: above 0 and up to 60 s\n"

@@ -10,11 +10,12 @@ import pytest
 from pxr import UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.preview.render import bloom, first_hits, render, render_linear, to_display, vignette
+from otwarp.preview.render import bloom, render, render_linear, to_display, vignette
 from otwarp.preview.studio import STYLES, PictureStyle
 from otwarp.scene.drawing.draw_list import PLANE
 from otwarp.scene.drawing.drawables import read_drawables
 from tests.preview import stages
+from tests.preview.first_hits import first_hits
 
 PIXELS = 0.01
 """Relative error of a covered area: a disc of radius 60 px has its border within 1/4 px."""

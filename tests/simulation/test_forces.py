@@ -254,6 +254,7 @@ def test_it_acts_where_it_is_given_and_costs_nothing_elsewhere(device: str):
     assert free._step.forces is None
 
 
+@pytest.mark.quick
 def test_a_checkpoint_goes_on_with_the_same_function_alone(tmp_path, device: str):
     builder = SceneBuilder()
     builder.add(sphere_body("B", (0.5, 0.0, 0.0)))
@@ -323,6 +324,7 @@ def test_an_oscillation_is_seen_whatever_its_frequency(device: str):
         assert 0.9 * AMPLITUDE < model.loads[0].force <= AMPLITUDE * (1.0 + 1e-6)
 
 
+@pytest.mark.quick
 def test_forces_of_a_scene_that_state_nothing_count_for_the_budget(monkeypatch):
     """As ours would if it stated no bounds: 0.25 pN are measured."""
     row = FORCES["external"]

@@ -34,9 +34,11 @@ def time_in_a_well(effort: Effort, *, law: str, how: tuple[str, float]) -> Devia
     steps = sim.readout.escape_step.numpy()[:, 0].astype(float)
     # an escape lies anywhere in its step
     times = np.where(steps < 0.0, total, steps - 0.5) * step
-    told = sim.model.scales.missed.get("escape", 0.0)
-    found = against(times, truth.time_until(total * step), predicted=told)
-    allowed = max(accuracy, abs(told)) + CERTAIN * found.standard_error
+    expected = sim.model.scales.missed.get("escape", 0.0)
+    found = against(times, truth.time_until(total * step), predicted=expected)
+    allowed = max(accuracy, abs(expected)) + CERTAIN * found.standard_error
     if abs(found.error) > allowed:
-        raise Defect(f"error {found.error:.3g} ± {found.standard_error:.2g}, wanted {accuracy:g}, told {told:.2g}")
+        raise Defect(
+            f"error {found.error:.3g} ± {found.standard_error:.2g}, wanted {accuracy:g}, predicted {expected:.2g}"
+        )
     return found

@@ -78,7 +78,7 @@ def check_same(beam: Beam, sphere: Particle, files: tuple[Path, ...], runs: Sequ
 
 
 def note(text: str) -> None:
-    """Say on a terminal what is being done; heed SIGTERM."""
+    """Say on a terminal what is being done; end on SIGTERM."""
     stop.check()
     if sys.stderr.isatty():
         click.echo(f"\r\x1b[K{text}", nl=False, err=True)

@@ -119,7 +119,7 @@ def _scene_cost(scene: Scene, device: str | None, say: Callable[[str], None]) ->
 
 @contextmanager
 def _progress(as_json: bool) -> Iterator[Callable[[str], None]]:
-    """What is being done, on standard error; heeds SIGTERM."""
+    """What is being done, on standard error; ends on SIGTERM."""
     if not sys.stderr.isatty():
 
         def log(line: str) -> None:

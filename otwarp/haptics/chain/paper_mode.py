@@ -112,19 +112,6 @@ class PaperForce:
         self._last, self._robot, self.trap, self.force, self.gain = as_tuples(state)
 
 
-class PaperTwist:
-    """The release's smoothing of the hand's velocity, once per message of the device: what its simulator integrates."""
-
-    __slots__ = ("_filter",)
-
-    def __init__(self, alpha: float = RELEASE_ALPHA) -> None:
-        self._filter = VectorFilter(alpha)
-
-    def message(self, velocity: Vec3) -> Vec3:
-        """Smoothed velocity, in the units of the one given."""
-        return self._filter.step(*velocity)
-
-
 class PaperRenderer:
     """The release's force node fed from published states, one trap and one sphere per hand.
 

@@ -41,7 +41,7 @@ class Safety:
     Args:
         config: Limits and times.
         rate: Servo rate [Hz]; the slew limit never allows more than one period's change per step.
-        bound: Shortens the force that would be sent, at once, and is told whether it must fall; `Passivity.bound`.
+        bound: Shortens the force that would be sent, at once, and takes whether it must fall; `Passivity.bound`.
 
     Attributes:
         phase: `disarmed` (it needs `arm`), `ramping`, `armed`, `decaying` (it falls or has fallen, and comes back by

@@ -200,7 +200,7 @@ def trigger_effect(resistance: int) -> bytes:
 
 
 class DualSense:
-    """A hand that a DualSense moves.
+    """A point that a DualSense moves.
 
     Right, left, towards and away from the user by the stick; up by R2, down by L2.
 
@@ -366,7 +366,7 @@ class ZeroEffect:
 
     def __init__(self, found: HidFound, open_port: Callable[[HidFound], HidPort] = open_beside):
         self._found, self._open = found, open_port
-        open_port(found).close()  # one that may not be opened is told before it matters
+        open_port(found).close()  # one that may not be opened is reported before it matters
 
     def send(self) -> None:
         """See `ZeroForce`; opened anew, for the device may have been plugged in again meanwhile."""

@@ -24,7 +24,7 @@ LONGEST_STEP = 0.1
 
 
 class MouseDevice:
-    """A hand that follows a pointer.
+    """A point that follows a pointer of the page.
 
     Args:
         pointer: Name of the mailbox (`Mailbox.create(POINTER)`) that the page writes.

@@ -107,7 +107,7 @@ class SpaceMouseState:
 
 
 class SpaceMouse:
-    """A hand that a SpaceMouse moves.
+    """A point that a SpaceMouse moves.
 
     Args:
         wanted: Which one.

@@ -38,7 +38,7 @@ _RUNTIME = 32
 WITHIN = 60.0
 """Seconds that a trial may take; a cold disk and a busy machine take some of the second that it needs."""
 STATES, PLACES = 20, 5
-"""States that are told to both models, and places of the hand in each."""
+"""States that are given to both models, and places of the hand in each."""
 
 Call = Callable[[int, int], None]
 """Code of a kernel, called with the addresses of its launch bounds and of its arguments."""

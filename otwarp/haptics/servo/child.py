@@ -41,7 +41,7 @@ SWITCH = 2e-4
 ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 """Signals that end a servo in order: a closed terminal and Ctrl-\\ reach the whole group of processes."""
 UNHEEDED = ("SIGINT", "SIGTSTP", "SIGTTIN", "SIGTTOU")
-"""Signals that a servo does not heed. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
+"""Signals that a servo ignores. Ctrl-C goes to its parent as well, which stops it in order; and Ctrl-Z stops the
 parent alone, for a servo that stood still would leave the last force on, with nobody there to take it back."""
 
 

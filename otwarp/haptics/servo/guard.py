@@ -80,8 +80,8 @@ class AddressLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class Watch:
-    """How the guardian watches one side.
+class SideReport:
+    """What the guardian says of one side.
 
     Attributes:
         ready: Number of the address that it can send zero force to; 0 for none.
@@ -106,7 +106,7 @@ class GuardReport:
 
     number: int
     beat: int
-    hands: tuple[Watch, ...]
+    hands: tuple[SideReport, ...]
 
 
 class GuardLayout:
@@ -129,7 +129,7 @@ class GuardLayout:
         """See `shared_memory.Layout`."""
         number, beat, *rest = self._record.unpack(buffer)
         rows = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
-        return GuardReport(number, beat, tuple(Watch(ready, sent, text_of(message)) for ready, sent, message in rows))
+        return GuardReport(number, beat, tuple(SideReport(ready, sent, text_of(text)) for ready, sent, text in rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +181,7 @@ class Guard:
         self._process: subprocess.Popen[bytes] | None = None
         self._order: GuardOrder | None = None
         self._started = 0.0
-        self.report = GuardReport(0, 0, (Watch(),) * len(specs))
+        self.report = GuardReport(0, 0, (SideReport(),) * len(specs))
 
     @property
     def pid(self) -> int | None:
@@ -248,7 +248,7 @@ def how_it_ended(code: int | None) -> str:
 
 
 def residue(
-    spec: DeviceSpec, code: int | None, status: ServoStatus | None, last: ServoFrame | None, watch: Watch | None
+    spec: DeviceSpec, code: int | None, status: ServoStatus | None, last: ServoFrame | None, report: SideReport | None
 ) -> Residue | None:
     """What is known of a force while the servo does not run; None while it does.
 
@@ -256,7 +256,7 @@ def residue(
         spec: The device.
         code: Exit code of the servo, None while it lives.
         status, last: What it last said.
-        watch: What the guardian says of this side, None without one.
+        report: What the guardian says of this side, None without one.
     """
     if code is None and (last is None or time.perf_counter() - last.time < STANDS):
         return None
@@ -269,7 +269,7 @@ def residue(
     if keeps == "library":
         driver = "its driver, a part of the servo, and whether its motors are off is for the device to say"
         return Residue(False, f"{how}, and with it {driver}: hold it, and switch it off if it pushes{anew}")
-    if watch is not None and watch.sent and not watch.message:
+    if report is not None and report.sent and not report.message:
         return Residue(True, f"{how}, the guardian has sent zero force{anew}")
-    why = f" ({watch.message})" if watch is not None and watch.message else ""
+    why = f" ({report.message})" if report is not None and report.message else ""
     return Residue(False, f"{how}, and zero force is not sent{why}: it may push still, switch it off{anew}")

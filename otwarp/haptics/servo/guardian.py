@@ -28,7 +28,7 @@ from otwarp.haptics.core import ServoFrame, ZeroForce
 from otwarp.haptics.core.realtime import lock_memory, process_ended, schedule_threads, timer
 from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices import KINDS
-from otwarp.haptics.servo.guard import LENGTH, Address, AddressLayout, GuardLayout, GuardOrder, GuardReport, Watch
+from otwarp.haptics.servo.guard import LENGTH, Address, AddressLayout, GuardLayout, GuardOrder, GuardReport, SideReport
 from otwarp.haptics.servo.link import HandLayout, StatusLayout
 
 POLL = 0.005
@@ -48,7 +48,7 @@ PRIORITY = 70
 SWITCH = 2e-4
 """Seconds after which Python takes the interpreter from a thread that prepares, as in the servo."""
 ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGBREAK", "SIGPIPE")
-"""Signals that it does not heed: it ends with its servo."""
+"""Signals that it ignores: it ends with its servo."""
 
 
 class Sender:
@@ -64,7 +64,7 @@ class Sender:
         self._zero: ZeroForce | None = None
         self._wanted = False
         self._wake = threading.Event()
-        self.watch = Watch()
+        self.report = SideReport()
         threading.Thread(target=self._run, name="zero-force", daemon=True).start()
 
     def prepare(self, address: Address) -> None:
@@ -79,18 +79,18 @@ class Sender:
 
     def forget(self) -> None:
         """The servo moves: what was sent is past."""
-        if self.watch.sent:
-            self.watch = Watch(self.watch.ready)
+        if self.report.sent:
+            self.report = SideReport(self.report.ready)
 
     @property
     def due(self) -> bool:
         """Whether there is a device, and no zero force has gone out yet."""
-        return bool(self._address.text) and not self.watch.sent
+        return bool(self._address.text) and not self.report.sent
 
     def _run(self) -> None:
         made = Address(0, "")
         while True:
-            self._wake.wait(RETRY if self.watch.message else None)
+            self._wake.wait(RETRY if self.report.message else None)
             self._wake.clear()
             address = self._address
             wanted, self._wanted = self._wanted, False
@@ -102,12 +102,12 @@ class Sender:
                     self._zero = self._make(address.text)
                 made = address
                 if not wanted or self._zero is None:
-                    self.watch = Watch(made.number, self.watch.sent)
+                    self.report = SideReport(made.number, self.report.sent)
                 else:
                     self._zero.send()
-                    self.watch = Watch(made.number, self.watch.sent + 1)
-            except Exception as error:  # whatever a driver raises, it is tried again, and told
-                self.watch = Watch(0, self.watch.sent, str(error) or type(error).__name__)
+                    self.report = SideReport(made.number, self.report.sent + 1)
+            except Exception as error:  # whatever a driver raises, it is tried again, and reported
+                self.report = SideReport(0, self.report.sent, str(error) or type(error).__name__)
 
 
 class GuardedSide:
@@ -158,7 +158,7 @@ def guardian() -> None:
 
 
 def watch(order: GuardOrder) -> None:
-    """Watch the servo until it has ended.
+    """SideReport the servo until it has ended.
 
     Raises:
         InputError: A mailbox is not there.
@@ -197,8 +197,8 @@ def watch(order: GuardOrder) -> None:
             if now - died > (GIVE_UP if due else LINGER):
                 return
         beat += 1
-        watches = tuple(side.sender.watch if side.sender else Watch() for side in sides)
-        reports.write(GuardReport(order.number, beat, watches))
+        side_reports = tuple(side.sender.report if side.sender else SideReport() for side in sides)
+        reports.write(GuardReport(order.number, beat, side_reports))
         if ended is None or gone:
             time.sleep(POLL)
         else:

@@ -198,7 +198,7 @@ class ServoProcess:
         if status is not None and status.state == "failed":
             why = status.grants
         elif status is not None and self._guard is not None:
-            said = "; ".join(watch.message for watch in self._guard.report.hands if watch.message)
+            said = "; ".join(side.message for side in self._guard.report.hands if side.message)
             why = f"servo: its guardian is not ready ({said or 'it does not answer'})"
         code = self._process.poll()
         self.stop()
@@ -309,10 +309,10 @@ class ServoProcess:
             return None
         status, guard = self.status(), self._guard
         over = self._over or (status is not None and status.state in ("stopped", "failed"))
-        watch = None
+        report = None
         if guard is not None:
-            watch = (guard.report if self._over else guard.look(over)).hands[hand]
-        return residue(self._order.specs[hand], process.poll(), status, self.hand(hand), watch)
+            report = (guard.report if self._over else guard.look(over)).hands[hand]
+        return residue(self._order.specs[hand], process.poll(), status, self.hand(hand), report)
 
     def stop(self) -> None:
         """Let the forces fall, end the child and close the mailboxes; may be called more than once."""
@@ -370,7 +370,7 @@ class ServoProcess:
             return True
         self._known = [box.read() or known for box, known in zip(self._addresses, self._known, strict=True)]
         known = [address.number if address is not None else 0 for address in self._known]
-        return all(watch.ready == number for watch, number in zip(self._guard.report.hands, known, strict=True))
+        return all(side.ready == number for side, number in zip(self._guard.report.hands, known, strict=True))
 
     def _pipe(self) -> BinaryIO:
         pipe = self._process.stdin if self._process else None

@@ -116,15 +116,3 @@ def draw_pixels(
         dy = (float((sample // studio.grid + sample) % studio.grid) + 0.5) / float(studio.grid)
         gathered = gathered + radiance(world, studio, float(column) + dx, float(row) + dy, sample, turn)
     total[index] = total[index] + gathered
-
-
-@wp.kernel
-def find_first(world: World, studio: Studio, distance: wp.array(dtype=float), index: wp.array(dtype=int)):
-    """Distance [µm] (1e30 for none) and index (−1 for none) of the first surface at the centre of every pixel."""
-    tid = wp.tid()
-    x = (2.0 * float(tid % studio.width) + 1.0) / float(studio.width) - 1.0
-    y = 1.0 - (2.0 * float(tid // studio.width) + 1.0) / float(studio.height)
-    ray = camera_ray(studio, x, y)
-    hit = nearest(world, ray.origin, ray.direction, studio.near * ray.stretch, studio.far * ray.stretch)
-    index[tid] = hit.index
-    distance[tid] = wp.where(hit.index < 0, 1.0e30, hit.t)

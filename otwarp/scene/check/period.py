@@ -40,12 +40,12 @@ def check_period(
     """
     for axis, length in enumerate(settings.period):
         if length < 0.0:
-            raise bad(where, root, "ot:scene:period", _said(settings), f"at least 0 m along {_AXES[axis]}")
+            raise bad(where, root, "ot:scene:period", _shown(settings), f"at least 0 m along {_AXES[axis]}")
         if length == 0.0:
             continue
         if settings.coupling and len(bodies) > 1:
             allowed = "0 m along all axes with ot:scene:hydrodynamicCoupling: its tensors are those of open space"
-            raise bad(where, root, "ot:scene:period", _said(settings), allowed)
+            raise bad(where, root, "ot:scene:period", _shown(settings), allowed)
         extents = sorted((extent(body) for body in bodies if body.colliding), reverse=True)
         _check_bodies(where, root, settings, axis, extents)
         for obstacle in obstacles if extents else ():
@@ -64,7 +64,7 @@ def extent(body: Body) -> float:
     return max(float(np.linalg.norm(a - b)) + radius for a, _ in ends for b, radius in ends)
 
 
-def _said(settings: Settings) -> str:
+def _shown(settings: Settings) -> str:
     metres = [f"{authored(length, 'length'):g}" for length in settings.period]
     return f"({', '.join(metres)})"
 
@@ -73,7 +73,7 @@ def _check_bodies(where: str, root: str, settings: Settings, axis: int, extents:
     least = 2.0 * LEEWAY * sum(extents[:2])
     if settings.period[axis] < least:
         allowed = f"0 or at least {authored(least, 'length'):g} m along {_AXES[axis]}, for bodies of this size"
-        raise bad(where, root, "ot:scene:period", _said(settings), allowed)
+        raise bad(where, root, "ot:scene:period", _shown(settings), allowed)
 
 
 def _check_obstacle(where: str, obstacle: Obstacle, axis: int, period: float, body: float) -> None:

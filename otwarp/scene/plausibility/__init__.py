@@ -1,4 +1,4 @@
-"""What a scene says that is allowed, yet hardly meant: slips of units, traps that cannot hold, tasks that are lost.
+"""What a scene says that is allowed, yet implausible: slips of units, traps that cannot hold, tasks that are lost.
 
 Works on the `Scene`, so that files and scenes built in Python are judged alike; what only the file says stands in
 `Scene.remarks`. `judge` is asked by `validate` and by every model that is built.

@@ -72,7 +72,7 @@ class UsualRange:
         si, unit = value / FROM_SI[self.dimension], SI_SYMBOL[self.dimension]
         symbol = INTERNAL_SYMBOL[self.dimension]
         shown = f"{value:g} {symbol}" if self.geometry or unit == symbol else f"{si:g} {unit} ({value:g} {symbol})"
-        return self._said(value, shown, self._meant(value, si))
+        return self._shown(value, shown, self._meant(value, si))
 
     def parameter_text(self, value: float) -> str:
         """What is said of an odd value that a program gives, in internal units."""
@@ -81,9 +81,9 @@ class UsualRange:
             return self.text(value)
         right = value * FROM_SI[self.dimension]
         meant = "" if self.odd(right) else f"did you mean {right:g} {symbol}? parameters are in {symbol}, not in {unit}"
-        return self._said(value, f"{value:g} {symbol}", meant)
+        return self._shown(value, f"{value:g} {symbol}", meant)
 
-    def _said(self, value: float, shown: str, meant: str) -> str:
+    def _shown(self, value: float, shown: str, meant: str) -> str:
         if self.dimension == "viscosity":
             shown += f", {value / WATER:.3g} × that of water"
         usual = f"usual: {self.low:g} … {self.high:g} {INTERNAL_SYMBOL[self.dimension]}".rstrip()

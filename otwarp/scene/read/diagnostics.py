@@ -1,4 +1,4 @@
-"""What USD finds wrong while a stage is read: kept off stderr, and told in one line."""
+"""What USD finds wrong while a stage is read: kept off stderr, and reported in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What USD lets a file say without any effect: told beside the scene, since the `Scene` no longer shows it."""
+"""What USD lets a file say without any effect: reported beside the scene, since the `Scene` no longer shows it."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ lasted all along the step. That keeps them too far apart: in an emulation in one
 with forces of any signs, mean gaps are up to 10 % too large, and gaps below a step's spread s up to 8 % too few. Both
 grow with φ = F·s/k_BT, F the force that presses, as its root at first, and hardly from φ = 2 on
 (`tests/simulation/time_step/test_contact_errors.py`). Eight beads in a box show the same. It falls with the fourth root
-of the step, so none is shortened for it: it is told.
+of the step, so none is shortened for it: it is reported.
 """
 
 from __future__ import annotations

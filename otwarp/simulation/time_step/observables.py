@@ -47,7 +47,7 @@ class Observable:
         name: Of `OBSERVABLES`.
         error: Step [s] → estimated relative error; with its sign where that is known, else positive.
         longest: Longest step that keeps it within the wanted accuracy [s]; inf where no step is asked to, because none
-            would or because it would cost too much: the error is then told all the same.
+            would or because it would cost too much: the error is then reported all the same.
         limit: What is reported where `longest` decides the step.
     """
 
@@ -105,7 +105,7 @@ class ExplicitStep:
     def check(self, watched: list[Observable], accuracy: float) -> None:
         """Warn of a step that misses the wanted accuracy; refuse one that errs by `LARGE`.
 
-        What no step makes right within reason is told with every step, and so does not count.
+        What no step makes right within reason is reported with every step, and so does not count.
 
         Raises:
             InputError: An error above `LARGE` and the wanted accuracy; the message names the longest step without.
@@ -166,18 +166,18 @@ def in_springs(
 def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[Observable]:
     """Escapes, which are decided where forces are steepest: there a bead would relax at `steep` [1/s].
 
-    What crossings between steps and cheaper noise make wrong is told, but steps are not shortened for it.
+    What crossings between steps and cheaper noise make wrong is reported, but steps are not shortened for it.
     """
     if steep <= 0.0:
         return []
     limit = "force where beads leave a trap"
     longest = scheme.rim_product(accuracy, noise) / steep
-    curable, told = (
+    curable, lasting = (
         partial(_of_product, e, steep) for e in (scheme.rim_error, partial(scheme.told_error, noise=noise))
     )
     return [
         Observable(name="escape", error=curable, longest=longest, limit=limit),
-        Observable(name="escape", error=told, longest=math.inf, limit=limit),
+        Observable(name="escape", error=lasting, longest=math.inf, limit=limit),
     ]
 
 

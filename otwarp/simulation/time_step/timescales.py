@@ -102,7 +102,7 @@ class TimeScales:
 
     @property
     def missed(self) -> dict[str, float]:
-        """Those of `errors` that are above the wanted accuracy: with a chosen step, what no affordable one mends."""
+        """Those of `errors` above the wanted accuracy: with a chosen step, what no affordable one makes small."""
         return missed(self.errors, self.accuracy)
 
 

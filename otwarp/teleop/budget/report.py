@@ -131,7 +131,7 @@ def measure_scene(
         driver=sim.model.features.driver,
         time_step=sim.time_step,
         largest_stable=scales.largest_stable,
-        # gaps in contact are told and no step is shortened for them: neither is a session's
+        # gaps in contact are reported and no step is shortened for them: neither is a session's
         error=max((abs(e) for name, e in scales.errors.items() if name != "contact"), default=0.0),
         chosen_by=scales.chosen_by,
         step=median(m[0] for m in means),

@@ -1,4 +1,4 @@
-"""What operators command, and what they are told of their hands.
+"""What operators command, and what they see of the state of their devices.
 
 `Hands` sends the servo scenes and takes in commanded traps and forces; `TrapCommands` is what hands, gizmos and
 programs together command of the traps, written in one go.

@@ -294,7 +294,7 @@ def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> Recording
     """
     servo = loop.hands.servo
     return RecordingWriter(
-        file or f"take-{datetime.now():%Y%m%d-%H%M%S}.mcap",
+        file or f"recording-{datetime.now():%Y%m%d-%H%M%S}.mcap",
         config=HapticsConfig(hands=tuple(plan.config for plan in loop.plans)),
         devices={plan.name: plan.device for plan in loop.plans},
         laws=loop.local.laws,

@@ -10,10 +10,10 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.haptics.chain.chain import Chain
-from otwarp.haptics.chain.motion import Motion
-from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, PaperTwist, curve_of
+from otwarp.haptics.chain.motion import Motion, VectorFilter
+from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, curve_of
 from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.core.config import IDENTITY, PAPER_CHAIN, HandConfig, LowPass, SafetyConfig
+from otwarp.haptics.core.config import IDENTITY, PAPER_CHAIN, RELEASE_ALPHA, HandConfig, LowPass, SafetyConfig
 from otwarp.haptics.force import local_model
 from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, SplitLaw, TableLaw
 
@@ -75,19 +75,19 @@ def test_it_clamps_nothing():
 
 
 def test_twist_is_smoothed_per_message():
-    twist = PaperTwist()
+    twist = VectorFilter(RELEASE_ALPHA)
     for _ in range(20):
-        smoothed = twist.message((100.0, 0.0, -50.0))
+        smoothed = twist.step(100.0, 0.0, -50.0)
     assert smoothed == pytest.approx((100.0 * (1.0 - 0.95**20), 0.0, -50.0 * (1.0 - 0.95**20)))
 
 
 def test_motion_of_the_chain_is_the_integral_of_the_smoothed_twist():
     """The release smooths velocities and its simulator adds them up; we smooth the place: the same, from rest."""
-    motion, twist, place, before = Motion(paper_chain().config), PaperTwist(), 0.0, 0.0
+    motion, twist, place, before = Motion(paper_chain().config), VectorFilter(RELEASE_ALPHA), 0.0, 0.0
     motion.step(0.0, 0.0, 0.0, True)
     for n in range(1, 400):
         x = 0.01 * math.sin(0.02 * n)
-        place += twist.message(((x - before) * 1000.0, 0.0, 0.0))[0] * 1e-3
+        place += twist.step((x - before) * 1000.0, 0.0, 0.0)[0] * 1e-3
         before = x
         motion.step(x, 0.0, 0.0, True)
         assert motion.commanded[0] == pytest.approx(place, abs=1e-15)

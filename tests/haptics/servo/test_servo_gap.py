@@ -9,7 +9,7 @@ import pytest
 from otwarp.haptics.core import MADE, STATES, ZERO, DeviceSample, actions_of
 from otwarp.haptics.core.realtime import RealClock
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.servo.guard import SILENCE, Address, AddressLayout, GuardLayout, GuardReport, Watch
+from otwarp.haptics.servo.guard import SILENCE, Address, AddressLayout, GuardLayout, GuardReport, SideReport
 from otwarp.haptics.servo.hand import SETTLE
 from otwarp.haptics.servo.servo import DISARM_AFTER
 from tests.haptics.servo.rig import PERIOD, Rig, Traced
@@ -117,7 +117,9 @@ class Watched(Rig):
     def world(self):
         super().world()
         if getattr(self, "watching", False):
-            self.guard.write(GuardReport(self.number, self.servo.tick + 1, (Watch(self.ready),) * len(self.devices)))
+            self.guard.write(
+                GuardReport(self.number, self.servo.tick + 1, (SideReport(self.ready),) * len(self.devices))
+            )
 
 
 def test_a_hand_whose_guardian_is_silent_disarms_and_the_other_goes_on():

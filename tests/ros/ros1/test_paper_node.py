@@ -11,8 +11,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from otwarp.haptics.chain.paper_mode import PaperForce, PaperTwist
-from otwarp.haptics.core.config import IDENTITY
+from otwarp.haptics.chain.motion import VectorFilter
+from otwarp.haptics.chain.paper_mode import PaperForce
+from otwarp.haptics.core.config import IDENTITY, RELEASE_ALPHA
 from otwarp.ros.contract import HAND_TYPES, ROBOT_TOPICS, TRANSFORM, TRAP_TOPICS, ContractConfig, HandTopics
 from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types
@@ -37,7 +38,7 @@ class ForceNode:
     """Behaves like the release's node of one hand: a force with each trap and robot message once both were heard of."""
 
     def __init__(self, node: Ros1Node, hand: HandTopics) -> None:
-        self.chain, self.twists = PaperForce(), PaperTwist()
+        self.chain, self.twists = PaperForce(), VectorFilter(RELEASE_ALPHA)
         self.force = node.publisher(hand.topic("force_feedback"), HAND_TYPES["force_feedback"], queue=1000)
         self.smoothed = node.publisher(hand.smoothed_twist, HAND_TYPES["smoothed_twist"], queue=1000)
         self.inputs = [
@@ -67,7 +68,7 @@ class ForceNode:
 
     def _twist(self, message) -> None:
         t, v = types(), message.linear
-        self.smoothed.publish(t.Twist(t.Vector3(*self.twists.message((v.x, v.y, v.z))), t.Vector3(0.0, 0.0, 0.0)))
+        self.smoothed.publish(t.Twist(t.Vector3(*self.twists.step(v.x, v.y, v.z)), t.Vector3(0.0, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize("hand", [0, 1])

@@ -10,7 +10,7 @@ import pytest
 from otwarp.haptics.core import ZERO, ServoFrame
 from otwarp.haptics.core.config import HandConfig
 from otwarp.haptics.devices import parse_devices
-from otwarp.haptics.servo.guard import STANDS, Watch, residue
+from otwarp.haptics.servo.guard import STANDS, SideReport, residue
 from otwarp.haptics.servo.link import HandStatus, ServoStatus
 from otwarp.teleop.operators import HandPlan
 from otwarp.teleop.operators.hands import Hands
@@ -30,7 +30,7 @@ def frame(age: float = 0.0) -> ServoFrame:
 class Gone:
     """A servo as its parent sees it once its process has ended, or stands still."""
 
-    def __init__(self, device: str, code: int | None, watch: Watch | None = None, state: str = "running"):
+    def __init__(self, device: str, code: int | None, watch: SideReport | None = None, state: str = "running"):
         (self.spec,) = parse_devices([device])
         self.code, self.watch, self.state = code, watch, state
         self.alive = code is None
@@ -49,10 +49,16 @@ class Gone:
     ("device", "code", "watch", "zero", "says"),
     [
         ("virtual:hold", KILLED, None, True, "the servo was killed (SIGKILL), nothing is felt; start the session anew"),
-        ("ros1:/a", KILLED, Watch(1, 3), True, "killed (SIGKILL), the guardian has sent zero force; start"),
-        ("ros1:/a", KILLED, Watch(1, 0), False, "zero force is not sent: it may push still, switch it off; start"),
-        ("ros1:/a", KILLED, Watch(0, 2, "nobody listens"), False, "zero force is not sent (nobody listens): it may"),
-        ("dualsense", None, Watch(1, 5), True, "the servo stands still, the guardian has sent zero force"),
+        ("ros1:/a", KILLED, SideReport(1, 3), True, "killed (SIGKILL), the guardian has sent zero force; start"),
+        ("ros1:/a", KILLED, SideReport(1, 0), False, "zero force is not sent: it may push still, switch it off; start"),
+        (
+            "ros1:/a",
+            KILLED,
+            SideReport(0, 2, "nobody listens"),
+            False,
+            "zero force is not sent (nobody listens): it may",
+        ),
+        ("dualsense", None, SideReport(1, 5), True, "the servo stands still, the guardian has sent zero force"),
         ("openhaptics", KILLED, None, False, "whether its motors are off is for the device to say: hold it"),
         ("forcedimension", 1, None, False, "the servo ended with 1, and with it its driver"),
     ],
@@ -74,6 +80,6 @@ def test_one_that_ended_in_order_is_zero_whatever_the_device():
 
 def test_a_servo_that_runs_has_none():
     (spec,) = parse_devices(["ros1:/a"])
-    assert residue(spec, None, status(), frame(), Watch(1)) is None
-    assert residue(spec, None, status(), frame(0.5 * STANDS), Watch(1)) is None
+    assert residue(spec, None, status(), frame(), SideReport(1)) is None
+    assert residue(spec, None, status(), frame(0.5 * STANDS), SideReport(1)) is None
     assert residue(spec, None, status("starting"), None, None) is None

@@ -127,12 +127,12 @@ def test_a_session_without_hands_is_recorded(tmp_path):
         assert sum(m.topic == "/tf" for m in file.messages()) > 5
 
 
-def test_a_take_without_a_name_is_named_by_the_time(tmp_path, monkeypatch):
+def test_a_recording_without_a_name_is_named_by_the_time(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     script = Script(after(2), c.Record(True), after(5))
     Session(three_beads(), SessionOptions(device="cpu"), sinks=[script], say=lambda line: None).run()
     (file,) = tmp_path.iterdir()
-    assert file.name.startswith("take-2") and file.suffix == ".mcap"
+    assert file.name.startswith("recording-2") and file.suffix == ".mcap"
     assert replay_recording(file).complete
 
 
