@@ -22,7 +22,7 @@ import warp as wp
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.contact.blocks import block_at, factorise, solve_factorised
 from otwarp.kernels.contact.contact_list import ContactList, face_term, law_of, load_at
-from otwarp.kernels.contact.implicit_law import Line, first_line, tangent
+from otwarp.kernels.contact.implicit_law import Line, line_of
 from otwarp.kernels.contact.travel import lift_of, opening_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
@@ -221,12 +221,7 @@ def unbalanced_term(f: Features) -> wp.Function:
 @wp.func
 def line_at(listed: ContactList, i: int, opening: float, first: bool) -> Line:
     """Load and slope of contact i where its gap opens by `opening` [µm]; `first`: where it would end alone."""
-    c = law_of(listed, i)
-    line = Line(0.0, 0.0, listed.depth[i])
-    if first:  # noqa: SIM108 (Warp would work out both)
-        line = first_line(c, opening)
-    else:
-        line = tangent(c, opening, line.depth)
+    line = line_of(law_of(listed.law[i], listed.path[i]), opening, listed.depth[i], first)
     listed.depth[i] = line.depth
     return line
 

@@ -71,12 +71,27 @@ def put_term(f: Features) -> wp.Function:
     return put
 
 
+@wp.struct
+class Entry:
+    """What a `ContactList` says of one contact that solvers read in every round."""
+
+    pair: wp.vec2i
+    face: wp.vec4
+    law: wp.vec4
+    path: wp.vec2
+    depth: float
+
+
 @wp.func
-def law_of(listed: ContactList, i: int) -> Contact:
-    """Contact i as far as its law of force goes."""
+def entry_at(listed: ContactList, i: int) -> Entry:
+    """Entry i, read at once."""
+    return Entry(listed.pair[i], listed.face[i], listed.law[i], listed.path[i], listed.depth[i])
+
+
+@wp.func
+def law_of(law: wp.vec4, path: wp.vec2) -> Contact:
+    """A contact as far as its law of force goes."""
     c = Contact()
-    law = listed.law[i]
-    path = listed.path[i]
     c.overlap = law[0]
     c.hardness = law[1]
     c.give = law[2]

@@ -115,3 +115,14 @@ def first_line(c: Contact, opening: float) -> Line:
             line.slope *= bend * reciprocal(1.5 * yields + 1.0 + bend)
         line.load = load * (1.0 + c.give * line.slope)
     return line
+
+
+@wp.func
+def line_of(c: Contact, opening: float, guess: float, first: bool) -> Line:
+    """The line at s = `opening` [µm]: the law's tangent, or that of a contact alone if it is the `first` of a solve."""
+    line = Line()
+    if first:  # noqa: SIM108 (Warp would work out both)
+        line = first_line(c, opening)
+    else:
+        line = tangent(c, opening, guess)
+    return line

@@ -11,9 +11,10 @@ from typing import Any
 import warp as wp
 
 from otwarp.kernels.contact.blocks import inverse_root
-from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, line_at, turning_term
+from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, turning_term
 from otwarp.kernels.contact.contact import rigid_response
-from otwarp.kernels.contact.contact_list import ContactList
+from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of
+from otwarp.kernels.contact.implicit_law import line_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import image_shift
@@ -161,8 +162,9 @@ def gather_points_term(f: Features) -> wp.Function:
                     system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
                     right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
         i = int(0)
+        entry = entry_at(listed, 0)
         while i < count:
-            pair = listed.pair[i]
+            pair = entry.pair
             way = wp.vec3(0.0)
             # chosen, not indexed: what is written out by constants stays in registers
             for k in range(wp.static(bodies)):
@@ -173,15 +175,17 @@ def gather_points_term(f: Features) -> wp.Function:
             force = wp.vec3(0.0)
             joined = bool(True)
             while joined:
-                face = listed.face[i]
-                n = wp.vec3(face[0], face[1], face[2])
-                line = line_at(listed, i, face[3] + wp.dot(way, n), first)
+                # read before this one is worked out: the memory of a GPU is far away
+                ahead = entry_at(listed, wp.min(i + 1, count - 1))
+                n = wp.vec3(entry.face[0], entry.face[1], entry.face[2])
+                opening = entry.face[3] + wp.dot(way, n)
+                line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
+                listed.depth[i] = line.depth
                 stiffness = stiffness + wp.outer(line.slope * n, n)
                 force = force + line.load * n
                 i += 1
-                joined = i < count
-                if joined:
-                    joined = listed.pair[i] == pair
+                entry = ahead
+                joined = i < count and entry.pair == pair
             for k in range(wp.static(bodies)):
                 sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
                 for r in range(3):
@@ -236,7 +240,8 @@ def solve_points_term(f: Features) -> wp.Function:
     ) -> float:  # fmt: skip
         """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
 
-        `kept`: the moves of the points [µm], from which it starts if `again`. Returns as `body_solve.solve_bodies`.
+        `kept`: the moves of the points [µm], from which it starts if `again`. Returns how far forces out of balance
+        would move a body [µm]: 0 unless the rounds ran out.
         """
         scale = step_over_viscosity(model, world)
         drags = blocks()

@@ -28,8 +28,8 @@ from otwarp.kernels.drivers.world_room import (
 BLOCK = 64
 """Threads of a block: few, so that few worlds are spread over more multiprocessors."""
 
-BLOCKS = 8
-"""Blocks that a multiprocessor is to hold: 128 registers a thread, in place of 255."""
+FREE_BLOCKS, FIND_BLOCKS, SETTLE_BLOCKS = 8, 8, 6
+"""Blocks that a multiprocessor is to hold: 128 and 170 registers a thread, in place of 255."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +72,10 @@ def make_world_phases(f: Features) -> WorldPhases:
     )
 
 
-def kernel_of(f: Features) -> Any:
-    """Decorator of a kernel of one step; float64 needs all registers."""
+def kernel_of(f: Features, blocks: int) -> Any:
+    """Decorator of a kernel of which so many blocks are to fit on a multiprocessor; float64 needs all registers."""
     options = {**f.module_options, "block_dim": BLOCK}
-    bounds = (BLOCK,) if f.precision == "float64" else (BLOCK, BLOCKS)
+    bounds = (BLOCK,) if f.precision == "float64" else (BLOCK, blocks)
     how = {"grid_stride": False, "launch_bounds": bounds, "module_options": options}
     return wp.kernel(module="unique", enable_backward=False, **how)
 
@@ -111,7 +111,7 @@ def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
     """Kernel over (bodies, worlds) of a stage of the integrator: threads of a warp have the same body."""
     place_of, bodies_in = place_term(f), bodies_in_term(f)
 
-    @kernel_of(f)
+    @kernel_of(f, FREE_BLOCKS)
     def free_stage(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -133,7 +133,7 @@ def make_find(f: Features) -> wp.Kernel:
     move_traps = move_traps_term(f) if f.speed_limits else None
     find_contacts = find_contacts_term(f) if f.contacts else None
 
-    @kernel_of(f)
+    @kernel_of(f, FIND_BLOCKS)
     def find(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -160,7 +160,7 @@ def make_settle(f: Features) -> wp.Kernel:
     place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
     settle_contacts = settle_term(f)
 
-    @kernel_of(f)
+    @kernel_of(f, SETTLE_BLOCKS)
     def settle(
         model: ModelData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int, again: int,
@@ -188,7 +188,7 @@ def make_finish(f: Features) -> wp.Kernel:
     """Kernel over worlds: take the moves of the step."""
     place_of, bodies_in, finish_step = place_term(f), bodies_in_term(f), finish_term(f)
 
-    @kernel_of(f)
+    @kernel_of(f, FREE_BLOCKS)
     def finish(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         clock: wp.array(dtype=wp.int64), ahead: int,
@@ -207,7 +207,7 @@ def make_report(f: Features) -> wp.Kernel:
     """Kernel over worlds: write the contact forces of the last step."""
     place_of, list_in, report_contacts = place_term(f), list_in_term(f), report_contacts_term(f)
 
-    @kernel_of(f)
+    @kernel_of(f, FREE_BLOCKS)
     def report(model: ModelData, readout: ReadoutData, scratch: WorldScratch, clock: wp.array(dtype=wp.int64)):
         """Net forces and loads [pN] of each world that has no fault."""
         place = wp.tid()

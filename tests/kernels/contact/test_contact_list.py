@@ -44,7 +44,7 @@ def keep(readout: ReadoutData, given: wp.array(dtype=Contact), found: wp.array(d
     for i in range(ROOM):
         listed.depth[i] = 0.04
         c = _face(listed, i)
-        forces = law_of(listed, i)
+        forces = law_of(listed.law[i], listed.path[i])
         c.overlap = forces.overlap
         c.hardness = forces.hardness
         c.give = forces.give
