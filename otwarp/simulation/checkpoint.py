@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import os
 import zlib
@@ -18,7 +17,8 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.forces.table import FORCES
-from otwarp.scene import Body, Flow, Obstacle, Scene, Settings
+from otwarp.scene import Scene
+from otwarp.scene.digest import scene_digest
 from otwarp.simulation import stored_ends
 from otwarp.simulation.ends import End
 from otwarp.simulation.options import StepOptions
@@ -30,20 +30,6 @@ if TYPE_CHECKING:
 FORMAT = 1
 """Version of the file format."""
 
-YOUNGER: dict[type, dict[str, Any]] = {
-    Body: {"forces": {}},
-    Flow: {"half_width": 0.0, "file": "", "field": None},
-    Obstacle: {"double_sided": False},
-    Scene: {"remarks": (), "judged": False},
-    Settings: {
-        name: (0.0, 0.0, 0.0)
-        for name in ("period", "period_center", "domain_low", "domain_high", "inlet_low", "inlet_high")
-    },
-}
-"""Class of a scene's description → fields that it was given after format 1 began, with their defaults: a scene that
-does not use them has the digest that it had before."""
-
-
 PLAIN: dict[str, Any] = {
     f.name: {"integrator": "eulerMaruyama", "noise": "gaussian"}.get(f.name, f.default)
     for f in dataclasses.fields(StepOptions)
@@ -51,26 +37,6 @@ PLAIN: dict[str, Any] = {
 }
 """Options of the step that a checkpoint holds as they are, with what they were before it did. Forces and ends are
 functions, and a step that was accepted once is so again, however large."""
-
-
-def scene_digest(scene: Scene) -> str:
-    """Content hash of everything a scene says but the length of the run, which may be extended."""
-    same = {"file": None, "remarks": (), "judged": False}  # what is no part of a scene's equality
-    scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, duration=0.0), **same)
-    with np.printoptions(threshold=2**31, floatmode="unique"):
-        return hashlib.sha256(_canonical(scene).encode()).hexdigest()
-
-
-def _canonical(item: object) -> str:
-    """As `repr`, but for fields of `YOUNGER` at their default, which older checkpoints could not have."""
-    if isinstance(item, tuple):
-        return f"({', '.join(map(_canonical, item))}{',' if len(item) == 1 else ''})"
-    if not dataclasses.is_dataclass(item) or isinstance(item, type):
-        return repr(item)
-    younger = YOUNGER.get(type(item), {})
-    values = {f.name: getattr(item, f.name) for f in dataclasses.fields(item) if f.repr}
-    said = {k: v for k, v in values.items() if k not in younger or v != younger[k]}
-    return f"{type(item).__qualname__}({', '.join(f'{k}={_canonical(v)}' for k, v in said.items())})"
 
 
 def _arrays(sim: Simulation) -> dict[str, wp.array]:

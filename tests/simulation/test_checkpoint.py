@@ -16,7 +16,7 @@ import warp as wp
 import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.scene import Scene, SceneBuilder
-from otwarp.simulation.checkpoint import scene_digest
+from otwarp.scene.digest import scene_digest
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene

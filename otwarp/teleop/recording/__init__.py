@@ -265,7 +265,7 @@ def _frame(file: RecordingFile, live: LiveFrame, stamp: int) -> None:
 
 def _about(scene: Scene) -> dict[str, Any]:
     """Which scene."""
-    from otwarp.simulation.checkpoint import scene_digest
+    from otwarp.scene.digest import scene_digest
 
     return {
         "file": str(scene.file.resolve()) if scene.file else None,
