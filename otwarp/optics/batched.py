@@ -34,8 +34,8 @@ MOST_ENTRIES = 3e7
 NEGLIGIBLE = 1e-17
 """Part of the largest weight, or of the beam's amplitude in a row of the table, that is left out."""
 
-LAUNCH_BYTES = 1 << 30
-"""Of a GPU's memory what the threads of one launch keep: enough of them to fill it."""
+LAUNCH_SHARE = 1.0 / 32.0
+"""Part of a GPU's memory that the threads of one launch keep: enough of them to fill an H200 up to 1024 nodes."""
 
 CHUNK_PER_CORE = 64
 """Points of one launch on a CPU, whose cores share out the launches."""
@@ -116,7 +116,8 @@ def batched_force(
         kernel.module.load(where, 1)
         out[sequence] = _on_cores(kernel, packed.data, places[sequence], where)
         return out
-    chunk = max(1, min(len(sequence), LAUNCH_BYTES // (16 * room_of(packed.orders, packed.nodes))))
+    most = LAUNCH_SHARE * where.total_memory / (16 * room_of(packed.orders, packed.nodes))
+    chunk = max(1, min(len(sequence), int(most)))
     data = packed.with_room(chunk)
     for first in range(0, len(sequence), chunk):
         chosen = sequence[first : first + chunk]

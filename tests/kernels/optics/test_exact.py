@@ -98,7 +98,7 @@ def test_order_and_number_of_points_change_no_bit(device):
 
 
 def test_batches_of_several_launches(device, monkeypatch):
-    monkeypatch.setattr(batched, "LAUNCH_BYTES", 200_000)  # of 18 points
+    monkeypatch.setattr(batched, "LAUNCH_SHARE", 1e-6)  # some ten points
     monkeypatch.setattr(batched, "CHUNK_PER_CORE", 10)
     beam, sphere, points = Beam(polarization="x"), Particle(radius=0.2), near(0.2, 30, 6)
     assert difference(beam, sphere, points, device) < AGREEMENT
