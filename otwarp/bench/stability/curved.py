@@ -12,7 +12,7 @@ from otwarp.bench.closed_forms import POISSON_RATIO, drag, hardness
 from otwarp.bench.scenes import PLACE, bead, obstacle, scene, spring
 from otwarp.bench.stability.gaps import ENERGY, POLYMER
 from otwarp.bench.stability.hard_spheres import GapDistribution, spring_gaps
-from otwarp.bench.stability.thermal import Effort, advance, simulate
+from otwarp.bench.stability.thermal import Effort, advance, simulate, told_of
 from otwarp.bench.stability.verdict import Deviation
 from otwarp.scene import Body, Material, Medium, Obstacle, Rod, Scene, Sphere, Vec3
 
@@ -106,4 +106,5 @@ def curved_gap(effort: Effort, *, shape: str, stiffness: float, z: float = 0.2) 
         advance(sim, 4)
         found.append(gap_of(shape, *(a.numpy().astype(float) for a in (sim.state.position, sim.state.orientation))))
     samples = (np.mean(found, axis=0) - exact.mean) / exact.spread
-    return Deviation(error=float(samples.mean()), standard_error=float(samples.std()) / math.sqrt(len(samples)))
+    chance = float(samples.std()) / math.sqrt(len(samples))
+    return Deviation(error=float(samples.mean()), standard_error=chance, told=told_of(sim))

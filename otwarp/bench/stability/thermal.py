@@ -56,6 +56,11 @@ def simulate(what: Scene, effort: Effort, **how: object) -> Simulation:
     return Simulation(what, **given)  # type: ignore[arg-type]
 
 
+def told_of(sim: Simulation) -> float:
+    """Bound of the error of gaps in contact that `otwarp info` tells."""
+    return sim.model.scales.errors.get("contact", 0.0)
+
+
 def advance(sim: Simulation, steps: int) -> None:
     """Take steps; whatever happens, no number of the state may be non-finite.
 
@@ -172,7 +177,7 @@ def resting_height(
     h = snapshots(sim, k / closed_forms.drag(1.0, what.medium.viscosity))[:, :, 0, 2] - PLACE[2]
     samples = h.mean(axis=0) - exact
     error, chance = float(samples.mean()), float(samples.std()) / math.sqrt(worlds)
-    return Deviation(error=error / spread, standard_error=chance / spread)
+    return Deviation(error=error / spread, standard_error=chance / spread, told=told_of(sim))
 
 
 class RobotModes:

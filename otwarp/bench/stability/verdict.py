@@ -59,11 +59,13 @@ class Deviation:
         error: Relative to the scale that the closed form sets.
         standard_error: Of `error` by chance; 0 for a run without noise.
         predicted: Error that otwarp itself predicts, as `otwarp info` shows it.
+        told: Where otwarp tells a bound instead, that bound; nothing above it is stated then.
     """
 
     error: float
     standard_error: float = 0.0
     predicted: float = 0.0
+    told: float | None = None
 
     @property
     def verdict(self) -> CellVerdict:
@@ -74,7 +76,8 @@ class Deviation:
         if abs(self.error) <= ACCURACY + LIKELY * self.standard_error:
             return CellVerdict.ACCURATE
         missed = abs(self.error - self.predicted)
-        if abs(self.error) <= COARSE + chance or missed <= max(ACCURACY, SHARE * abs(self.predicted)) + chance:
+        most = COARSE if self.told is None else self.told
+        if abs(self.error) <= most + chance or missed <= max(ACCURACY, SHARE * abs(self.predicted)) + chance:
             return CellVerdict.STABLE
         return CellVerdict.WRONG
 
@@ -86,7 +89,7 @@ class Cell:
     Attributes:
         row, column: Its place, as in the grid's heads.
         verdict: How it ended.
-        error, standard_error, predicted: As `Deviation`; None where nothing was measured.
+        error, standard_error, predicted, told: As `Deviation`; None where nothing was measured.
         message: The error that was raised, or what is wrong.
         warned: Warnings of the run.
     """
@@ -97,12 +100,13 @@ class Cell:
     error: float | None = None
     standard_error: float | None = None
     predicted: float | None = None
+    told: float | None = None
     message: str = ""
     warned: tuple[str, ...] = ()
 
     def json(self) -> dict[str, object]:
         """Plain data; numbers that are not finite are null."""
-        numbers = {name: getattr(self, name) for name in ("error", "standard_error", "predicted")}
+        numbers = {name: getattr(self, name) for name in ("error", "standard_error", "predicted", "told")}
         finite = {n: v if v is not None and math.isfinite(v) else None for n, v in numbers.items()}
         fields = {"row": self.row, "column": self.column, "verdict": self.verdict.name.lower(), **finite}
         return {**fields, "message": self.message, "warned": list(self.warned)}
@@ -132,6 +136,7 @@ def judge(row: str, column: str, measure: Callable[[], Deviation | None]) -> Cel
             verdict = CellVerdict.STABLE
         else:
             message = f"error {found.error:.3g} ± {found.standard_error:.2g}, otwarp predicts {found.predicted:.3g}"
+            message += f" and tells up to {found.told:.3g}" if found.told is not None else ""
     return Cell(**at, verdict=verdict, message=message, warned=_texts(heard), **vars(found))
 
 
