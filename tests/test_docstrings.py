@@ -34,9 +34,9 @@ def texts(tree: ast.Module) -> Iterator[ast.Constant]:
 
 
 def defined(tree: ast.Module) -> set[str]:
-    """Names that a module defines or imports at its top."""
+    """Names that a module imports or defines, functions within functions as well."""
     nodes = [n for s in tree.body for n in (ast.walk(s) if isinstance(s, ast.If | ast.Assign) else [s])]
-    named = {n.name for n in nodes if isinstance(n, ast.ClassDef | ast.FunctionDef)}
+    named = {n.name for n in ast.walk(tree) if isinstance(n, ast.ClassDef | ast.FunctionDef)}
     named |= {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
     named |= {a.asname or a.name for n in nodes if isinstance(n, ast.ImportFrom) for a in n.names}
     return named | {n.id for n in nodes if isinstance(n, ast.Name)}

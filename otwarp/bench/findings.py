@@ -35,7 +35,7 @@ class Findings:
     machine: dict[str, Any]
 
     def json(self) -> dict[str, Any]:
-        """Plain data."""
+        """The findings as plain data for JSON."""
         return {"format": self.FORMAT, "version": self.VERSION, **dataclasses.asdict(self)}
 
     def save(self, file: Path) -> None:

@@ -89,26 +89,26 @@ class RadialWell:
 
     @property
     def end(self) -> float:
-        """Where a bead is lost."""
+        """Radius where a bead is lost, in thermal units."""
         return self.constants[3]
 
     @property
     def bend(self) -> float:
-        """Where the spring ends."""
+        """Radius where the spring ends, in thermal units."""
         return self.constants[0]
 
     def force(self, r: np.ndarray) -> np.ndarray:
-        """Towards the centre."""
+        """Force towards the centre at radii r, of any shape, in thermal units."""
         start, square, offset, end = self.constants
         return np.where(r < start, r, np.where(r < end, square / np.maximum(r, start) ** 2 + offset, 0.0))
 
     def slope(self, r: np.ndarray) -> np.ndarray:
-        """Derivative of the force."""
+        """Derivative of the force by the radius."""
         start, square, _, end = self.constants
         return np.where(r < start, 1.0, np.where(r < end, -2.0 * square / np.maximum(r, start) ** 3, 0.0))
 
     def energy(self, r: np.ndarray) -> np.ndarray:
-        """Up to the end."""
+        """Energy at radii r up to the end, from that of the centre."""
         start, square, offset, _ = self.constants
         beyond = np.maximum(r, start)
         return 0.5 * np.minimum(r, start) ** 2 + square * (1.0 / start - 1.0 / beyond) + offset * (beyond - start)

@@ -13,7 +13,7 @@ EXIT_INTERRUPTED = 130
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM came."""
+    """Raised in a run that SIGTERM ends."""
 
 
 _asked = threading.Event()
@@ -28,7 +28,7 @@ def begin() -> None:
 
 
 def check_terminated() -> None:
-    """Raise if SIGTERM came."""
+    """Raise `Terminated` if SIGTERM came."""
     if _asked.is_set():
         raise Terminated("terminated")
 

@@ -261,7 +261,7 @@ def unpack_cycles(data: bytes | memoryview) -> tuple[str, int, bytes]:
 
 
 def pack_scene(scene: SceneFrame) -> bytes:
-    """`SceneFrame` as bytes."""
+    """Bytes of a `SceneFrame`, as its message is recorded."""
     traps, spheres = scene.traps, scene.spheres
     body = bytearray(_ENTRY.pack(scene.beat, scene.time, scene.contact_force))
     _put(body, "q", [trap.index for trap in traps])
@@ -308,7 +308,7 @@ def beat_of(data: bytes | memoryview) -> int:
 
 
 def pack_text(text: str) -> bytes:
-    """`std_msgs/msg/String`."""
+    """Bytes of a `std_msgs/msg/String`."""
     data = text.encode() + b"\0"
     return HEAD + struct.pack("<I", len(data)) + data
 

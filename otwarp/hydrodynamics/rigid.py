@@ -85,7 +85,7 @@ def shift(lever: np.ndarray) -> np.ndarray:
 
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:
-    """The symmetric part."""
+    """The symmetric part of a square matrix."""
     return 0.5 * (matrix + matrix.T)
 
 

@@ -49,11 +49,18 @@ class TrapProperties:
 def axial_equilibria(
     beam: Beam, sphere: Particle, *, reach: float | None = None, device: str | None = None
 ) -> tuple[float, ...]:
-    """Stable points on the axis [µm], nearest to the focus first: Q_z falls through zero.
+    """Heights of the stable points on the axis above the focus [µm], nearest first: Q_z falls through zero there.
 
     Args:
+        beam, sphere: What pulls at what.
         reach: Search within ±reach [µm]; default 4 µm or twice the radius, whichever is larger.
         device: Where forces are evaluated; see `force`.
+
+    Returns:
+        As many as there are, none where light pushes the sphere away.
+
+    Raises:
+        InputError: As `force`.
     """
     span = reach or max(4.0, 2.0 * sphere.radius)
     spacing = min(0.05, 0.1 * beam.wavelength)
@@ -107,9 +114,17 @@ _WAYS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 def stiffness(
     beam: Beam, sphere: Particle, point: np.ndarray, *, device: str | None = None
 ) -> tuple[float, float, float]:
-    """−dF_i/dx_i at `point` [pN/µm], by Richardson-extrapolated central differences.
+    """Stiffness −dF_i/dx_i along x, y and z [pN/µm], by Richardson-extrapolated central differences.
 
     The step is a tenth of the radius and at most `STEP`: the error, of fourth order in the step, stays below 1e-6.
+
+    Args:
+        beam, sphere: What pulls at what.
+        point: (3,) centre of the sphere from the focus [µm].
+        device: Where forces are evaluated; see `force`.
+
+    Raises:
+        InputError: As `force`.
     """
     h = min(STEP, 0.1 * sphere.radius)
     offsets = np.array([s * e for e in np.eye(3) for s in (h, -h, 0.5 * h, -0.5 * h)])

@@ -236,7 +236,7 @@ def room_for(threads: int, orders: int, nodes: int, device: wp.Device) -> wp.arr
 
 
 def in_room(data: Annotated[Any, ExactData], room: wp.array) -> Annotated[Any, ExactData]:
-    """`data` with a room."""
+    """A copy of `data` whose threads keep what they need in `room`."""
     out = ExactData()
     for name in ExactData.vars:
         setattr(out, name, getattr(data, name))

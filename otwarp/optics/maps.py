@@ -153,7 +153,16 @@ def _bisect(table: ForceTable, inside: np.ndarray, outside: np.ndarray, region: 
 
 
 def basin_reach(table: ForceTable, *, region: float, samples: int = 64) -> dict[str, float | None]:
-    """Distance from the equilibrium to the basin's boundary [µm] by direction, None where it is beyond `region`."""
+    """Distance from the equilibrium to the boundary of the basin of attraction [µm].
+
+    Args:
+        table: Forces of one beam and sphere.
+        region: How far to look [µm].
+        samples: Places on each way, between which the boundary is bisected.
+
+    Returns:
+        Way (`sideways`, `downstream`, `upstream`) → distance, None beyond `region`; empty without an equilibrium.
+    """
     if table.properties is None:
         return {}
     centre = np.array([0.0, table.properties.equilibrium])

@@ -40,7 +40,7 @@ def describe(beam: Beam, sphere: Particle, tolerance: float, interpolation: str)
 
 
 def file_of(folder: Path, beam: Beam, sphere: Particle, tolerance: float, interpolation: str) -> Path:
-    """Where the table belongs."""
+    """Path of the cached table of a beam, sphere, tolerance and interpolation."""
     return cache.file_of(folder, describe(beam, sphere, tolerance, interpolation))
 
 

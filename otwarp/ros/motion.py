@@ -87,7 +87,7 @@ def centroid(points: Group) -> Vec3:
 
 
 def midpoint(a: Vec3, b: Vec3) -> Vec3:
-    """Halfway between two points."""
+    """The point halfway between two points, in their unit."""
     return ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0, (a[2] + b[2]) / 2.0)
 
 

@@ -39,22 +39,22 @@ def outside(beyond: np.ndarray) -> np.ndarray:
 
 
 def plane_distance(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Half space z < 0."""
+    """(n,) signed distances [µm] of (n, 3) points from the half space z < 0."""
     return points[:, 2]
 
 
 def box_distance(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Half extents `size`."""
+    """(n,) signed distances [µm] of (n, 3) points from a box of half extents `size`."""
     return outside(np.abs(points) - size)
 
 
 def sphere_distance(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Radius size[0]."""
+    """(n,) signed distances [µm] of (n, 3) points from a sphere of radius size[0]."""
     return np.linalg.norm(points, axis=1) - size[0]
 
 
 def cylinder_distance(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Radius size[0], half height size[1]."""
+    """(n,) signed distances [µm] of (n, 3) points from a cylinder of radius size[0] and half height size[1]."""
     across = np.hypot(points[:, 0], points[:, 1]) - size[0]
     return outside(np.stack([across, np.abs(points[:, 2]) - size[1]], axis=1))
 

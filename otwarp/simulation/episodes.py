@@ -35,7 +35,9 @@ class Episodes(Bound):
         number: (W) uint32 of the trial that each world runs.
         living: (W) int32 worlds in motion as the last segment found them, in the first `count[0]` places.
         count: (2) int32 how many these were, and how many of them it left in motion.
-        ends: What ends a world, and (1|W, P) its parameters.
+        values: (1|W, P) parameters of the ends, one after the other; a vector takes three columns.
+        model: What is simulated.
+        ends: What ends a world.
         at_most: Bound of the worlds in motion, known to the host.
         origin: How a reset world starts where nothing else is said.
         views: What the kernels see: model, state and readout.

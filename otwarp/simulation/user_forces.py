@@ -24,7 +24,7 @@ class Force:
     bodies that are named alone; `/World/Cells` names all instances of a prim, `/World/Cells[2]` one, which goes first.
 
     Attributes:
-        law: What it is.
+        law: The function, its parameters with their units, and its bounds.
         values: Parameters that were given so far.
         bodies: Names of the bodies it acts on, None for those that its values name, or all.
     """

@@ -114,7 +114,7 @@ class LiveFrame:
         task: How the scene's task stands, one line; "" without a goal.
         recording: File that is being written, or None.
         trap_goals: Where gently moved traps that have not arrived are going: index → focus [µm].
-        law: What computes the force on hands: `compiled`, or `in Python` and why; "" for unknown.
+        engine: What computes the force on hands: `compiled`, or `in Python` and why; "" for unknown.
     """
 
     beat: int
@@ -128,7 +128,7 @@ class LiveFrame:
     task: str = ""
     recording: str | None = None
     trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
-    law: str = ""
+    engine: str = ""
 
 
 class SessionMonitor:

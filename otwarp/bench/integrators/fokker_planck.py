@@ -193,7 +193,7 @@ class Ball:
         return float(np.real(weight @ later) / (weight @ self.rho))
 
     def correlation_z(self, lag: float) -> float:
-        """⟨δz(0) δz(t)⟩/⟨δz²⟩."""
+        """Normalised autocorrelation ⟨δz(0) δz(t)⟩/⟨δz²⟩ of the place along the axis."""
         p = self.stationary
         away = self.z - p @ self.z
         return float((p * away) @ advance(self.adjoint, away, lag) / (p @ away**2))

@@ -53,12 +53,12 @@ class Well:
 
     @property
     def power(self) -> float:
-        """[mW]."""
+        """Power of the beam [mW]."""
         return self.bead.beam.power
 
     @property
     def drag(self) -> float:
-        """γ [pN·s/µm]."""
+        """Stokes friction γ of the bead [pN·s/µm]."""
         return 6.0 * math.pi * self.bead.medium.viscosity * self.bead.sphere.radius
 
     @property
@@ -111,7 +111,7 @@ class SplinedForce:
 
     @cached_property
     def splines(self) -> tuple[RectBivariateSpline, ...]:
-        """Of Q_ρ, Q_φ, Q_z."""
+        """Splines of the components Q_ρ, Q_φ, Q_z."""
         spacing = self.beam.wavelength / self.beam.medium_index / SPLINE_NODES
         nodes = math.ceil(self.reach / spacing) + 3
         half, z = spacing * np.arange(nodes), spacing * np.arange(-nodes, nodes + 1)

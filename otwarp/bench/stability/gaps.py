@@ -90,7 +90,7 @@ def beads_in_box(stiffness: float, *, driver: str = "world", time_step: float | 
 
 
 def point(v: np.ndarray) -> Vec3:
-    """Three numbers."""
+    """A point as the three numbers that a scene holds."""
     x, y, z = v.tolist()
     return x, y, z
 

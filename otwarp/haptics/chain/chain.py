@@ -51,7 +51,7 @@ class Part(Protocol):
 
 
 class Chain:
-    """One hand.
+    """The signal chain of one side: from a sample of its device to a force and places for its traps.
 
     Args:
         config: Of the hand.

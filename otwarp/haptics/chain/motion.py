@@ -62,7 +62,7 @@ class VelocityEstimate:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Forget all samples: the velocity is zero until more have come."""
         self._axes: tuple[list[float], ...] = ([], [], [])
         self._ages: list[float] = []
         self._velocity: Vec3 = (0.0, 0.0, 0.0)

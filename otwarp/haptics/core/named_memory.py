@@ -38,8 +38,9 @@ def create_memory(what: str, size: int) -> SharedMemory:
     except OSError as error:
         raise _no_room(what, size, error) from None
     try:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(memory._fd, 0, size)  # type: ignore[attr-defined]
+        if hasattr(os, "posix_fallocate") and PLACE.is_dir():
+            with (PLACE / memory.name).open("r+b") as file:
+                os.posix_fallocate(file.fileno(), 0, size)
     except OSError as error:
         memory.close()
         memory.unlink()

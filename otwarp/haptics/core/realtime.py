@@ -31,7 +31,7 @@ class Clock(Protocol):
     """A monotonic clock [s], which stands still while the machine is suspended."""
 
     def now(self) -> float:
-        """Time [s]."""
+        """Time [s] since an origin of its own."""
         ...
 
     def sleep_until(self, deadline: float) -> None:
@@ -213,7 +213,7 @@ def lock_memory() -> Grant:
 
 
 def pin(cpu: int) -> Grant:
-    """Stay on one core."""
+    """Keep this process on the core `cpu`; says whether the system granted it."""
     if hasattr(os, "sched_setaffinity"):
         return _attempt("affinity", lambda: _affinity(cpu))
     return Grant("affinity", False, f"{sys.platform} has no call for it")

@@ -55,7 +55,7 @@ class HidPort(Protocol):
 
     @property
     def found(self) -> HidFound:
-        """What it is."""
+        """The device that was opened."""
         ...
 
     def read(self) -> bytes:
@@ -79,7 +79,7 @@ class HidSystem(Protocol):
     """What lists and opens HID devices."""
 
     def devices(self) -> Sequence[HidFound]:
-        """All that are there."""
+        """All HID devices that the system lists."""
         ...
 
     def open(self, found: HidFound) -> HidPort:

@@ -80,7 +80,7 @@ class MouseDevice:
             self._position = (x + k * dx, y + k * dy, z + k * dz)
 
     def write(self, force: Vec3) -> None:
-        """It has no motors."""
+        """Ignores the force: there are no motors."""
 
     def close(self) -> None:
         """See `Device`."""

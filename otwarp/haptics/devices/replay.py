@@ -112,7 +112,7 @@ class ReplayDevice:
         return DeviceSample(time, (x, y, z), 0 if over else self._buttons[at], not over)
 
     def write(self, force: Vec3 = ZERO) -> None:
-        """It feels nothing."""
+        """Ignores the force: the motion is that of the recording."""
 
     def close(self) -> None:
         """See `Device`."""

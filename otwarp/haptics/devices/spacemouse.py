@@ -159,7 +159,7 @@ class SpaceMouse:
         return DeviceSample(time, self._hand.move(time, deflection), state.buttons)
 
     def write(self, force: Vec3) -> None:
-        """It has no motors."""
+        """Ignores the force: there are no motors."""
 
     def close(self) -> None:
         """See `Device`."""

@@ -191,7 +191,7 @@ class Hand:
             self._say(f"the start of the recording cannot be kept: {error}")
 
     def cycle(self, now: float, scene: SceneFrame, tick: int = 0) -> None:
-        """Read, step, write, publish."""
+        """One servo cycle: read the device, step the chain, write the force, publish."""
         self._begun = scene.beat > 0
         self._sample, self._flags = None, 0
         if not self.status.present:

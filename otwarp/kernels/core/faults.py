@@ -8,7 +8,7 @@ from otwarp.kernels.core.types import ReadoutData
 
 
 class Fault(enum.IntEnum):
-    """Why a body stopped."""
+    """Why a body stopped: codes of `Readout.fault`."""
 
     NONE = 0
     NON_FINITE = 1

@@ -195,9 +195,9 @@ class ObstacleData:
 class FlowData:
     """The background flow, along the x axis of its frame and varying along z, and along y in a rectangular channel."""
 
-    origin: wp.vec3
-    rotation: wp.quat
-    half_height: wp.float32
+    origin: wp.vec3  # of the frame [µm]
+    rotation: wp.quat  # from the frame's axes to the world's
+    half_height: wp.float32  # of a channel, along z [µm]
     half_width: wp.float32  # of a rectangular channel, the longer side [µm]
     drive: wp.float32  # of a rectangular channel, pressure gradient over viscosity and speed [1/µm²]
     speed: wp.array(dtype=wp.float32)  # (1|W) [µm/s]

@@ -42,7 +42,7 @@ def living_worlds(model: ModelData, first: int, worlds: int) -> int:
 
 @wp.func
 def all_worlds(model: ModelData, first: int, worlds: int) -> int:
-    """As many as are asked for."""
+    """How many of `worlds` places from `first` on hold worlds in motion: all, where none ends."""
     return worlds
 
 

@@ -167,7 +167,7 @@ def isotropic_term(ratio: wp.Function) -> wp.Function:
 
     @wp.func
     def isotropic(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """Directed to the trap, per mW."""
+        """−f(d)·d̂ at a displacement d from the trap [µm], f by the curve: a force [pN/mW]."""
         d2 = wp.dot(displacement, displacement)
         f = ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
         return -f * displacement
@@ -180,7 +180,7 @@ def split_term(ratio: wp.Function) -> wp.Function:
 
     @wp.func
     def split(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.vec3:
-        """Per mW; zero beyond the larger cutoff."""
+        """−f_r across and −f_z along the beam at a displacement [µm]: a force [pN/mW], 0 beyond the larger cutoff."""
         z = wp.dot(displacement, law.axis)
         across = displacement - z * law.axis
         force = wp.vec3(0.0)
@@ -206,7 +206,7 @@ def isotropic_stiffness_term(ratio: wp.Function, curvature: wp.Function) -> wp.F
 
     @wp.func
     def isotropic_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-        """f/d across the displacement and df/dd along it."""
+        """−∂F/∂d [pN/µm per mW]: f/d across the displacement [µm] and df/dd along it."""
         d2 = wp.dot(displacement, displacement)
         f = ratio(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
         c = curvature(d2, law.stiffness, law.threshold2, law.inverse_square, law.offset, law.cutoff2)
@@ -220,7 +220,7 @@ def split_stiffness_term(ratio: wp.Function, curvature: wp.Function) -> wp.Funct
 
     @wp.func
     def split_stiffness(traps: TrapData, law: TrapConstants, displacement: wp.vec3) -> wp.mat33:
-        """The same of the two curves."""
+        """−∂F/∂d [pN/µm per mW] at a displacement [µm]: f/d and df/dd of the curves across and along the beam."""
         z = wp.dot(displacement, law.axis)
         across = displacement - z * law.axis
         result = wp.mat33(0.0)

@@ -275,7 +275,7 @@ def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: 
 
 @wp.func
 def commanded_staged(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
-    """The same as a stage of a step at `time` sees it, where commands vary within steps."""
+    """Focus [µm] and power [mW] as a stage at `time` [s] sees them, where commands vary within steps."""
     command = commanded_still(traps, control, world, trap, time)
     first = traps.stage_start[trap]
     last = traps.stage_start[trap + 1] - 1

@@ -37,14 +37,14 @@ class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
 
 @dataclass
 class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
-    """A text."""
+    """`std_msgs/msg/String`: a text."""
 
     data: str = ""
 
 
 @dataclass
 class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    """Three numbers."""
+    """`geometry_msgs/msg/Vector3`: the components of a vector."""
 
     x: float64 = 0.0
     y: float64 = 0.0
@@ -53,7 +53,7 @@ class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
 
 @dataclass
 class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
-    """A place."""
+    """`geometry_msgs/msg/Point`: a place."""
 
     x: float64 = 0.0
     y: float64 = 0.0
@@ -62,7 +62,7 @@ class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
 
 @dataclass
 class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    """A rotation, scalar last."""
+    """`geometry_msgs/msg/Quaternion`: a rotation, scalar last."""
 
     x: float64 = 0.0
     y: float64 = 0.0

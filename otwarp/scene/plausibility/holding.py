@@ -36,7 +36,7 @@ class Trapped:
 
     @classmethod
     def of(cls, scene: Scene) -> Trapped:
-        """Of all bodies."""
+        """The spheres of all bodies of a scene."""
         rows, centres, radii = [], [], []
         for b, body in enumerate(scene.bodies):
             for i, sphere in enumerate(body.spheres):

@@ -39,7 +39,7 @@ class Report:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Findings that do not."""
+        """Findings that do not stop a run."""
         return tuple(finding for finding in self.findings if finding.severity == "warning")
 
     @property
@@ -53,6 +53,9 @@ def validate(path: str | Path) -> Report:
 
     What only a model of the scene can tell, for instance a time step that is unstable in its traps, is not looked at:
     see `otwarp.record.run.check_run`; `otwarp validate` does both.
+
+    Args:
+        path: USD file, as for `Scene.load`.
 
     Returns:
         The report: the loader's error if any, the errors and warnings of USD's own validators, advice, then what is

@@ -23,6 +23,13 @@ def export_in_metres(path: str | Path, out: str | Path) -> Path:
     instancers) keep their values. Cameras are scaled back and have their own lengths converted instead, because a
     camera's clipping range and aperture do not follow its transform.
 
+    Args:
+        path: USD file with a scene, in any `metersPerUnit`.
+        out: File to write: `.usda`, `.usdc` or `.usd`.
+
+    Returns:
+        `out`.
+
     Raises:
         InputError: The file cannot be read or written.
     """

@@ -179,7 +179,7 @@ class BudgetReport:
 
     @classmethod
     def off(cls, scene: Scene, speed: float) -> BudgetReport:
-        """Nothing measured, nothing changed."""
+        """The report of a session without a budget: nothing was measured or left out."""
         count = len(scene.bodies)
         return cls(
             budget="off",

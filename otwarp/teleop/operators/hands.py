@@ -50,7 +50,7 @@ class Hands:
         self._armed = [False] * len(self._names)
         self._notes = [""] * len(self._names)
         self.status: ServoStatus | None = None
-        self.law = ""
+        self.engine = ""
         self.frames: tuple[HandFrame, ...] = tuple(
             HandFrame(
                 name=plan.name,

@@ -52,7 +52,7 @@ class ServoLike(Protocol):
         ...
 
     def heartbeat(self) -> None:
-        """The session lives."""
+        """Say that the session lives; a servo disarms when this is not heard for too long."""
         ...
 
     def arm(self, hand: int | None = None) -> None:
@@ -64,7 +64,7 @@ class ServoLike(Protocol):
         ...
 
     def set_gains(self, hand: int, motion_gain: float | None = None, force_gain: float | None = None) -> None:
-        """Change gains [µm/m, N/pN]."""
+        """Change a side's gains of motion [µm/m] and force [N/pN]; None leaves one."""
         ...
 
     def hand(self, hand: int) -> ServoFrame | None:
@@ -85,7 +85,7 @@ class ServoLike(Protocol):
 
     @property
     def alive(self) -> bool:
-        """Whether it runs."""
+        """Whether the servo runs."""
         ...
 
 
@@ -212,7 +212,7 @@ class VirtualServo:
         clock.servo = self
 
     def cycle(self) -> None:
-        """One cycle."""
+        """One cycle of all sides, at its time."""
         self._servo.cycle()
         self.next += self._period
         for n in range(len(self._boxes)):

@@ -172,7 +172,7 @@ def access_for(listening: socket.socket, token: str | None) -> Access:
 
 
 def address(host: str, port: int, token: str | None) -> str:
-    """What the user opens."""
+    """Address of the page that the user opens."""
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?token={quote(token)}" if token else "")
 

@@ -55,7 +55,7 @@ class Follower:
         self._moved = -math.inf
 
     def touched(self, now: float) -> None:
-        """A user moved it."""
+        """A user moved the control at `now` [s]."""
         self._moved = now
 
     def follow(self, value: float, now: float) -> None:
@@ -267,7 +267,7 @@ class Controls:
         follower = self._followers[name] = Follower(handle)
 
         def slid(value: float) -> None:
-            """A user moved it."""
+            """A user moved the control at `now` [s]."""
             follower.touched(self._clock())
             act(float(value))
 

@@ -47,7 +47,7 @@ class PageFrame:
         position, orientation: (B, 3) and (B, 4) of the bodies' prims.
         trap_position, trap_power, trap_force, trap_distance: (T, 3), (T,), (T, 3), (T,).
         contact_force, contact_load: (B, 3), (B,).
-        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals, law: See `LiveFrame` and
+        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals, engine: See `LiveFrame` and
             `Frame`.
     """
 
@@ -70,7 +70,7 @@ class PageFrame:
     task: str
     recording: str | None
     trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
-    law: str = ""
+    engine: str = ""
 
     @classmethod
     def of(cls, live: LiveFrame, stamp: float) -> PageFrame:
@@ -90,7 +90,7 @@ class PageFrame:
             task=live.task,
             recording=live.recording,
             trap_goals=dict(live.trap_goals),
-            law=live.law,
+            engine=live.engine,
         )
 
 
@@ -131,7 +131,7 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A user wants something."""
+    """A user of the page gave a command."""
 
     command: Command
 

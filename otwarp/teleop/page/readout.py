@@ -103,8 +103,8 @@ def figures(frame: PageFrame, rate: float, delay: float | None, visitors: int) -
         rows.append(("servo lateness", f"{1e6 * servo.lateness:.0f} µs worst of 1 s"))
         if servo.refused:
             rows.append(("states refused", str(servo.refused)))
-    if frame.law:
-        rows.append(("force law", _escape(frame.law)))
+    if frame.engine:
+        rows.append(("force law", _escape(frame.engine)))
     return table(rows)
 
 

@@ -264,7 +264,7 @@ def _frame(file: RecordingFile, live: LiveFrame, stamp: int) -> None:
 
 
 def _about(scene: Scene) -> dict[str, Any]:
-    """Which scene."""
+    """File and content hash of the scene that a recording is of."""
     from otwarp.scene.digest import scene_digest
 
     return {

@@ -157,7 +157,7 @@ class Session:
         self._recorded: str | None = None
         self.budget: dict[str, Any] | None = None
         self._watch: BudgetWatch | None = None
-        self.law = ""
+        self.engine = ""
         try:
             if plans:
                 specs = parse_devices([plan.device for plan in plans], [self._pointer(plan) for plan in plans])
@@ -182,7 +182,7 @@ class Session:
                 seed=o.seed,
                 device=o.device,
             )
-            self.loop.hands.law = self.law
+            self.loop.hands.engine = self.engine
         except BaseException:
             self._close_boxes()
             raise
@@ -211,9 +211,9 @@ class Session:
             back_to_normal()
         if self._recorded and not Path(self._recorded).exists():
             self._recorded = None  # ended before the first frame
-        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded, "law": self.law or None}
-        if self.law:
-            report["text"] += f"\nforce law {self.law}"
+        report = summarize(loop) | {"budget": self.budget, "recording": self._recorded, "law": self.engine or None}
+        if self.engine:
+            report["text"] += f"\nforce law {self.engine}"
         if self._recorded:
             report["text"] += f"\nrecorded  {self._recorded}"
         return report
@@ -265,14 +265,14 @@ class Session:
 
     def _make_servo(self, plans: Sequence[HandPlan], local: LocalScene) -> ServoLike:
         pointers = {name: box.name for name, box in self._boxes.items()}
-        code, self.law = compile_laws(local.laws)
+        code, self.engine = compile_laws(local.laws)
         if code is None:
-            self._say(f"force law {self.law}")
+            self._say(f"force law {self.engine}")
         rate = self._options.servo_rate
         return servo_process(plans, local, traps=self._traps, pointers=pointers, rate=rate, code=code)
 
     def _make_recording(self, file: str | None, loop: LiveLoop) -> RecordingWriter:
-        recording = open_recording(file, loop, law=self.law)
+        recording = open_recording(file, loop, law=self.engine)
         self._recorded = str(recording.file)
         return recording
 

@@ -125,7 +125,7 @@ class LiveLoop:
 
     @property
     def clock(self) -> Clock:
-        """Of the loop."""
+        """The clock by which the loop runs."""
         return self._clock
 
     @property
@@ -301,7 +301,7 @@ class LiveLoop:
             warnings=(self.failure, *warnings) if self.failure else warnings,
             task=self._task(frame),
             recording=str(self.recording) if self.recording else None,
-            law=self.hands.law,
+            engine=self.hands.engine,
         )
 
     def _tell_of_hands(self) -> None:

@@ -101,7 +101,7 @@ class Pace:
         self._last, self._debt = now, 0.0
 
     def due(self, now: float) -> int:
-        """Steps to take now."""
+        """How many steps are due at `now` [s] of the clock."""
         elapsed = max(now - self._last, 0.0)
         # a tick that paused or reset began before it did
         self._last = max(self._last, now)

@@ -45,7 +45,7 @@ def test_the_figures_say_how_all_keep_up():
         assert part in text
     assert "3 late cycles" in text and "20 µs worst" in text and "states refused" not in text
     assert "–" in figures(frame, 0.0, None, 0) and "force law" not in text
-    assert "in Python: no room &lt;img" in figures(page_frame(law=f"in Python: no room {EVIL}"), 30.0, None, 1)
+    assert "in Python: no room &lt;img" in figures(page_frame(engine=f"in Python: no room {EVIL}"), 30.0, None, 1)
 
 
 def test_a_hand_says_its_state():
