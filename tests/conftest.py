@@ -24,6 +24,8 @@ THOROUGH = (
     "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
     "kernels/cpu/test_table_block.py",
+    "kernels/drivers/grid/test_contacts.py",
+    "kernels/drivers/grid/test_entry_sweeps.py",
     "kernels/drivers/grid/test_inlets.py",
     "kernels/drivers/grid/test_turns.py",
     "kernels/drivers/test_inlets.py",

@@ -45,7 +45,7 @@ class BlockStepper:
         self.kernel, self.model = step.fused, model
         self.parts = (state, control, readout)
         self.scratch = allocate_grid(model, state)
-        self.push = (allocate_push(model), allocate_push(model))
+        self.push = allocate_push(model)
         self.layout, self.launches = -1, list[RecordedLaunch]()
         cpu = model.device.is_cpu
         self.block = 1 if cpu else world_threads(model.features.bodies)
@@ -71,7 +71,7 @@ class BlockStepper:
                 state.data(),
                 readout.data(),
                 self.scratch,
-                *self.push,
+                self.push,
                 self.block,
             ]
             # one for each thread, which changes its arguments

@@ -15,7 +15,17 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS
 from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.grid.contacts import CHUNKS, RELAXATIONS
-from otwarp.kernels.drivers.grid.data import GridData, Link, NeighbourData, PushData, lifts_noise, whole_contacts
+from otwarp.kernels.drivers.grid.data import (
+    EntryData,
+    GridData,
+    Link,
+    NeighbourData,
+    PushData,
+    lifts_noise,
+    shares_entries,
+    whole_contacts,
+)
+from otwarp.kernels.drivers.grid.entries import parts
 from otwarp.kernels.drivers.grid.move import two_stages
 from otwarp.kernels.drivers.grid.neighbours import NEIGHBOURS
 from otwarp.simulation.model import Model
@@ -141,11 +151,13 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.drift = wp.zeros((w, again), dtype=wp.vec3, device=device)
     data.turning = wp.zeros((w, again if f.rigid else 0), dtype=wp.vec3, device=device)
     touching = own if f.contacts else 0
-    data.contact = empty((w * touching if whole_contacts(f) else 0, MAX_BODY_CONTACTS), Contact, device)
-    data.link = empty((0 if whole_contacts(f) else w * touching, MAX_BODY_CONTACTS), Link, device)
+    listed = 0 if shares_entries(f) else w * touching
+    data.contact = empty((listed if whole_contacts(f) else 0, MAX_BODY_CONTACTS), Contact, device)
+    data.link = empty((0 if whole_contacts(f) else listed, MAX_BODY_CONTACTS), Link, device)
+    data.entry = allocate_entries(model, data.near.elements)
     data.count = wp.zeros((w, touching), dtype=wp.int32, device=device)
     data.row_sum = wp.zeros((w, touching), dtype=wp.float32, device=device)
-    data.ahead = empty((w * touching, MAX_BODY_CONTACTS), wp.float32, device)
+    data.ahead = empty((listed, MAX_BODY_CONTACTS), wp.float32, device)
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
     data.stir = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.int32, device=device)
@@ -157,6 +169,24 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.sorted = wp.zeros((4, blocks), dtype=wp.float32, device=device)
     ordered = w * b if f.soft_contacts or f.lanes else 0
     data.order = wp.zeros((2, ordered), dtype=wp.int32, device=device)
+    return data
+
+
+def allocate_entries(model: Model, elements: int) -> Annotated[Any, EntryData]:
+    """Room for the contacts of worlds whose threads share them out; of no length in others."""
+    f, w, device = model.features, model.worlds, model.device
+    data = EntryData()
+    own = w if shares_entries(f) else 0
+    room = own * elements * MAX_BODY_CONTACTS
+    for name, size in (("count", own * elements), ("begin", own * elements), ("total", own)):
+        setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
+    data.body = empty(room, wp.vec2i, device)
+    data.part = empty((parts(f), room), wp.vec4, device)
+    for name in ("load", "ahead", "free", "row_sum"):
+        setattr(data, name, empty(room, wp.float32, device))
+    data.share = empty(room, wp.vec2, device)
+    data.mark = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
+    data.stir = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
     return data
 
 

@@ -6,8 +6,10 @@ of some hundred bodies by a block of threads each, for many steps in one launch.
 data, store    the arrays they keep between launches, and contacts in them
 move           free moves of the integrator's two stages
 neighbours     who is near whom, from cells (`cells`); on CPUs slots by vectors (`slot_lists`)
+reach          what a step may bring to touch
 lists          the contacts of each body in a step
 contacts       their forces in sweeps over all at once; on CPUs one after the other (`turns`)
+entries        contacts of a world that the threads of a block share out, and sweeps over them (`entry_sweeps`)
 soft           the whole step where contacts are soft: forces as they are at its start
 inlets         cells that have left come in again
 """

@@ -20,7 +20,7 @@ from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, own_term
-from otwarp.kernels.drivers.grid.lists import free_opening_term
+from otwarp.kernels.drivers.grid.reach import free_opening_term
 from otwarp.kernels.drivers.grid.store import contact_store_terms
 
 RELAXATIONS = 32

@@ -42,6 +42,11 @@ def lifts_noise(f: Features) -> bool:
     return f.bends and f.brownian and not f.soft_contacts
 
 
+def shares_entries(f: Features) -> bool:
+    """Whether the threads of a block share out the contacts of a world."""
+    return f.by_world and f.contacts and not f.in_turn
+
+
 @wp.struct
 class Link:
     """What a contact of a lone sphere needs: see `Contact`; 92 bytes instead of 228."""
@@ -64,6 +69,24 @@ class Link:
     wander: float
     layer: float
     load: float
+
+
+@wp.struct
+class EntryData:
+    """Contacts of worlds whose threads share them out; N = W·E·MAX_BODY_CONTACTS is room for all, see `entries`."""
+
+    count: wp.array(dtype=wp.int32)  # (W·E) entries of each element
+    begin: wp.array(dtype=wp.int32)  # (W·E) its first one
+    total: wp.array(dtype=wp.int32)  # (W) entries of each world
+    body: wp.array(dtype=wp.vec2i)  # (N) the body and its partner, -1 an obstacle; until made element and partner
+    part: wp.array2d(dtype=wp.vec4)  # (5 or 9, N) what does not change in a step, four numbers at a time
+    load: wp.array(dtype=wp.float32)  # (N) λ [pN]
+    ahead: wp.array(dtype=wp.float32)  # (N) force from which the next sweep starts [pN]
+    free: wp.array(dtype=wp.float32)  # (N) opening of the gap by the free moves [µm]
+    row_sum: wp.array(dtype=wp.float32)  # (N) larger row sum of the two partners, ≥ 1
+    share: wp.array(dtype=wp.vec2)  # (N) parts of the sums that scale the first guess [pN·µm]
+    mark: wp.array2d(dtype=wp.int32)  # (W, B) twice the last sweep that changed an entry; 1 more if it was not settled
+    stir: wp.array2d(dtype=wp.int32)  # (W, B) last sweep in which an entry of the body was not settled
 
 
 @wp.struct
@@ -103,6 +126,7 @@ class GridData:
     row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
     turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now
     near: NeighbourData
+    entry: EntryData
 
 
 def own_term(f: Features) -> wp.Function:

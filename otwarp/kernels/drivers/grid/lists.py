@@ -3,96 +3,37 @@
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact, along
-from otwarp.kernels.contact.detect import touch_term, touch_wall_term
-from otwarp.kernels.contact.excursion import excursion_term, kept_reach, obstacle_name
-from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
-from otwarp.kernels.contact.travel import lift_of, thermal_reach, wander_of
+from otwarp.kernels.contact.detect import touch_term
+from otwarp.kernels.contact.travel import thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import image_shift, nearest
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
-from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, lifts_noise, own_term
+from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term
 from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term
+from otwarp.kernels.drivers.grid.reach import (
+    PUSHED,
+    drawn_term,
+    travel_term,
+    wall_contact_term,
+    wall_hit_term,
+    wall_reach_term,
+)
 from otwarp.kernels.drivers.grid.store import contact_store_terms
 
 
-def free_opening_term(f: Features) -> wp.Function:
-    """`(grid, world, c) -> opening` of a contact's gap by the free moves of this step [µm]."""
-
-    @wp.func
-    def free_move_of(grid: GridData, world: int, b: int) -> Move:
-        """Free displacement [µm] and rotation [rad] of body b in this step."""
-        move = Move(grid.linear[world, b], wp.vec3(0.0))
-        if wp.static(f.rigid):
-            move.angular = grid.angular[world, b]
-        return move
-
-    @wp.func
-    def free_opening(grid: GridData, world: int, c: Contact) -> float:
-        """Opening [µm] by the free moves of both partners, less the obstacle's own motion, and by the lift so far."""
-        total = along(free_move_of(grid, world, c.a), c.arm_a, c.normal) - wp.dot(c.drift, c.normal) + c.lift
-        if c.b >= 0:
-            total -= along(free_move_of(grid, world, c.b), c.arm_b, c.normal)
-        return total
-
-    return free_opening
-
-
-PUSHED = wp.constant(0.1)
-"""How far others may push an element beyond its own free move in one step, relative to its radius."""
-
-
-def travel_term(f: Features) -> wp.Function:
-    """`(model, grid, world, b) -> travel`: how far any point of a body moves freely in this step at most [µm]."""
-
-    @wp.func
-    def travel(model: ModelData, grid: GridData, world: int, b: int) -> float:
-        """Bound [µm] of the displacement of the body's outermost point: translation, and rotation times its radius."""
-        far = wp.length(grid.linear[world, b])
-        if wp.static(f.rigid):
-            far += wp.length(grid.angular[world, b]) * model.body.bound[b]
-        return far
-
-    return travel
-
-
 def list_contact_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, world, row, count, c, first, second, step) -> count`: append a contact to a list.
-
-    `first` and `second` name the partners, see `excursion_term`. The sweeps are called for if it carries a force, or if
-    the free moves of the step close it or may touch in between; another one, which only the motion of its neighbours
-    may close, waits in the list.
-    """
+    """`(readout, grid, world, row, count, c, step) -> count`: append a contact to the list of a body."""
     write_contact = contact_store_terms(f)[0]
-    free_opening = free_opening_term(f)
-    excursion = excursion_term(f)
-    own = own_term(f)
-
-    @wp.func
-    def noise_of(grid: GridData, world: int, b: int) -> Move:
-        """Move [µm, rad] of body b by noise alone."""
-        move = Move(grid.linear[world, b] - grid.drift[world, b], wp.vec3(0.0))
-        if wp.static(f.rigid):
-            move.angular = grid.angular[world, b] - grid.turning[world, b]
-        return move
 
     @wp.func
     def list_contact(
-        model: ModelData, readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact,
-        first: int, second: int, step: wp.int64,
-    ) -> int:  # fmt: skip
-        """Append a contact with its excursion, its first guess the force at the start; a fault if the list is full."""
+        readout: ReadoutData, grid: GridData, world: int, row: int, count: int, c: Contact, step: wp.int64
+    ) -> int:
+        """The new count; a fault if the list is full."""
         if count == grid.ahead.shape[1]:
             raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
             return count
-        opening = free_opening(grid, world, c)
-        if wp.static(lifts_noise(f)):
-            c.lift = lift_of(c, noise_of(grid, world, c.a), noise_of(grid, world, wp.max(c.b, 0)))
-            opening += c.lift
-        c = excursion(model, world, c, opening, first, second, 0, step)
-        if c.force != 0.0 or c.overlap > 0.0 or kept_reach(c, opening + c.give * c.floor) > 0.0:
-            grid.touching[own(world)] = 1
-        c.load = c.force
         write_contact(grid, row, count, c)
         return count + 1
 
@@ -144,17 +85,17 @@ def near_enough_term(f: Features) -> wp.Function:
     return near_enough
 
 
-def with_sphere_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, world, a, e, j, pose, count, step) -> count`: sphere e of body a with sphere j."""
+def sphere_contact_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, a, e, j, pose, step) -> Contact` of sphere e of body a with sphere j."""
     touch = touch_term(f)
-    arm_of, body_pose, list_contact = arm_term(f), body_pose_term(f), list_contact_term(f)
+    arm_of, body_pose, drawn = arm_term(f), body_pose_term(f), drawn_term(f)
 
     @wp.func
-    def with_sphere(
+    def sphere_contact(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, a: int, e: int, j: int,
-        pose: Pose, count: int, step: wp.int64,
-    ) -> int:  # fmt: skip
-        """Append the contact of sphere e with sphere j at their present poses: the new count."""
+        pose: Pose, step: wp.int64,
+    ) -> Contact:  # fmt: skip
+        """The contact of sphere e with sphere j at their present poses."""
         si = model.contact.sphere[e]
         sj = model.contact.sphere[j]
         b = model.contact.body[j]
@@ -168,14 +109,15 @@ def with_sphere_term(f: Features) -> wp.Function:
                 pose.position -= shift
         arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
         c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
-        return list_contact(model, readout, grid, world, world * model.bodies + a, count, c, e, j, step)
+        return drawn(model, grid, world, c, e, j, step)
 
-    return with_sphere
+    return sphere_contact
 
 
 def sphere_contacts_term(f: Features) -> wp.Function:
     """`(model, state, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with others."""
-    arm_of, near_enough, with_sphere = arm_term(f), near_enough_term(f), with_sphere_term(f)
+    arm_of, near_enough, sphere_contact = arm_term(f), near_enough_term(f), sphere_contact_term(f)
+    list_contact = list_contact_term(f)
     next_in_cells = next_in_cells_term(f)
 
     @wp.func
@@ -196,7 +138,9 @@ def sphere_contacts_term(f: Features) -> wp.Function:
         first = world * n.elements
         i = first + e
         listed = n.count[i]
-        centre = pose.position + arm_of(pose, model.contact.sphere[e])
+        centre = pose.position
+        if listed != 0:
+            centre += arm_of(pose, model.contact.sphere[e])
         last = int(-1)
         k = int(0)
         while k < listed or listed == FULL:
@@ -209,7 +153,8 @@ def sphere_contacts_term(f: Features) -> wp.Function:
             j = last - first
             # the distance first: a contact is a large thing to make
             if lists(model, a, j) and (listed == FULL or near_enough(model, state, grid, world, a, e, j, centre)):
-                count = with_sphere(model, state, readout, grid, world, a, e, j, pose, count, step)
+                c = sphere_contact(model, state, readout, grid, world, a, e, j, pose, step)
+                count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
             k += 1
         return count
 
@@ -218,11 +163,8 @@ def sphere_contacts_term(f: Features) -> wp.Function:
 
 def wall_term(f: Features) -> wp.Function:
     """`(model, readout, grid, world, a, e, pose, count, step) -> count` of sphere e of body a with obstacles."""
-    touch_wall = touch_wall_term(f)
-    pose_at = moving_pose if f.moving_obstacles else still_pose
-    distance_to = distance_term(f.obstacles)
-    list_contact = list_contact_term(f)
-    arm_of, travel = arm_term(f), travel_term(f)
+    wall_reach, wall_hit, wall_contact = wall_reach_term(f), wall_hit_term(f), wall_contact_term(f)
+    arm_of, list_contact = arm_term(f), list_contact_term(f)
 
     @wp.func
     def walls(
@@ -230,31 +172,14 @@ def wall_term(f: Features) -> wp.Function:
         step: wp.int64,
     ) -> int:  # fmt: skip
         """Append the contacts of sphere e with all obstacles within its reach in this step: the new count."""
-        time = wp.float64(step) * model.time_step
         s = model.contact.sphere[e]
         arm = arm_of(pose, s)
-        beyond = PUSHED * s[3]
-        if wp.static(f.brownian):
-            beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a)))
-        ahead = travel(model, grid, world, a) + beyond
-        far = s[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
-        if wp.static(f.moving_obstacles):
-            far = s[3] + grid.near.reach
+        far = wall_reach(model, grid, world, a, s[3])
         for o in range(model.obstacles.shape.shape[0]):
-            wall = pose_at(model.obstacles, o, time)
-            if wp.static(f.periodic):
-                pose.position += image_shift(model.period, pose.position - wall.position)
-            away = pose.position + arm - wall.position
-            if wp.length(away) < far + model.obstacles.bound[o]:
-                local = wp.quat_rotate_inv(wall.rotation, away)
-                hit = distance_to(model.obstacles, o, local, far)
-                if hit[3] < far:
-                    later = wall
-                    if wp.static(f.moving_obstacles):
-                        later = pose_at(model.obstacles, o, time + model.time_step)
-                    c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, s[3], local, hit, step)
-                    row = world * model.bodies + a
-                    count = list_contact(model, readout, grid, world, row, count, c, e, obstacle_name(o), step)
+            at = wall_hit(model, o, pose, arm, far, step)
+            if at.hit[3] < far:
+                c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
+                count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
         return count
 
     return walls

@@ -9,10 +9,11 @@ a CPU a block is one thread, and several of them share out the worlds.
 
 import warp as wp
 
-from otwarp.kernels.core.features import WORLD_BLOCKS, Features, world_threads
+from otwarp.kernels.core.features import MAX_BODY_CONTACTS, WORLD_BLOCKS, Features, world_threads
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
-from otwarp.kernels.drivers.grid.contacts import at_rest, relax_body_term, reset_sweeps, resume, weigh_term
-from otwarp.kernels.drivers.grid.data import GridData, PushData
+from otwarp.kernels.drivers.grid.data import GridData, PushData, shares_entries
+from otwarp.kernels.drivers.grid.entries import look_around_term, make_entry_term
+from otwarp.kernels.drivers.grid.entry_sweeps import report, settle_entries_term
 from otwarp.kernels.drivers.grid.inlets import let_bodies_in_term
 from otwarp.kernels.drivers.grid.lists import find_term
 from otwarp.kernels.drivers.grid.move import correct_term, two_stages
@@ -30,15 +31,6 @@ class Lane:
     world: int
     lane: int
     lanes: int
-
-
-@wp.func
-def pushes(now: PushData, other: PushData, second: int) -> PushData:
-    """`now` in the first of two sweeps and `other` in the second."""
-    chosen = PushData()
-    chosen.linear = now.linear if second == 0 else other.linear
-    chosen.angular = now.angular if second == 0 else other.angular
-    return chosen
 
 
 def renew_lists_term(f: Features) -> wp.Function:
@@ -64,65 +56,76 @@ def renew_lists_term(f: Features) -> wp.Function:
     return renew_lists
 
 
-def settle_together_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, now, other, me, again, turns)`: contact forces of a step of one world."""
-    weigh_chunk = weigh_term(f)
-    relax_body = relax_body_term(f)
+def contact_terms(f: Features) -> tuple[wp.Function, wp.Function]:
+    """`(model, state, readout, grid, push, me)` finds the contacts of a world in a step.
+
+    And `(model, readout, grid, push, me, again, turns)` solves them for their forces: one after the other on a CPU
+    where that is enough, else all at once, shared out.
+    """
+    if f.in_turn:
+        return _turn_terms(f)
+    look_around, make_entry, settle_entries = look_around_term(f), make_entry_term(f), settle_entries_term(f)
 
     @wp.func
-    def sweep_all(
-        model: ModelData, readout: ReadoutData, grid: GridData, now: PushData, other: PushData, me: Lane, again: int,
-        turns: int,
-    ):  # fmt: skip
-        """Sweep over the contacts of a world until they are settled, from a first guess or from the present forces."""
-        if again == 0:
-            for chunk in range(me.lane, grid.share.shape[1], me.lanes):
-                weigh_chunk(model, grid, now, me.world, chunk)
-        if me.lane == 0:
-            reset_sweeps(grid, me.world)
-            grid.again[me.world] = again
-            if again != 0:
-                resume(grid, me.world)
-        sweep = int(0)
-        busy = bool(True)
-        while busy:
-            keep_together()
-            before = pushes(now, other, sweep % 2)
-            after = pushes(other, now, sweep % 2)
-            for a in range(me.lane, model.bodies, me.lanes):
-                if grid.count[me.world, a] > 0:
-                    relax_body(model, readout, grid, before, after, sweep, me.world, a)
-            keep_together()
-            sweep += 1
-            busy = sweep < grid.moving.shape[1] and not at_rest(grid, me.world, sweep)
+    def find_entries(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane
+    ):
+        """Element by element what is near, then contact by contact."""
+        for e in range(me.lane, grid.near.elements, me.lanes):
+            look_around(model, state, readout, grid, me.world, e)
+        keep_together()
+        first = me.world * grid.near.elements * wp.static(MAX_BODY_CONTACTS)
+        for n in range(first + me.lane, first + grid.entry.total[me.world], me.lanes):
+            make_entry(model, state, readout, grid, me.world, n)
+        for a in range(me.lane, model.bodies, me.lanes):
+            grid.count[me.world, a] = 0
 
-    if not f.in_turn:
-        return sweep_all
-    settle_world = settle_term(f)
+    @wp.func
+    def settle(
+        model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int, turns: int
+    ):
+        """Sweep over the entries where any is to be solved."""
+        if grid.touching[me.world] != 0:
+            settle_entries(model, readout, grid, push, me.world, me.lane, me.lanes, again)
+        if grid.clock[me.world] + wp.int64(1) == grid.until[me.world]:
+            for a in range(me.lane, model.bodies, me.lanes):
+                report(model, readout, grid, me.world, a)
+
+    return find_entries, settle
+
+
+def _turn_terms(f: Features) -> tuple[wp.Function, wp.Function]:
+    """The same by the one thread that there is, for contacts that take turns."""
+    find_body, settle_world = find_term(f), settle_term(f)
+
+    @wp.func
+    def find_alone(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane):
+        """Body by body."""
+        for a in range(model.bodies):
+            find_body(model, state, readout, grid, push, me.world, a)
 
     @wp.func
     def settle_alone(
-        model: ModelData, readout: ReadoutData, grid: GridData, now: PushData, other: PushData, me: Lane, again: int,
-        turns: int,
-    ):  # fmt: skip
-        """Solve the contacts one after the other, by the one thread that there is."""
-        settle_world(model, readout, grid, now, me.world, again, turns)
+        model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int, turns: int
+    ):
+        """Round after round where any is to be solved."""
+        if grid.touching[me.world] != 0:
+            settle_world(model, readout, grid, push, me.world, again, turns)
 
-    return settle_alone
+    return find_alone, settle_alone
 
 
-def contact_stage_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, grid, now, other, me, turns)`: free moves and contact forces of a step."""
+def stages_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, push, me, turns)`: free moves and contact forces of a step."""
     advance_some = advance_term(f)
     correct_body = correct_term(f) if two_stages(f) else None
-    find_body = find_term(f) if f.contacts else None
-    settle = settle_together_term(f) if f.contacts else None
+    find, settle = contact_terms(f) if f.contacts else (None, None)
     move_trap = move_trap_term(f) if f.speed_limits else None
 
     @wp.func
     def take_stages(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
-        other: PushData, me: Lane, turns: int,
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
+        me: Lane, turns: int,
     ):  # fmt: skip
         """Both stages of the integrator with the contacts after each, in a loop: the code of the contacts is long."""
         for stage in range(int(wp.static(2 if two_stages(f) else 1))):
@@ -134,32 +137,30 @@ def contact_stage_term(f: Features) -> wp.Function:
                     for trap in range(me.lane, model.traps.axis.shape[0], me.lanes):
                         move_trap(model, control, state, me.world, trap, time)
                 if wp.static(f.contacts):
-                    for a in range(me.lane, model.bodies, me.lanes):
-                        find_body(model, state, readout, grid, now, me.world, a)
+                    find(model, state, readout, grid, push, me)
             elif wp.static(two_stages(f)):
                 for b in range(me.lane, model.bodies, me.lanes):
-                    correct_body(model, control, state, grid, now, me.world, b)
+                    correct_body(model, control, state, grid, push, me.world, b)
             keep_together()
             if wp.static(f.contacts):
-                if grid.touching[me.world] != 0:
-                    settle(model, readout, grid, now, other, me, stage, turns)
+                settle(model, readout, grid, push, me, stage, turns)
 
     return take_stages
 
 
-def finish_together_term(f: Features) -> wp.Function:
+def finish_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, grid, now, me)`: move the bodies of a world, and turn its clock."""
     commit_body = commit_term(f)
     let_bodies_in = let_bodies_in_term(f) if f.inlet else None
 
     @wp.func
     def finish(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
         me: Lane,
     ):  # fmt: skip
         """Arrive at the next step."""
         for b in range(me.lane, model.bodies, me.lanes):
-            commit_body(model, control, state, readout, grid, now, me.world, b)
+            commit_body(model, control, state, readout, grid, push, me.world, b)
         keep_together()
         if me.lane == 0:
             if wp.static(f.inlet):
@@ -167,25 +168,55 @@ def finish_together_term(f: Features) -> wp.Function:
                     let_bodies_in(model, state, readout, grid, me.world)
                     grid.outside[me.world] = 0
             grid.touching[me.world] = 0
+            if wp.static(shares_entries(f)):
+                grid.entry.total[me.world] = 0
             grid.clock[me.world] = grid.clock[me.world] + wp.int64(1)
         keep_together()
 
     return finish
 
 
-def make_world_of_many_step(f: Features) -> wp.Kernel:
-    """Kernel over (world, lane): many steps of a world of many bodies."""
+def steps_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, grid, push, me, first_step, steps, last_step, turns)`: steps of a world."""
     check_one = check_term(f) if f.contacts else None
     renew_lists = renew_lists_term(f) if f.contacts else None
-    take_stages, finish = contact_stage_term(f), finish_together_term(f)
+    take_stages, finish = stages_term(f), finish_term(f)
+
+    @wp.func
+    def take_steps(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
+        me: Lane, first_step: wp.int64, steps: int, last_step: wp.int64, turns: int,
+    ):  # fmt: skip
+        """Take `steps` steps from `first_step`, of a call that ends at `last_step`, together with the other lanes."""
+        if me.lane == 0:
+            grid.clock[me.world] = first_step
+            grid.until[me.world] = last_step
+            if wp.static(shares_entries(f)):
+                grid.entry.total[me.world] = 0
+        if wp.static(f.contacts):
+            first = me.world * grid.near.elements
+            for i in range(first + me.lane, first + grid.near.elements, me.lanes):
+                check_one(model, state, grid, me.world, i)
+        keep_together()
+        for _ in range(steps):
+            if wp.static(f.contacts):
+                renew_lists(model, state, grid, me)
+            take_stages(model, control, state, readout, grid, push, me, turns)
+            finish(model, control, state, readout, grid, push, me)
+
+    return take_steps
+
+
+def make_world_of_many_step(f: Features) -> wp.Kernel:
+    """Kernel over (world, lane): many steps of a world of many bodies."""
+    take_steps = steps_term(f)
     bounds = (world_threads(f.bodies), WORLD_BLOCKS)
     how = {"grid_stride": False, "launch_bounds": bounds, "module_options": f.module_options}
 
     @wp.kernel(module="unique", enable_backward=False, **how)
     def world_of_many(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, now: PushData,
-        other: PushData, lanes: int, first_world: int, first_step: wp.int64, steps: int, last_step: wp.int64,
-        turns: int,
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
+        lanes: int, first_world: int, first_step: wp.int64, steps: int, last_step: wp.int64, turns: int,
     ):  # fmt: skip
         """Take `steps` steps from `first_step`, of a call that ends at `last_step`, in the worlds from `first_world`.
 
@@ -194,18 +225,6 @@ def make_world_of_many_step(f: Features) -> wp.Kernel:
         """
         row, lane = wp.tid()
         me = Lane(first_world + row, lane, lanes)
-        if lane == 0:
-            grid.clock[me.world] = first_step
-            grid.until[me.world] = last_step
-        if wp.static(f.contacts):
-            first = me.world * grid.near.elements
-            for i in range(first + lane, first + grid.near.elements, lanes):
-                check_one(model, state, grid, me.world, i)
-        keep_together()
-        for _ in range(steps):
-            if wp.static(f.contacts):
-                renew_lists(model, state, grid, me)
-            take_stages(model, control, state, readout, grid, now, other, me, turns)
-            finish(model, control, state, readout, grid, now, me)
+        take_steps(model, control, state, readout, grid, push, me, first_step, steps, last_step, turns)
 
     return world_of_many

@@ -10,8 +10,11 @@ from tests.simulation.setups import harmonic, line, neutral
 from tests.simulation.test_contact_chains import still
 
 
-def test_unfinished_sweeps_stop_the_run(monkeypatch, device):
-    """With two sweeps in place of 32 a row that a trap drives at 200 µm/s would be squeezed flat."""
+@pytest.mark.parametrize("alone", [0, 512])
+def test_unfinished_sweeps_stop_the_run(alone, monkeypatch, device):
+    """With two sweeps in place of 32 a row that a trap drives at 200 µm/s would be squeezed flat; launch by launch, and
+    where a block of threads has the world to itself."""
+    monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", alone)
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     monkeypatch.setattr("otwarp.simulation.grid_scratch.RELAXATIONS", 2)
