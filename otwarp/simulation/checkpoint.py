@@ -105,11 +105,8 @@ def _same_forces(path: Path, scene: Scene, stored: list[dict[str, Any]], given: 
         made, now = (", ".join(names) or "none" for names in (wanted, functions))
         raise InputError(f"checkpoint {path} was made with forces: {made}; given: {now}")
     for entry in stored:
-        if functions[entry["name"]].law.digest != entry["digest"]:
-            raise InputError(
-                f"checkpoint {path}: force {entry['name']} is another function than the one it was made with "
-                f"(SHA-256 {entry['digest'][:12]}…); allowed: the same source and constants"
-            )
+        digest = functions[entry["name"]].law.digest
+        stored_ends.check_same(path, f"force {entry['name']}", digest, entry["digest"])
     return tuple(
         Force(functions[e["name"]].law, functions[e["name"]].values, tuple(scene.bodies[b].name for b in e["bodies"]))
         for e in stored

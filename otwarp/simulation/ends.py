@@ -12,11 +12,12 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
+from otwarp.kernels.core.functions import arguments_of
 from otwarp.kernels.core.types import WorldNow
 from otwarp.kernels.drivers import predicates
 from otwarp.kernels.drivers.episodes import EndLaw
 from otwarp.scene.check.numbers import FARTHEST
-from otwarp.simulation.packing.arguments import numbers, several
+from otwarp.simulation.packing.arguments import known_names, numbers, several
 from otwarp.simulation.packing.parameters import Parameter, check_range, expand
 
 _MOST = float(np.finfo(np.float32).max)
@@ -57,10 +58,8 @@ class End:
             InputError: A name that is no parameter of it, or a value out of range.
         """
         allowed = self._allowed()
+        known_names(f"end {self.name}", values, allowed)
         for name, value in values.items():
-            if name not in allowed:
-                known = ", ".join(allowed) or "none, it has no parameters"
-                raise InputError(f"end {self.name}: parameter {name!r} is unknown; allowed: {known}")
             called = f"{name} of end {self.name}"
             check_range(called, allowed[name], numbers(f"parameter {called}", value))
         return replace(self, values={**self.values, **values})
@@ -105,13 +104,7 @@ def end(function: Callable[..., Any]) -> End:
         >>> sim = ot.Simulation(scene, worlds=1024, ends=[sunk(height=1.5), ot.timed_out(after=2.0)])
     """
     name = function.__name__
-    try:
-        signature = inspect.signature(function, eval_str=True, locals=dict(inspect.getclosurevars(function).nonlocals))
-    except (NameError, TypeError) as error:
-        raise InputError(f"end {name}: its annotations cannot be read ({error})") from error
-    first, *rest = signature.parameters.values() or (None,)
-    if first is None or first.annotation is not WorldNow:
-        raise InputError(f"end {name}: its first argument must be annotated as otwarp.WorldNow")
+    rest, _ = arguments_of("end", function, WorldNow)
     for p in rest:
         if p.annotation not in KINDS:
             raise InputError(f"end {name}: argument {p.name} is annotated as {p.annotation!r}; "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import full_source
+from otwarp.kernels.core.functions import digest_of
 from otwarp.simulation.ends import End, escaped, reached, strayed, timed_out
 
 SHIPPED = {end.name: end for end in (escaped, reached, strayed, timed_out)}
@@ -20,7 +19,7 @@ SHIPPED = {end.name: end for end in (escaped, reached, strayed, timed_out)}
 
 def digest(end: End) -> str:
     """SHA-256 of an end's function, of the functions and constants it uses, and of the types of its parameters."""
-    return hashlib.sha256(repr((end.name, end.law.kinds, full_source(end.law.function))).encode()).hexdigest()
+    return digest_of(end.law.function, end.name, end.law.kinds)
 
 
 def described(ends: Sequence[End] | None) -> list[dict[str, str]] | None:
@@ -33,6 +32,19 @@ def values(ends: Sequence[End] | None) -> dict[str, np.ndarray]:
     return {
         f"end.{n}.{k}": np.asarray(v, dtype=float) for n, end in enumerate(ends or ()) for k, v in end.values.items()
     }
+
+
+def check_same(path: Path, what: str, given: str, stored: str) -> None:
+    """Refuse another function than the one that a checkpoint was made with, by their digests.
+
+    Raises:
+        InputError: They differ; `what` is the function.
+    """
+    if given != stored:
+        raise InputError(
+            f"checkpoint {path}: {what} is another function than the one it was made with "
+            f"(SHA-256 {stored[:12]}…); allowed: the same source and constants"
+        )
 
 
 def restored(
@@ -61,10 +73,6 @@ def restored(
         known: Any = functions.get(entry["name"], SHIPPED.get(entry["name"]))
         if known is None:
             raise InputError(f"checkpoint {path} was made with the end {entry['name']}; allowed: restore(…, ends=[…])")
-        if digest(known) != entry["digest"]:
-            raise InputError(
-                f"checkpoint {path}: end {entry['name']} is another function than the one it was made with "
-                f"(SHA-256 {entry['digest'][:12]}…); allowed: the same source and constants"
-            )
+        check_same(path, f"end {entry['name']}", digest(known), entry["digest"])
         ends.append(replace(known, values={k: arrays[f"end.{n}.{k}"] for k in known.values}))
     return tuple(ends)

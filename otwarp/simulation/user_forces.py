@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce, Bound
-from otwarp.simulation.packing.arguments import several
+from otwarp.simulation.packing.arguments import known_names, several
 from otwarp.simulation.packing.parameters import PARAMETERS, Parameter
 
 
@@ -39,11 +39,7 @@ class Force:
         Raises:
             InputError: A name that is no parameter of it.
         """
-        names = [p.name for p in self.law.parameters]
-        for name in values:
-            if name not in names:
-                allowed = ", ".join(names) or "none, it has no parameters"
-                raise InputError(f"force {self.law.name}: parameter {name!r} is unknown; allowed: {allowed}")
+        known_names(f"force {self.law.name}", values, [p.name for p in self.law.parameters])
         return Force(self.law, {**self.values, **values}, self.bodies)
 
 

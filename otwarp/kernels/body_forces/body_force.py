@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import compiled, full_source
+from otwarp.kernels.core.functions import arguments_of, compiled, digest_of
 from otwarp.kernels.core.types import ForceInput, Wrench
 
 Bound = float | Callable[..., Any]
@@ -83,27 +82,19 @@ class BodyForce:
         name = function.__name__
         if acts_on not in ("body", "spheres"):
             raise InputError(f"force {name}: acts_on is {acts_on!r}; allowed: body, spheres")
-        closure = inspect.getclosurevars(function)
-        try:
-            signature = inspect.signature(function, eval_str=True, locals=dict(closure.nonlocals))
-        except (NameError, TypeError) as error:
-            raise InputError(f"force {name}: its annotations cannot be read ({error})") from error
-        first, *rest = signature.parameters.values() or (None,)
-        if first is None or first.annotation is not ForceInput:
-            raise InputError(f"force {name}: its first argument must be annotated as otwarp.ForceInput")
-        parameters = tuple(_parameter(name, p, units) for p in rest)
+        arguments, returned = arguments_of("force", function, ForceInput)
+        parameters = tuple(_parameter(name, argument, units) for argument in arguments)
         unknown = sorted(set(units) - {p.name for p in parameters})
         if unknown:
             known = ", ".join(p.name for p in parameters) or "none, it has no parameters"
             raise InputError(f"force {name}: unit of {unknown[0]!r}, which is no argument of it; allowed: {known}")
-        turns = signature.return_annotation is Wrench
-        text = repr((name, parameters, acts_on, turns, full_source(function)))
+        turns = returned is Wrench
         return cls(
             name=name,
             parameters=parameters,
             acts_on=acts_on,
             turns=turns,
-            digest=hashlib.sha256(text.encode()).hexdigest(),
+            digest=digest_of(function, name, parameters, acts_on, turns),
             function=function,
             slope=slope,
             load=load,

@@ -141,6 +141,37 @@ def full_source(function: Callable[..., Any]) -> str:
     return "\n".join([source_of(function), *more])
 
 
+def digest_of(function: Callable[..., Any], *facts: Any) -> str:
+    """SHA-256 of a function's source, of all that it takes from outside, and of the `repr` of some facts about it.
+
+    Raises:
+        InputError: As `full_source`.
+    """
+    return hashlib.sha256(repr((*facts, full_source(function))).encode()).hexdigest()
+
+
+def arguments_of(what: str, function: Callable[..., Any], first: Any) -> tuple[list[inspect.Parameter], Any]:
+    """The arguments of a user's function behind its first, and the annotation of what it returns.
+
+    Args:
+        what: Kind of function, for messages: `force`, `end`.
+        function: As written.
+        first: How its first argument must be annotated: a struct that `otwarp` exports.
+
+    Raises:
+        InputError: Annotations that cannot be read, or another first argument.
+    """
+    name = f"{what} {function.__name__}"
+    try:
+        signature = inspect.signature(function, eval_str=True, locals=dict(inspect.getclosurevars(function).nonlocals))
+    except (NameError, TypeError) as error:
+        raise InputError(f"{name}: its annotations cannot be read ({error})") from error
+    given, *rest = signature.parameters.values() or (None,)
+    if given is None or given.annotation is not first:
+        raise InputError(f"{name}: its first argument must be annotated as otwarp.{first.key}")
+    return [argument for argument in rest if argument is not None], signature.return_annotation
+
+
 class _FunctionDoubler(Doubler):
     """Rewrites one function from outside this package; `known` are the names that it takes from outside."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -85,6 +85,18 @@ def seconds(name: str, value: Any) -> float:
     if not (math.isfinite(time) and time >= 0.0):
         raise InputError(f"{name} is {time:g} s; allowed: a finite time, 0 or more")
     return time
+
+
+def known_names(what: str, given: Iterable[str], known: Collection[str]) -> None:
+    """Refuse a parameter that a function of the user's does not have.
+
+    Raises:
+        InputError: One of `given` is not among `known`.
+    """
+    for name in given:
+        if name not in known:
+            allowed = ", ".join(known) or "none, it has no parameters"
+            raise InputError(f"{what}: parameter {name!r} is unknown; allowed: {allowed}")
 
 
 def _shown(value: Any) -> str:
