@@ -43,7 +43,9 @@ LAYER = wp.constant(0.75)
 """Depth of the thermal layer over δ_T, Γ(7/5) = 0.887 less what backward Euler yields: by emulation in one dimension
 (κ from 0.1 to 10⁴, a spring of k·dt/γ = 0.19 that presses by up to 4·k_BT/s) the mean height then errs by at most 0.03
 of its standard deviation. The standard deviation itself is up to a third too small for loaded contacts of κ from 1 to
-30, as without excursions: backward Euler damps what it does not resolve."""
+30, as without excursions: backward Euler damps what it does not resolve. Without a load, overlaps are 12 to 17 % too
+frequent at κ from 1 to 20 (by emulation 1.03·δ_T of a uniform density at κ = 10, in place of 0.887·δ_T): hard spheres
+of 1 µm in a crowd have g(r) = 0.25 from 1.9 to 2.0 µm, where Boltzmann has 0.22."""
 
 PATH_TOLERANCE = wp.constant(0.02)
 """Error of a gap, relative to how far its end is above the least gap of its path, with which it counts as solved."""
