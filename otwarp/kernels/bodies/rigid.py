@@ -11,6 +11,7 @@ from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
 from otwarp.kernels.core.worlds import number_term
@@ -129,8 +130,8 @@ def flow_velocity_term(f: Features) -> wp.Function:
         velocity = vec6()
         for i in range(model.body.drag_start[b], model.body.drag_start[b + 1]):
             sphere = model.body.drag_sphere[i]
-            point = pose.position + wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
-            u = flow_at(model.flow, world, point, sphere[3])
+            point = pose.position + wp.quat_rotate(pose.rotation, point_of(sphere))
+            u = flow_at(model.flow, world, point, radius_of(sphere))
             v = wp.quat_rotate_inv(pose.rotation, u.linear)
             w = wp.quat_rotate_inv(pose.rotation, u.angular)
             velocity += model.body.flow_coupling[i] * twist(v, w)

@@ -11,6 +11,7 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_dynamics
 from otwarp.kernels.core.faults import finite
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.cpu.noise_block import address_of, before_step, worlds_block_term
 from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, monitors_in_lane
@@ -107,10 +108,10 @@ def put_value(room: wp.array(dtype=wp.float32), row: int, g: int, value: float):
 def calm(room: wp.array(dtype=wp.float32), monitor: int, g: int, here: wp.vec3, anchor: wp.vec4) -> int:
     """Whether nothing can have left a trap in lane g, 1 or 0, as `monitor_term` begins its look at `here` [µm]."""
     row = wp.static(2 * GROUP) * monitor
-    away2 = wp.length_sq(here - wp.vec3(anchor[0], anchor[1], anchor[2]))
+    away2 = wp.length_sq(here - point_of(anchor))
     far2 = wp.max(away2, value_of(room, row + _LAST, g))
     put_value(room, row + _LAST, g, away2)
-    return wp.where(far2 > value_of(room, row + _NEAR, g) and anchor[3] > 0.0, 0, 1)
+    return wp.where(far2 > value_of(room, row + _NEAR, g) and power_of(anchor) > 0.0, 0, 1)
 
 
 def exchange_terms(monitors: int) -> tuple[wp.Function, wp.Function]:

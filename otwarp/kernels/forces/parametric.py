@@ -8,6 +8,7 @@ from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.functions import function_from_text
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.types import (
     BeadConstants,
     ControlData,
@@ -117,9 +118,9 @@ def parametric_wrench_term(f: Features, index: int) -> wp.Function:
         total = no_wrench()
         for i in range(model.forces[0].sphere_start[b], model.forces[0].sphere_start[b + 1]):
             sphere = model.forces[0].sphere[i]
-            arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+            arm = wp.quat_rotate(pose.rotation, point_of(sphere))
             there = Pose(pose.position + arm, pose.rotation)
-            one = valued(model, world, b, force_input(model, world, b, there, sphere[3], time))
+            one = valued(model, world, b, force_input(model, world, b, there, radius_of(sphere), time))
             total.force += one.force
             total.torque += wp.cross(arm, one.force) + one.torque
         return total

@@ -4,6 +4,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.keyframes import Piece
+from otwarp.kernels.core.packed import point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.force import Term
@@ -35,7 +36,7 @@ def prepare_traps(f: Features) -> wp.Function:
         element = model.body.trapped_start[b]
         if element < model.body.trapped_start[b + 1]:
             out.trapped = 1
-            out.radius = model.body.trapped[element][3]
+            out.radius = radius_of(model.body.trapped[element])
             out.kind = model.body.trapped_kind[element]
             if wp.static(f.traps <= FEW_TRAPS):
                 out.first = prepare(model.traps, world, 0, out.radius, out.kind)
@@ -106,10 +107,10 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     @wp.func
     def one_of_few(model: ModelData, law: TrapConstants, anchor: wp.vec4, position: wp.vec3) -> kind:
         """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
-        away = position - wp.vec3(anchor[0], anchor[1], anchor[2])
+        away = position - point_of(anchor)
         if wp.static(f.periodic):
             away = nearest(model.period, away)
-        return anchor[3] * value_at(model.traps, law, away)
+        return power_of(anchor) * value_at(model.traps, law, away)
 
     @wp.func
     def of_few(
@@ -146,7 +147,7 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
             reach = reach_of(model, world, trap, bead.radius)
             if wp.length_sq(away) < reach * reach:
                 law = prepare(model.traps, world, trap, bead.radius, bead.kind)
-                total += now[3] * value_at(model.traps, law, away)
+                total += power_of(now) * value_at(model.traps, law, away)
         return total
 
     return of_few if f.traps <= FEW_TRAPS else of_many

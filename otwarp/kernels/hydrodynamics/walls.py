@@ -28,6 +28,7 @@ from otwarp.kernels.bodies.flow import FLOW_TERMS
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.noise import WEAK_TERMS, high_half, six_deviates_term, three_deviates_term
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData, WallData, vec6
 from otwarp.kernels.core.worlds import number_term
@@ -260,7 +261,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         position: wp.vec3, time: wp.float64,
     ) -> wp.vec3:  # fmt: skip
         """μ(x) F dt + flow [µm] with the hindered mobility, F the sum over `FORCES`."""
-        radius = model.walls.sphere[model.walls.start[b]][3]
+        radius = radius_of(model.walls.sphere[model.walls.start[b]])
         mobility = mobility_of(model.walls, position, radius)
         move = mobility * still(model, control, state, bead, world, b, position, time)
         if wp.static(f.flow is not None):
@@ -274,7 +275,7 @@ def walled_bead_dynamics(f: Features) -> Dynamics:
         """√(2 k_B T μ dt) ξ + k_B T ∇·μ dt [µm] at `position`; 0 without noise."""
         kick = wp.vec3(0.0)
         if wp.static(f.brownian):
-            radius = model.walls.sphere[model.walls.start[b]][3]
+            radius = radius_of(model.walls.sphere[model.walls.start[b]])
             xi = four_deviates(model.seed, step, number(model, world), b)
             kick = noise_of(model.walls, position, radius, bead.spread, wp.vec3(xi[0], xi[1], xi[2]), xi[3])
         return kick
@@ -292,7 +293,7 @@ def walled_sphere_response_term(f: Features) -> wp.Function:
         model: ModelData, b: int, pose: Pose, scale: float, arm: wp.vec3, force: wp.vec3
     ) -> Move:
         """Displacement [µm] of the sphere by `force` [pN] acting for one step against the hindered mobility."""
-        mobility = mobility_of(model.walls, pose.position, model.walls.sphere[model.walls.start[b]][3])
+        mobility = mobility_of(model.walls, pose.position, radius_of(model.walls.sphere[model.walls.start[b]]))
         return Move((scale * model.body.translation[model.body.shape[b]]) * (mobility * force), wp.vec3(0.0))
 
     return walled_sphere_response
@@ -309,8 +310,8 @@ def out_of_walls(walls: WallData, b: int, pose: Pose) -> wp.vec3:
         for s in range(walls.start[b], walls.start[b + 1]):
             if walls.turned_back[s] != 0:
                 sphere = walls.sphere[s]
-                arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
-                deepest = wp.min(deepest, height + wp.dot(n, arm) - sphere[3])
+                arm = wp.quat_rotate(pose.rotation, point_of(sphere))
+                deepest = wp.min(deepest, height + wp.dot(n, arm) - radius_of(sphere))
         shift -= 2.0 * deepest * n
     return shift
 

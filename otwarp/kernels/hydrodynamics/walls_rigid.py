@@ -27,6 +27,7 @@ from otwarp.kernels.bodies.rigid import angular_part, flow_velocity_term, linear
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.types import (
     ControlData,
     ModelData,
@@ -179,9 +180,9 @@ def body_root_term(f: Features) -> wp.Function:
             height = wp.dot(walls.normal[wall], pose.position) - walls.offset[wall]
             for s in range(walls.start[b], walls.start[b + 1]):
                 sphere = walls.sphere[s]
-                arm = wp.vec3(sphere[0], sphere[1], sphere[2])
+                arm = point_of(sphere)
                 rise = wp.dot(n, arm)
-                c, _ = frictions((height + rise) / sphere[3] - 1.0, sphere[3])
+                c, _ = frictions((height + rise) / radius_of(sphere) - 1.0, radius_of(sphere))
                 m = wp.cross(arm, n)
                 nn = wp.outer(n, n)
                 tt = c.alpha * one + c.beta * nn
@@ -229,13 +230,13 @@ def body_noise_term(f: Features) -> wp.Function:
             height = wp.dot(walls.normal[wall], pose.position) - walls.offset[wall]
             for s in range(walls.start[b], walls.start[b + 1]):
                 sphere = walls.sphere[s]
-                arm = wp.vec3(sphere[0], sphere[1], sphere[2])
-                gap = (height + wp.dot(n, arm)) / sphere[3] - 1.0
+                arm = point_of(sphere)
+                gap = (height + wp.dot(n, arm)) / radius_of(sphere) - 1.0
                 along = twist(n, wp.cross(arm, n))
                 towards = mobility * along
                 deviate = wp.dot(along, noise)
                 share = 0.5 * (deviate * deviate / wp.dot(along, towards) + seventh * seventh)
-                value, slope = frictions(gap, sphere[3])
+                value, slope = frictions(gap, radius_of(sphere))
                 total += share * rub(slope, n, arm, motion_at(arm, towards))
                 total += turning(value, n, arm, coupling - wp.skew(arm) * q, q)
         drift = twist(curl(coupling), wp.vec3(0.0)) - mobility * total
@@ -261,8 +262,8 @@ def body_flow_term(f: Features) -> wp.Function:
             height = wp.dot(n, pose.position) - model.walls.offset[wall]
             for s in range(model.walls.start[b], model.walls.start[b + 1]):
                 sphere = model.walls.sphere[s]
-                radius = sphere[3]
-                arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+                radius = radius_of(sphere)
+                arm = wp.quat_rotate(pose.rotation, point_of(sphere))
                 gap = (height + wp.dot(n, arm)) / radius - 1.0
                 flow = flow_at(model.flow, world, pose.position + arm, 0.0)
                 more = 6.0 * _PI * radius * shear_force_excess(gap)[0]

@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
+from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.random import Stream, noise_words, uniform
 from otwarp.kernels.core.roots import reciprocal_root, square_root
@@ -77,9 +78,9 @@ def escape_term(f: Features) -> wp.Function:
                 after2 = distance2(model, trap, command, pose)
                 near = reach
                 # a dark trap holds nothing that could escape
-                lost = command[3] > 0.0 and after2 > reach * reach
+                lost = power_of(command) > 0.0 and after2 > reach * reach
                 if wp.static(f.brownian and f.crossings):
-                    if command[3] > 0.0 and not lost:
+                    if power_of(command) > 0.0 and not lost:
                         s2 = spread2(model, world, trap)
                         near = wp.max(reach - NEAR * wp.sqrt(s2), 0.0)
                         start = trap_command(model, control, state, world, trap, time - model.time_step)
@@ -90,7 +91,7 @@ def escape_term(f: Features) -> wp.Function:
                             )  # fmt: skip
                 if lost:
                     readout.escape_step[world, trap] = step
-                elif command[3] > 0.0:
+                elif power_of(command) > 0.0:
                     leeway = wp.min(leeway, near - wp.sqrt(after2))
                 if wp.static(not f.still_traps):
                     leeway = 0.0
@@ -143,11 +144,11 @@ def monitor_term(f: Features) -> wp.Function:
     ) -> EscapeMonitor:  # fmt: skip
         """The monitor after a look at `position` [µm]: lost if out of reach of a lit trap, now or in between."""
         # the same displacement as the force of the step needs, so that it is computed once
-        away = position - wp.vec3(anchor[0], anchor[1], anchor[2])
+        away = position - point_of(anchor)
         if wp.static(f.periodic):
             away = nearest(model.period, away)
         away2 = wp.length_sq(away)
-        if wp.max(away2, monitor.last2) > monitor.near2 and anchor[3] > 0.0:
+        if wp.max(away2, monitor.last2) > monitor.near2 and power_of(anchor) > 0.0:
             lost = away2 > monitor.reach * monitor.reach
             if wp.static(f.brownian and f.crossings):
                 if taken > 0 and not lost:

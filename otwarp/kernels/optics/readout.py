@@ -6,6 +6,7 @@ Measured on demand, not at every step: one thread per trap and per sphere gather
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import time_term
@@ -59,12 +60,12 @@ def force_on_term(f: Features) -> wp.Function:
     def force_on(model: ModelData, state: StateData, world: int, b: int, i: int, trap: int, c: wp.vec4) -> wp.vec3:
         """Force [pN] in world axes of one trap, its focus and power in c, on trapped sphere i of body b."""
         s = model.body.trapped[i]
-        x = sphere_position(model, state, world, b, wp.vec3(s[0], s[1], s[2]))
-        law = prepare(model.traps, world, trap, s[3], model.body.trapped_kind[i])
+        x = sphere_position(model, state, world, b, point_of(s))
+        law = prepare(model.traps, world, trap, radius_of(s), model.body.trapped_kind[i])
         away = x - anchor_of(model, trap, c)
         if wp.static(f.periodic):
             away = nearest(model.period, away)
-        return c[3] * trap_force(model.traps, law, away)
+        return power_of(c) * trap_force(model.traps, law, away)
 
     return force_on
 
@@ -104,8 +105,8 @@ def make_trap_readout(f: Features) -> tuple[wp.Kernel, wp.Kernel]:
                     if not of_trap:
                         out.sphere_force[world, i] += force
             if of_trap:
-                out.position[world, trap] = wp.vec3(c[0], c[1], c[2])
-                out.power[world, trap] = c[3]
+                out.position[world, trap] = point_of(c)
+                out.power[world, trap] = power_of(c)
                 out.force[world, trap] = total
                 distance = wp.float32(wp.nan)
                 held = model.traps.held_body[trap]

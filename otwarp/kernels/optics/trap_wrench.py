@@ -4,6 +4,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
+from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
@@ -50,7 +51,7 @@ def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
         if wp.static(f.speed_limits):
             if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
                 p = state.trap_position[world, trap]
-                command = wp.vec4(p[0], p[1], p[2], command[3])
+                command = beside(p, power_of(command))
         return command
 
     return trap_command
@@ -70,7 +71,7 @@ def piece_command_term(f: Features) -> wp.Function:
         if wp.static(f.speed_limits):
             if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
                 p = state.trap_position[world, trap]
-                command = wp.vec4(p[0], p[1], p[2], command[3])
+                command = beside(p, power_of(command))
         return command
 
     return piece_command
@@ -98,7 +99,7 @@ def move_trap_term(f: Features) -> wp.Function:
 @wp.func
 def anchor_of(model: ModelData, trap: int, command: wp.vec4) -> wp.vec3:
     """Equilibrium point of a trap whose focus is commanded to be there [µm]."""
-    return wp.vec3(command[0], command[1], command[2]) + model.traps.equilibrium[trap] * model.traps.axis[trap]
+    return point_of(command) + model.traps.equilibrium[trap] * model.traps.axis[trap]
 
 
 def reach_term(f: Features) -> wp.Function:
@@ -141,7 +142,8 @@ def aim_term(f: Features) -> wp.Function:
         reach = reach_of(model, world, trap, model.body.largest[b])
         near = reach + model.body.bound[b]
         away2 = wp.length_sq(pose.position - anchor)
-        return Aim(anchor, command[3], wp.where(away2 < near * near and command[3] > 0.0, reach * reach, 0.0))
+        power = power_of(command)
+        return Aim(anchor, power, wp.where(away2 < near * near and power > 0.0, reach * reach, 0.0))
 
     return aim
 
@@ -174,7 +176,7 @@ def keeps_aims(f: Features) -> bool:
 def kept_aim(body: RigidConstants, trap: int) -> Aim:
     """Equilibrium point [µm], power [mW] and squared reach [µm²] of a trap at rest, from registers."""
     row = body.aims[trap]
-    return Aim(wp.vec3(row[0], row[1], row[2]), row[3], body.reaches[trap])
+    return Aim(point_of(row), power_of(row), body.reaches[trap])
 
 
 def kept_aims_term(f: Features) -> wp.Function:
@@ -187,9 +189,9 @@ def kept_aims_term(f: Features) -> wp.Function:
         for trap in range(wp.static(f.traps)):
             command = commanded_still(model.traps, control, world, trap, wp.float64(0.0))
             anchor = anchor_of(model, trap, command)
-            body.aims[trap] = wp.vec4(anchor[0], anchor[1], anchor[2], command[3])
+            body.aims[trap] = beside(anchor, power_of(command))
             reach = reach_of(model, world, trap, model.body.largest[b])
-            body.reaches[trap] = wp.where(command[3] > 0.0, reach * reach, 0.0)
+            body.reaches[trap] = wp.where(power_of(command) > 0.0, reach * reach, 0.0)
         return body
 
     return kept_aims
@@ -297,12 +299,12 @@ def trap_wrench_term(f: Features) -> wp.Function:
         turn = rotation_matrix(pose.rotation)
         for element in range(index_at(model.body.trapped_start, b), index_at(model.body.trapped_start, b + 1)):
             sphere = vec4_at(model.body.trapped, element)
-            arm = turn * wp.vec3(sphere[0], sphere[1], sphere[2])
+            arm = turn * point_of(sphere)
             place = pose.position + arm
             if wp.static(aims_are_kept):
-                force = pull_of_kept(model, body, world, place, sphere[3], element)
+                force = pull_of_kept(model, body, world, place, radius_of(sphere), element)
             else:
-                force = pull_of_aims(model, aims, world, place, sphere[3], element)
+                force = pull_of_aims(model, aims, world, place, radius_of(sphere), element)
             total.force += force
             total.torque += wp.cross(arm, force)
         return total
@@ -352,10 +354,10 @@ def wrench_stiffness_term(f: Features) -> wp.Function:
             aim = aim_at(model, control, state, world, b, pose, trap, time)
             for element in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
                 sphere = model.body.trapped[element]
-                arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+                arm = wp.quat_rotate(pose.rotation, point_of(sphere))
                 away = pose.position + arm - aim.anchor
                 if wp.length_sq(away) < aim.reach2:
-                    law = prepare(model.traps, world, trap, sphere[3], model.body.trapped_kind[element])
+                    law = prepare(model.traps, world, trap, radius_of(sphere), model.body.trapped_kind[element])
                     force = aim.power * trap_force(model.traps, law, away)
                     total = add_sphere(total, arm, force, aim.power * trap_stiffness(model.traps, law, away))
         return total

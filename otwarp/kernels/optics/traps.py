@@ -14,6 +14,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
+from otwarp.kernels.core.packed import beside, point_of, power_of
 from otwarp.kernels.core.types import ControlData, TrapConstants, TrapData, world_row
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
@@ -236,14 +237,14 @@ def trap_force_term(models: tuple[str, ...]) -> TrapTerm:
 def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
     """Commanded focus [µm] and power [mW] of a trap that only the control moves."""
     p = control.trap_position[world_row(control.trap_position.shape[0], world), trap]
-    return wp.vec4(p[0], p[1], p[2], control.trap_power[world_row(control.trap_power.shape[0], world), trap])
+    return beside(p, control.trap_power[world_row(control.trap_power.shape[0], world), trap])
 
 
 @wp.func
 def anchored(law: TrapConstants, command: wp.vec4) -> wp.vec4:
     """Equilibrium point [µm] and power [mW] of a trap from its focus [µm] and power."""
-    anchor = wp.vec3(command[0], command[1], command[2]) + law.equilibrium * law.axis
-    return wp.vec4(anchor[0], anchor[1], anchor[2], command[3])
+    anchor = point_of(command) + law.equilibrium * law.axis
+    return beside(anchor, power_of(command))
 
 
 @wp.func
@@ -258,9 +259,9 @@ def followed(
         w = key_weight(times, key, time)
         value = (1.0 - w) * values[key] + w * values[key + 1]
         if (follow & 1) != 0:
-            result = wp.vec4(value[0], value[1], value[2], result[3])
+            result = beside(point_of(value), power_of(result))
         if (follow & 2) != 0:
-            result = wp.vec4(result[0], result[1], result[2], value[3])
+            result = beside(point_of(result), power_of(value))
     return result
 
 
@@ -313,9 +314,9 @@ def on_piece(piece: Piece, still: wp.vec4, time: wp.float64) -> wp.vec4:
     value = (1.0 - w) * piece.start + w * piece.end
     result = still
     if (piece.follow & 1) != 0:
-        result = wp.vec4(value[0], value[1], value[2], result[3])
+        result = beside(point_of(value), power_of(result))
     if (piece.follow & 2) != 0:
-        result = wp.vec4(result[0], result[1], result[2], value[3])
+        result = beside(point_of(result), power_of(value))
     return result
 
 
