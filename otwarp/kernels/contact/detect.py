@@ -37,6 +37,7 @@ from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drif
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.packed import distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
@@ -123,10 +124,10 @@ def touch_wall_term(f: Features) -> wp.Function:
 
         `local` is the sphere's centre in the obstacle's frame [µm], `hit` the normal there and the distance [µm].
         """
-        overlap = radius - hit[3]
+        overlap = radius - distance_of(hit)
         if overlap > OVERLAP_LIMIT * radius:
             raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-        outward = wp.vec3(hit[0], hit[1], hit[2])
+        outward = point_of(hit)
         normal = wp.quat_rotate(wall.rotation, outward)
         relative = relative_radius(model.obstacles, o, local, outward, radius)
         c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
@@ -135,7 +136,7 @@ def touch_wall_term(f: Features) -> wp.Function:
         c.ridge = wp.quat_rotate(wall.rotation, wp.vec3(bend[0], bend[1], bend[2]))
         if wp.static(f.moving_obstacles):
             # of the centre of curvature, which does not move where a ball turns about itself
-            below = hit[3]
+            below = distance_of(hit)
             if bend[3] > 0.0:
                 below += 1.0 / bend[3] - radius
             c.drift = obstacle_drift(wall, later, local - below * outward)
@@ -237,7 +238,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
         if wp.length(between) < model.body.bound[a] + model.body.bound[b] + far:
             for i in range(model.contact.start[a], model.contact.start[a + 1]):
                 rod_a = element(model, i, pose_a.rotation)
-                ri = model.contact.sphere[i][3]
+                ri = radius_of(model.contact.sphere[i])
                 # one element against the bounding sphere of b, before its elements one by one
                 size = ri
                 if wp.static(f.rods):
@@ -245,7 +246,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
                 if wp.length(between + rod_a.centre) < size + model.body.bound[b] + far:
                     for j in range(model.contact.start[b], model.contact.start[b + 1]):
                         rod_b = element(model, j, pose_b.rotation)
-                        rj = model.contact.sphere[j][3]
+                        rj = radius_of(model.contact.sphere[j])
                         count = element_pair(
                             model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj,
                             reach, listed, count, step,
@@ -275,7 +276,7 @@ def element_wall_term(f: Features) -> wp.Function:
     ) -> int:  # fmt: skip
         """A sphere at its centre; a rod at the valley of its distance to the obstacle, piece by piece."""
         rod = element(model, i, pose.rotation)
-        radius = model.contact.sphere[i][3]
+        radius = radius_of(model.contact.sphere[i])
         local = wp.quat_rotate_inv(wall.rotation, pose.position + rod.centre - wall.position)
         half = float(0.0)
         if wp.static(f.rods):
@@ -283,10 +284,10 @@ def element_wall_term(f: Features) -> wp.Function:
         far = radius + half + reach + free_travel(model, a, move)
         still = Move(wp.vec3(0.0), wp.vec3(0.0))
         hit = distance_to(model.obstacles, o, local, far)
-        if hit[3] < far:
+        if distance_of(hit) < far:
             if half == 0.0:
-                way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
-                if hit[3] < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
+                way = wp.quat_rotate(wall.rotation, point_of(hit))
+                if distance_of(hit) < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
                     c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
                     c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
                     count = put(readout, world, listed, count, c, step)
@@ -303,8 +304,8 @@ def element_wall_term(f: Features) -> wp.Function:
                             point = place_on(inside, t)
                             arm = place_on(rod, t)
                             hit = distance_to(model.obstacles, o, point, far)
-                            way = wp.quat_rotate(wall.rotation, wp.vec3(hit[0], hit[1], hit[2]))
-                            if hit[3] < radius + reach + closing_of(move, still, arm, arm, way):
+                            way = wp.quat_rotate(wall.rotation, point_of(hit))
+                            if distance_of(hit) < radius + reach + closing_of(move, still, arm, arm, way):
                                 c = touch_wall(
                                     model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
                                 )  # fmt: skip
@@ -362,7 +363,7 @@ def wall_contacts_term(f: Features) -> wp.Function:
         near = wp.length(centre) < bound + model.obstacles.bound[o]
         if near:
             # the body's bounding sphere against the true shape, before its elements one by one
-            near = distance_to(model.obstacles, o, centre, bound)[3] < bound
+            near = distance_of(distance_to(model.obstacles, o, centre, bound)) < bound
         if near:
             for i in range(model.contact.start[a], model.contact.start[a + 1]):
                 count = element_wall(

@@ -14,6 +14,7 @@ can be missed where f is concave.
 import warp as wp
 
 from otwarp.kernels.contact.obstacles import SHAPES
+from otwarp.kernels.core.packed import distance_of, point_of
 from otwarp.kernels.core.types import ObstacleData
 
 VALLEY_SLOPE = wp.constant(0.1)
@@ -79,7 +80,7 @@ def obstacle_slope_term(distance_to: wp.Function) -> wp.Function:
     ) -> wp.vec2:  # fmt: skip
         """Cosine between the outward normal and the rod, and the distance [µm]."""
         hit = distance_to(obstacles, o, place_on(rod, t), reach)
-        return wp.vec2(wp.dot(wp.vec3(hit[0], hit[1], hit[2]), rod.half) / wp.length(rod.half), hit[3])
+        return wp.vec2(wp.dot(point_of(hit), rod.half) / wp.length(rod.half), distance_of(hit))
 
     return obstacle_slope
 

@@ -25,3 +25,9 @@ def power_of(command: wp.vec4) -> float:
 def radius_of(sphere: wp.vec4) -> float:
     """Radius [µm] of a sphere, with its centre."""
     return sphere[3]
+
+
+@wp.func
+def distance_of(hit: wp.vec4) -> float:
+    """Signed distance [µm] to an obstacle, with its outward normal."""
+    return hit[3]

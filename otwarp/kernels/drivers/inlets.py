@@ -8,6 +8,7 @@ import warp as wp
 
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import distance_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.recycling import TRIES, entry_place, has_left
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
@@ -67,7 +68,7 @@ def clear_of_obstacles_term(f: Features) -> wp.Function:
                 away = nearest(model.period, away)
             if wp.length(away) < radius + model.obstacles.bound[o]:
                 local = wp.quat_rotate_inv(wall.rotation, away)
-                clear = distance_to(model.obstacles, o, local, radius)[3] >= radius
+                clear = distance_of(distance_to(model.obstacles, o, local, radius)) >= radius
                 if not clear:
                     break
         return clear

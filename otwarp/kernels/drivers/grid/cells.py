@@ -7,6 +7,7 @@ a cell by that.
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import beside, point_of, radius_of
 from otwarp.kernels.core.types import ModelData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, NeighbourData, body_pose_term
 
@@ -31,8 +32,8 @@ def element_term(f: Features) -> wp.Function:
         pose = body_pose(state, world, model.contact.body[e])
         centre = pose.position
         if wp.static(f.rigid):
-            centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
-        return wp.vec4(centre[0], centre[1], centre[2], s[3])
+            centre = centre + wp.quat_rotate(pose.rotation, point_of(s))
+        return beside(centre, radius_of(s))
 
     return slot_element if f.soft_contacts else sphere_element
 

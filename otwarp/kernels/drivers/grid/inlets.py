@@ -6,6 +6,7 @@ It is launched only where a body of any world is outside: a conditional part of 
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import beside, point_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
@@ -23,11 +24,11 @@ def other_slots_clear_term(f: Features) -> wp.Function:
         first = world * model.bodies
         for i in range(first, first + model.bodies):
             other = grid.place[1 - grid.row[0], i]
-            if grid.order[grid.turn[0], i] != b and other[3] > 0.0:
-                away = there - wp.vec3(other[0], other[1], other[2])
+            if grid.order[grid.turn[0], i] != b and radius_of(other) > 0.0:
+                away = there - point_of(other)
                 if wp.static(f.periodic):
                     away = nearest(model.period, away)
-                clear = wp.length(away) >= other[3] + model.body.bound[b]
+                clear = wp.length(away) >= radius_of(other) + model.body.bound[b]
                 if not clear:
                     break
         return clear
@@ -76,11 +77,11 @@ def _make_slots_in(f: Features) -> wp.Kernel:
         for b in range(model.bodies):
             i = grid.slot[world, b]
             here = grid.place[next, i]
-            position = wp.vec3(here[0], here[1], here[2])
+            position = point_of(here)
             if has_left(model, b, position):
                 place, entered = let_in(model, world, b, position, grid, grid.clock[0] + wp.int64(1))
                 if entered:
-                    grid.place[next, i] = wp.vec4(place[0], place[1], place[2], here[3])
+                    grid.place[next, i] = beside(place, radius_of(here))
                     count_entry(state, readout, world, b)
                     grid.near.stale[0] = 1
 

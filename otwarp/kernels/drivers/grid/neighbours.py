@@ -11,6 +11,7 @@ import warp as wp
 
 from otwarp.kernels.contact.obstacles import distance_term, still_pose
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import beside, distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ModelData, StateData
 from otwarp.kernels.drivers.grid.cells import cell_key, cell_of, element_term, run_of_three
@@ -91,7 +92,7 @@ def walled_term(f: Features) -> wp.Function:
                     away = nearest(model.period, away)
                 if wp.length(away) < far + model.obstacles.bound[o]:
                     local = wp.quat_rotate_inv(wall.rotation, away)
-                    if distance_to(model.obstacles, o, local, far)[3] < far:
+                    if distance_of(distance_to(model.obstacles, o, local, far)) < far:
                         near = 1
         return near
 
@@ -131,11 +132,11 @@ def search_term(f: Features) -> wp.Function:
         for s in range(run[0], run[1]):
             j = item(n, s)
             e = element(model, state, grid, world, j)
-            reach = far + e[3]
-            away = centre - wp.vec3(e[0], e[1], e[2])
+            reach = far + radius_of(e)
+            away = centre - point_of(e)
             if wp.static(f.periodic):
                 away = nearest(model.period, away)
-            if wp.length_sq(away) < reach * reach and e[3] > 0.0:
+            if wp.length_sq(away) < reach * reach and radius_of(e) > 0.0:
                 if apart(model, grid, world, i, j):
                     if found < wp.static(NEIGHBOURS):
                         insert(grid, i * n.stride, found, j)
@@ -152,7 +153,7 @@ def reference_term(f: Features) -> wp.Function:
     def referred(model: ModelData, state: StateData, grid: GridData, world: int, i: int) -> wp.vec4:
         """Centre [µm] and radius [µm] of sphere i, as `refer` wrote it."""
         p = grid.near.reference[i]
-        return wp.vec4(p[0], p[1], p[2], model.contact.sphere[i - world * grid.near.elements][3])
+        return beside(p, radius_of(model.contact.sphere[i - world * grid.near.elements]))
 
     return referred
 
@@ -166,17 +167,17 @@ def around_term(f: Features) -> wp.Function:
         """Among all elements of the world."""
         n = grid.near
         first = world * n.elements
-        far = e[3] + n.reach + n.skin
+        far = radius_of(e) + n.reach + n.skin
         all = wp.vec2i(first, first + n.elements)
-        return search(model, state, grid, world, i, wp.vec3(e[0], e[1], e[2]), far, all, 0)
+        return search(model, state, grid, world, i, point_of(e), far, all, 0)
 
     @wp.func
     def in_cells(model: ModelData, state: StateData, grid: GridData, world: int, i: int, e: wp.vec4) -> int:
         """Among those in the cells around."""
         n = grid.near
-        centre = wp.vec3(e[0], e[1], e[2])
+        centre = point_of(e)
         found = int(0)
-        far = e[3] + n.reach + n.skin
+        far = radius_of(e) + n.reach + n.skin
         c = cell_of(n, centre)
         inside = (c[2] & (n.cells[2] - 1)) > 0 and ((c[2] + 1) & (n.cells[2] - 1)) > 0
         for column in range(9):
@@ -201,7 +202,7 @@ def refer_term(f: Features) -> wp.Function:
     def refer(model: ModelData, state: StateData, grid: GridData, world: int, i: int) -> wp.vec4:
         """Write the reference place [µm] of element i, and give it back with its radius [µm]."""
         e = element(model, state, grid, world, i)
-        grid.near.reference[i] = wp.vec3(e[0], e[1], e[2])
+        grid.near.reference[i] = point_of(e)
         return e
 
     return refer
@@ -218,15 +219,15 @@ def list_term(f: Features) -> wp.Function:
         n = grid.near
         found = int(0)
         if wp.static(f.pairs):
-            if e[3] > 0.0:
+            if radius_of(e) > 0.0:
                 found = around(model, state, grid, world, i, e)
                 if found > wp.static(NEIGHBOURS):
                     found = FULL
         n.count[i] = found
         if wp.static(bool(f.obstacles)):
             near = int(0)
-            if e[3] > 0.0:
-                near = walled(model, grid, wp.vec3(e[0], e[1], e[2]), e[3])
+            if radius_of(e) > 0.0:
+                near = walled(model, grid, point_of(e), radius_of(e))
             n.walled[i] = near
 
     return list_one
@@ -270,7 +271,7 @@ def next_in_cells_term(f: Features) -> wp.Function:
     ) -> int:  # fmt: skip
         """Touching element of the smallest name above that of `last`, of `best` and the entries of a run; -1: none."""
         n = grid.near
-        here = wp.vec3(own[0], own[1], own[2])
+        here = point_of(own)
         after = int(-1)
         if last >= 0:
             after = name(grid, last)
@@ -282,11 +283,11 @@ def next_in_cells_term(f: Features) -> wp.Function:
             called = name(grid, j)
             if called > after and called < least and apart(model, grid, world, i, j):
                 e = element(model, state, grid, world, j)
-                away = here - wp.vec3(e[0], e[1], e[2])
+                away = here - point_of(e)
                 if wp.static(f.periodic):
                     away = nearest(model.period, away)
-                gap = wp.length(away) - own[3] - e[3]
-                if gap < n.reach and e[3] > 0.0:
+                gap = wp.length(away) - radius_of(own) - radius_of(e)
+                if gap < n.reach and radius_of(e) > 0.0:
                     best = j
                     least = called
         return best
@@ -330,7 +331,7 @@ def check_term(f: Features) -> wp.Function:
     def check_one(model: ModelData, state: StateData, grid: GridData, world: int, i: int):
         """Mark lists as stale if element i has moved by more than half the skin."""
         e = element(model, state, grid, world, i)
-        away = wp.vec3(e[0], e[1], e[2]) - grid.near.reference[i]
+        away = point_of(e) - grid.near.reference[i]
         if wp.static(f.periodic):
             away = nearest(model.period, away)
         check_moved(grid.near, own(world), away)

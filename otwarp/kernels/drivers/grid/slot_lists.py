@@ -7,6 +7,7 @@ so that a step reads them through. They are in no order; of what touches a spher
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.types import ModelData, StateData
 from otwarp.kernels.cpu.pair_block import PAIRS, near_term, sort_slots, touching_term
 from otwarp.kernels.drivers.grid.cells import cell_of
@@ -23,11 +24,11 @@ def list_slot_term(f: Features) -> wp.Function:
     def neighbours_of(model: ModelData, grid: GridData, world: int, i: int, place: wp.vec4, at: int) -> int:
         """How many there are; of more than `NEIGHBOURS` the first are listed."""
         n = grid.near
-        here = wp.vec3(place[0], place[1], place[2])
+        here = point_of(place)
         k = (i - world * n.elements) % PAIRS
         return near(
             model.period, grid.sorted, n.start, n.finish, n.edge, n.cells, world, cell_of(n, here), here,
-            place[3] + n.reach + n.skin, i, k, n.neighbour, at, NEIGHBOURS,
+            radius_of(place) + n.reach + n.skin, i, k, n.neighbour, at, NEIGHBOURS,
         )  # fmt: skip
 
     @wp.func
@@ -35,17 +36,17 @@ def list_slot_term(f: Features) -> wp.Function:
         """Write reference place, neighbours and obstacle mark of slot i."""
         n = grid.near
         place = grid.place[grid.row[0], i]
-        centre = wp.vec3(place[0], place[1], place[2])
+        centre = point_of(place)
         n.reference[i] = centre
         found = int(0)
         if wp.static(f.pairs):
-            if place[3] > 0.0:
+            if radius_of(place) > 0.0:
                 found = neighbours_of(model, grid, world, i, place, at)
             n.begin[i] = at
         if wp.static(bool(f.obstacles)):
             near_wall = int(0)
-            if place[3] > 0.0:
-                near_wall = walled(model, grid, centre, place[3])
+            if radius_of(place) > 0.0:
+                near_wall = walled(model, grid, centre, radius_of(place))
             n.walled[i] = near_wall
         n.count[i] = wp.where(found > NEIGHBOURS, FULL, found)
         return at + wp.where(found > NEIGHBOURS, 0, found)

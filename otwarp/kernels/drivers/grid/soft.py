@@ -17,6 +17,7 @@ from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_p
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.packed import beside, distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
@@ -61,16 +62,16 @@ def soft_pair_term(f: Features) -> wp.Function:
         way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
         if wp.static(f.periodic):
             way = nearest(model.period, way)
-        both = here[3] + there[3]
+        both = radius_of(here) + radius_of(there)
         far = both + grid.near.reach
         square = wp.length_sq(way)
         if square < far * far:
             overlap = both - wp.sqrt(square)
-            least = wp.min(here[3], there[3])
+            least = wp.min(radius_of(here), radius_of(there))
             if overlap > OVERLAP_LIMIT * least:
                 raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
             b = grid.order[grid.turn[0], j]
-            law = pair_law(model.contact, a, b, here[3] * there[3] / both, overlap)
+            law = pair_law(model.contact, a, b, radius_of(here) * radius_of(there) / both, overlap)
             out.force = law.force * wp.normalize(way)
             out.load = wp.abs(law.force)
         return out
@@ -91,21 +92,21 @@ def soft_walls_term(f: Features) -> wp.Function:
         """Sum of force and load [pN] over the obstacles within reach."""
         out = SoftForce(wp.vec3(0.0), 0.0)
         time = wp.float64(step) * model.time_step
-        far = here[3] + grid.near.reach
+        far = radius_of(here) + grid.near.reach
         for o in range(model.obstacles.shape.shape[0]):
             wall = pose_at(model.obstacles, o, time)
-            away = wp.vec3(here[0], here[1], here[2]) - wall.position
+            away = point_of(here) - wall.position
             if wp.static(f.periodic):
                 away = nearest(model.period, away)
             if wp.length(away) < far + model.obstacles.bound[o]:
                 local = wp.quat_rotate_inv(wall.rotation, away)
                 hit = distance_to(model.obstacles, o, local, far)
-                if hit[3] < far:
-                    overlap = here[3] - hit[3]
-                    if overlap > OVERLAP_LIMIT * here[3]:
+                if distance_of(hit) < far:
+                    overlap = radius_of(here) - distance_of(hit)
+                    if overlap > OVERLAP_LIMIT * radius_of(here):
                         raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-                    outward = wp.vec3(hit[0], hit[1], hit[2])
-                    relative = relative_radius(model.obstacles, o, local, outward, here[3])
+                    outward = point_of(hit)
+                    relative = relative_radius(model.obstacles, o, local, outward, radius_of(here))
                     law = pair_law(model.contact, a, NO_CONTACT, relative, overlap)
                     out.force += law.force * wp.quat_rotate(wall.rotation, outward)
                     out.load += wp.abs(law.force)
@@ -170,7 +171,7 @@ def step_slot_term(f: Features) -> wp.Function:
         here = grid.place[row, i]
         b = grid.order[grid.turn[0], i]
         step = grid.clock[0]
-        pose = Pose(wp.vec3(here[0], here[1], here[2]), wp.quat_identity())
+        pose = Pose(point_of(here), wp.quat_identity())
         move, _drift = bead_move(model, control, state, grid, bead, world, b, pose.position, block, k)
         touch = contacts(model, state, readout, grid, world, i, b, here, step, pairs)
         scale = step_over_viscosity(model, world)
@@ -192,7 +193,7 @@ def step_slot_term(f: Features) -> wp.Function:
             grid.slot[world, b] = i
             if has_left(model, b, moved):
                 grid.outside[0] = 1
-        grid.place[1 - row, i] = wp.vec4(moved[0], moved[1], moved[2], here[3])
+        grid.place[1 - row, i] = beside(moved, radius_of(here))
         check_moved(grid.near, 0, away)
         if wp.static(f.escapes):
             time = wp.float64(step + wp.int64(1)) * model.time_step
@@ -339,7 +340,7 @@ def load_slots(model: ModelData, state: StateData, grid: GridData, size: int):
         radius = float(0.0)
         first = model.contact.start[b]
         if first < model.contact.start[b + 1]:
-            radius = model.contact.sphere[first][3]
+            radius = radius_of(model.contact.sphere[first])
         grid.place[row, i] = wp.vec4(p[0], p[1], p[2], radius)
 
 
