@@ -183,6 +183,9 @@ class PhasedStepper:
             self.phases.report, self.model.worlds, self.model.data, self.readout.data(), self.scratch, self.clock
         )
 
+    def place(self) -> None:
+        """Take note that the state is another one: nothing here remembers it."""
+
     def extra_state(self) -> dict[str, wp.array]:
         """Arrays beyond State that a checkpoint must hold: none."""
         return {}
