@@ -286,6 +286,7 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
 
 NUMBERS = {
     "driver": "which of the drivers steps; each has its own kernels",
+    "phased": "which form of the world driver steps, by kernels of its own",
     "bodies": "a number",
     "traps": "a number",
     "max_contacts": "a number",
