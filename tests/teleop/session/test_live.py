@@ -139,7 +139,10 @@ def test_a_loop_that_stalls_lets_the_force_fall(stage):
     # it comes back disarmed, with the traps where they are
     live = s.run(0.2)
     assert live.hands[0].now is not None and live.hands[0].now.state == "disarmed"
-    told = "right hand: disarmed, for no fresh state of simulation or device for 0.1 s; arm it again"
+    told = (
+        "right hand: virtual:sine,amplitude=0.01,frequency=2,mass=0: disarmed: "
+        "nothing new from the simulation for 0.1 s; arm it again"
+    )
     assert told in live.warnings
     assert [line for line in live.warnings if line != told] == [
         "simulated time runs at 0.74 of real time, 1 was asked for; 0.3 s given up"
