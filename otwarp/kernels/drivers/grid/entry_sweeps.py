@@ -179,7 +179,9 @@ def weigh_chunk(model: ModelData, grid: GridData, world: int, chunk: int):
     """Sum what the entries of a chunk of bodies weigh [pN·µm], in an order that is fixed."""
     size = (model.bodies - 1) // grid.share.shape[1] + 1
     total = wp.vec2(0.0)
-    for e in range(model.contact.start[chunk * size], model.contact.start[wp.min((chunk + 1) * size, model.bodies)]):
+    # the last chunks may be empty
+    first = model.contact.start[wp.min(chunk * size, model.bodies)]
+    for e in range(first, model.contact.start[wp.min((chunk + 1) * size, model.bodies)]):
         i = world * grid.near.elements + e
         begin = grid.entry.begin[i]
         for n in range(begin, begin + grid.entry.count[i]):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.simulation import Simulation
+from tests.simulation.crowds import crowd, jumbled
 from tests.simulation.setups import harmonic, neutral
 from tests.simulation.test_contact_chains import still
 
@@ -34,3 +36,14 @@ def test_islands_that_have_settled_sleep(monkeypatch, device):
     np.testing.assert_allclose(shared["place"], swept["place"], atol=2e-6)
     for name in ("force", "load"):
         np.testing.assert_allclose(shared[name], swept[name], atol=5e-3 * swept["load"].max(), err_msg=name)
+
+
+def test_the_first_guess_is_weighed_by_what_there_is(monkeypatch, device):
+    """Seventy bodies fill 35 of the 64 chunks whose sums scale the guess, two in each."""
+    monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
+    monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
+    sim = Simulation(crowd(jumbled(70, 1.8)), device=device, allow_large_step=True)
+    sim.step()
+    assert isinstance(sim._stepper, BlockStepper)
+    share = sim._stepper.scratch.share.numpy()[0]
+    assert np.any(share[:35]) and not np.any(share[35:])
