@@ -21,11 +21,16 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 	$(BIN)/otwarp run scenes/cell_delivery.usda --forces --out out/cell_delivery
 	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
-test: $(READY)  ## run the tests (eight to ten minutes on two cores, the first time)
+test: $(READY)  ## run the tests (eight minutes on two cores, the first time)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# bodies that touch have kernels of their own on GPUs: here they run on a CPU
+GPU_FORMS = $(addprefix tests/,kernels/drivers/grid kernels/drivers/test_world_phases.py \
+	$(addprefix simulation/test_,body_space.py contact.py contact_chains.py inlets.py periodic.py sharded.py))
 
 thorough: $(READY)  ## run the files of tests that take longest, which `make test` leaves out
 	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough -m thorough
+	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough --gpu-forms $(GPU_FORMS)
 
 validate: $(READY)  ## run all tests, the long statistical ones as well
 	$(BIN)/python -m pytest -n 2 --dist loadfile --validate

@@ -63,11 +63,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--thorough", action="store_true", help="also run the files of THOROUGH (tests/conftest.py)")
     parser.addoption("--validate", action="store_true", help="also run the long statistical tests")
     parser.addoption("--costs", type=int, default=0, metavar="N", help="list the N tests that take most CPU time")
+    parser.addoption("--gpu-forms", action="store_true", help="step in the forms for GPUs, whatever the device")
     parser.addoption("--device", default="cpu", help="device of the tests that step: cpu (default), cuda:0, …")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     left_out = {}
+    if config.getoption("--gpu-forms"):
+        left_out["cpu_forms"] = pytest.mark.skip(reason="about a form for CPUs: run without --gpu-forms")
     if not config.getoption("--validate"):
         left_out["validate"] = pytest.mark.skip(reason="long statistical test: run with --validate")
         if not config.getoption("--thorough"):
@@ -86,6 +89,17 @@ def device(request: pytest.FixtureRequest) -> str:
     """Name of the device under test; Warp runs, and is quiet."""
     start_warp()
     return request.config.getoption("--device")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forms(request: pytest.FixtureRequest) -> Generator[None]:
+    """The forms for GPUs where --gpu-forms asks for them."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.config.getoption("--gpu-forms"):
+            from tests.gpu_forms import take_gpu_forms
+
+            take_gpu_forms(patch)
+        yield
 
 
 COSTS = pytest.StashKey[tuple[float, float]]()

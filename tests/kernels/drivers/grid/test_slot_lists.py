@@ -14,6 +14,7 @@ from tests.kernels.drivers.grid.test_soft import HOT, packed, soft_simulation
 
 
 @pytest.mark.thorough
+@pytest.mark.cpu_forms
 def test_bits_are_those_of_one_sphere_after_the_other(device):
     """Two worlds of a packing that is listed anew several times."""
     if not wp.get_device(device).is_cpu:

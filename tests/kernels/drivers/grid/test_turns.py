@@ -37,6 +37,7 @@ def squeezed_step(device: str, steps: int = 25) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.cpu_forms
 def test_turns_and_sweeps_find_the_same_forces(grid, monkeypatch):
     turns = squeezed_step(grid)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)

@@ -53,7 +53,7 @@ def stepped(scene: Scene, device: str, stepper: type) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("turns", [True, False])
+@pytest.mark.parametrize("turns", [pytest.param(True, marks=pytest.mark.cpu_forms), False])
 @pytest.mark.parametrize("make", [crowd_scene, with_robot])
 def test_a_world_by_itself_is_that_of_launches_for_all(make, turns, monkeypatch, device):
     """Contacts in turns bit for bit, and in sweeps to what these leave; of lone spheres and of bodies that turn."""
