@@ -90,6 +90,7 @@ class BlockStepper:
         at_once = max(1, BODY_STEPS_PER_LAUNCH // most)
 
         def launch(part: tuple[int, tuple[int, int]], start: int) -> None:
+            """Steps from `start` on of the worlds of one thread of a CPU, or of all on a GPU."""
             chunk, (begin, end) = part
             count = min(at_once, last - start)
             this = (begin, wp.int64(start), count, wp.int64(last), TURNS)

@@ -22,7 +22,7 @@ def vec4_at(rows: wp.array(dtype=wp.vec4), n: int) -> wp.vec4:
     return values.data[n];
 """)
 def index_at(values: wp.array(dtype=wp.int32), n: int) -> int:
-    """Entry n, an index [1]."""
+    """Entry n of an array of indices [1]."""
     ...
 
 

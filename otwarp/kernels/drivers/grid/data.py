@@ -134,7 +134,7 @@ def own_term(f: Features) -> wp.Function:
 
     @wp.func
     def of_world(world: int) -> int:
-        """A world's own entry."""
+        """Index [1] of the clock and flags that a world has to itself."""
         return world
 
     @wp.func

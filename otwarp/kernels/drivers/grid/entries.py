@@ -56,7 +56,7 @@ def write_entry_term(f: Features) -> wp.Function:
 
 @wp.func
 def three(v: wp.vec4) -> wp.vec3:
-    """The first three components."""
+    """The first three components, in the units of the vector."""
     return wp.vec3(v[0], v[1], v[2])
 
 
@@ -65,12 +65,12 @@ def response_term(f: Features) -> wp.Function:
 
     @wp.func
     def whole_response(entry: EntryData, n: int) -> Move:
-        """Translation and rotation."""
+        """Translation [µm/pN] and rotation [rad/pN]."""
         return Move(three(entry.part[LINEAR, n]), three(entry.part[ANGULAR, n]))
 
     @wp.func
     def response_along(entry: EntryData, n: int) -> Move:
-        """Translation along the normal."""
+        """Translation along the contact's normal [µm/pN]."""
         return Move(entry.part[RIDGE, n][3] * three(entry.part[LAW, n]), wp.vec3(0.0))
 
     return whole_response if whole_contacts(f) else response_along
@@ -112,8 +112,8 @@ def read_entry_term(f: Features) -> wp.Function:
     return read_entry
 
 
-def look_around_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, world, e)`: list what element e of a world may touch in this step."""
+def note_partners_term(f: Features) -> wp.Function:
+    """`(model, state, grid, world, e, listed, walled, found) -> int`: what element e of a world may touch in a step."""
     arm_of, body_pose = arm_term(f), body_pose_term(f)
     near_enough = near_enough_term(f) if f.pairs else None
     next_in_cells = next_in_cells_term(f) if f.pairs else None
@@ -128,7 +128,7 @@ def look_around_term(f: Features) -> wp.Function:
         return count + 1
 
     @wp.func
-    def look_at_all(
+    def note_partners(
         model: ModelData, state: StateData, grid: GridData, world: int, e: int, listed: int, walled: int,
         found: wp.array(dtype=wp.int32),
     ) -> int:  # fmt: skip
@@ -161,6 +161,13 @@ def look_around_term(f: Features) -> wp.Function:
                         count = add(found, count, obstacle_name(o))
         return count
 
+    return note_partners
+
+
+def look_around_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, e)`: list what element e of a world may touch in this step."""
+    note_partners = note_partners_term(f)
+
     @wp.func
     def look_around(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, e: int):
         """Claim a run of entries for what element e is near; a fault if that is more than there is room for."""
@@ -175,7 +182,7 @@ def look_around_term(f: Features) -> wp.Function:
             walled = grid.near.walled[i]
         count = int(0)
         if listed != 0 or walled != 0:
-            count = look_at_all(model, state, grid, world, e, listed, walled, found)
+            count = note_partners(model, state, grid, world, e, listed, walled, found)
         if count > wp.static(MAX_BODY_CONTACTS):
             raise_fault(readout, world, model.contact.body[e], wp.static(int(Fault.OVERFLOW)), grid.clock[world])
             count = wp.static(MAX_BODY_CONTACTS)

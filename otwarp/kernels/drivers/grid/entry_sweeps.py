@@ -235,12 +235,9 @@ def solve_entry_term(f: Features) -> wp.Function:
     return solve_entry
 
 
-def settle_entries_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, push, world, lane, lanes, again)`: contact forces of a step of one world.
-
-    From a first guess or, with `again` 1, from those of its first solution, after the free moves have changed.
-    """
-    ratio, gather, begin_sweeps, solve_entry = ratio_term(f), gather_term(f), begin_sweeps_term(f), solve_entry_term(f)
+def begin_all_term(f: Features) -> wp.Function:
+    """`(model, grid, push, world, lane, lanes, last)`: row sums and first pushes of the bodies of a world."""
+    ratio, gather = ratio_term(f), gather_term(f)
 
     @wp.func
     def begin_all(model: ModelData, grid: GridData, push: PushData, world: int, lane: int, lanes: int, last: int):
@@ -259,6 +256,17 @@ def settle_entries_term(f: Features) -> wp.Function:
             grid.row_sum[world, a] = largest
             grid.count[world, a] = gather(model, grid, push, world, a)
         keep_together()
+
+    return begin_all
+
+
+def settle_entries_term(f: Features) -> wp.Function:
+    """`(model, readout, grid, push, world, lane, lanes, again)`: contact forces of a step of one world.
+
+    From a first guess or, with `again` 1, from those of its first solution, after the free moves have changed.
+    """
+    begin_all, gather = begin_all_term(f), gather_term(f)
+    begin_sweeps, solve_entry = begin_sweeps_term(f), solve_entry_term(f)
 
     @wp.func
     def settle_entries(

@@ -64,7 +64,7 @@ def entry_term(f: Features) -> wp.Function:
 
     @wp.func
     def own_item(n: NeighbourData, s: int) -> int:
-        """The entry itself."""
+        """Entries that are not sorted are elements: s itself."""
         return s
 
     @wp.func

@@ -100,7 +100,7 @@ def _turn_terms(f: Features) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def find_alone(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane):
-        """Body by body."""
+        """List the contacts of one body after the other."""
         for a in range(model.bodies):
             find_body(model, state, readout, grid, push, me.world, a)
 
@@ -158,7 +158,7 @@ def finish_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData,
         me: Lane,
     ):  # fmt: skip
-        """Arrive at the next step."""
+        """Commit the moves of all bodies, let lost cells in, and turn the clock to the next step [1]."""
         for b in range(me.lane, model.bodies, me.lanes):
             commit_body(model, control, state, readout, grid, push, me.world, b)
         keep_together()
