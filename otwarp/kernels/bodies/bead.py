@@ -4,24 +4,26 @@ import warp as wp
 
 from otwarp.kernels.bodies.flow import FLOW_TERMS
 from otwarp.kernels.core.dynamics import Dynamics
-from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
-from otwarp.kernels.forces.total import prepare_sphere, sphere_total
+from otwarp.kernels.forces.total import sphere_total
+from otwarp.kernels.optics.traps import anchored, commanded_still, trap_force_term
 
 _PI = wp.constant(3.141592653589793)
 
 
 def bead_constants_term(f: Features) -> wp.Function:
     """`(model, control, world, b) -> BeadConstants` of a lone sphere."""
-    prepared = prepare_sphere(f)
+    # in one function: a struct that goes from row to row of `FORCES` is copied, which doubled a CPU's step
+    prepare = trap_force_term(f.trap_models).prepare if f.trap_models else None
 
     @wp.func
     def bead_constants(model: ModelData, control: ControlData, world: int, b: int) -> BeadConstants:
-        """μ dt [µm/pN], thermal spread √(2 k_B T μ dt) [µm], and what it carries for the forces of `FORCES`."""
+        """μ dt [µm/pN], thermal spread √(2 k_B T μ dt) [µm], weight [pN], and the constants of at most two traps."""
         bead = BeadConstants()
         dt = wp.float32(model.time_step)
         viscosity = viscosity_of(model, world)
@@ -32,7 +34,25 @@ def bead_constants_term(f: Features) -> wp.Function:
         if wp.static(f.brownian):
             energy = thermal_energy_of(model, world)
             bead.spread = wp.sqrt(2.0 * energy * bead.mobility_dt)
-        return prepared(model, control, bead, world, b)
+        if wp.static(f.gravity):
+            bead.weight = model.body.weight[b]
+        if wp.static(bool(f.trap_models)):
+            element = model.body.trapped_start[b]
+            if element < model.body.trapped_start[b + 1]:
+                bead.trapped = 1
+                bead.radius = model.body.trapped[element][3]
+                bead.kind = model.body.trapped_kind[element]
+                if wp.static(f.traps <= FEW_TRAPS):
+                    bead.first = prepare(model.traps, world, 0, bead.radius, bead.kind)
+                    bead.first_anchor = commanded_still(model.traps, control, world, 0, wp.float64(0.0))
+                    if wp.static(f.still_traps):
+                        bead.first_anchor = anchored(bead.first, bead.first_anchor)
+                if wp.static(f.traps == FEW_TRAPS):
+                    bead.second = prepare(model.traps, world, 1, bead.radius, bead.kind)
+                    bead.second_anchor = commanded_still(model.traps, control, world, 1, wp.float64(0.0))
+                    if wp.static(f.still_traps):
+                        bead.second_anchor = anchored(bead.second, bead.second_anchor)
+        return bead
 
     return bead_constants
 

@@ -64,7 +64,6 @@ class ForceRow:
         local: Whether it depends on where a lone sphere is, so that an integrator's second look finds another one.
         local_on_rigid: Whether it depends on where a rigid body is, or on how it is turned.
         acts: Factory of `(model, b) -> bool`, whether it can act on body b; None: on any.
-        prepare: Factory of `(model, control, bead, world, b) -> BeadConstants`, with what a lone sphere carries for it.
         on_sphere: Factory of `(model, control, state, bead, world, b, position, time) -> vec3` [pN], on a lone sphere.
         on_body: Factory of `(model, control, state, body, world, b, pose, time) -> Wrench`, on a rigid body.
         sphere_stiffness: Factory of the symmetric part of −∂F/∂x on a sphere [pN/µm], arguments as `on_sphere`.
@@ -82,7 +81,6 @@ class ForceRow:
     local: bool = True
     local_on_rigid: bool = True
     acts: Callable[[Features], wp.Function] | None = None
-    prepare: Callable[[Features], wp.Function] | None = None
     on_sphere: Callable[[Features], wp.Function] | None = None
     on_body: Callable[[Features], wp.Function] | None = None
     sphere_stiffness: Callable[[Features], wp.Function] | None = None

@@ -7,19 +7,6 @@ from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pos
 from otwarp.kernels.forces.force import BodyFacts, Load
 
 
-def prepare_weight(f: Features) -> wp.Function:
-    """`(model, control, bead, world, b) -> BeadConstants` of a lone sphere with its weight."""
-
-    @wp.func
-    def prepared(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
-        """`bead` with (ρ − ρ_medium) V g [pN]."""
-        out = bead
-        out.weight = model.body.weight[b]
-        return out
-
-    return prepared
-
-
 def weight_of_sphere(f: Features) -> wp.Function:
     """`(model, control, state, bead, world, b, position, time) -> vec3` [pN]."""
 

@@ -4,9 +4,9 @@ from otwarp.kernels.body_forces.body_force import BodyForce
 from otwarp.kernels.body_forces.external import EXTERNAL
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.forces.force import ForceRow
-from otwarp.kernels.forces.gravity import prepare_weight, weight_load, weight_of_body, weight_of_sphere
+from otwarp.kernels.forces.gravity import weight_load, weight_of_body, weight_of_sphere
 from otwarp.kernels.forces.parametric import parametric_on_body, parametric_on_sphere
-from otwarp.kernels.forces.traps import is_trapped, prepare_traps, trap_kinds, traps_on_sphere
+from otwarp.kernels.forces.traps import is_trapped, trap_kinds, traps_on_sphere
 from otwarp.kernels.optics.trap_wrench import trap_wrench_term, wrench_stiffness_term
 
 
@@ -37,7 +37,6 @@ FORCES: dict[str, ForceRow] = {
         why=lambda f: "models: " + ", ".join(f.trap_models),
         why_not="no trap, or no sphere that traps act on",
         acts=lambda f: is_trapped,
-        prepare=prepare_traps,
         on_sphere=lambda f: traps_on_sphere(f, "force"),
         on_body=trap_wrench_term,
         sphere_stiffness=lambda f: traps_on_sphere(f, "stiffness"),
@@ -50,7 +49,6 @@ FORCES: dict[str, ForceRow] = {
         why=lambda f: "ot:scene:gravity",
         why_not="ot:scene:gravity is false",
         local=False,
-        prepare=prepare_weight,
         on_sphere=weight_of_sphere,
         on_body=weight_of_body,
         load=weight_load,

@@ -19,28 +19,6 @@ from otwarp.kernels.forces.table import active_forces
 from otwarp.kernels.forces.zeros import ZEROS, no_body_stiffness, no_wrench
 
 
-def prepare_sphere(f: Features) -> wp.Function:
-    """`(model, control, bead, world, b) -> BeadConstants` of a lone sphere, with what it carries for its forces."""
-
-    @wp.func
-    def unchanged(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
-        """`bead`: no force needs more of it."""
-        return bead
-
-    def both(one: wp.Function, other: wp.Function) -> wp.Function:
-        """One after the other."""
-
-        @wp.func
-        def prepared(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
-            """`bead` with what the rows so far and the next row read of it."""
-            return other(model, control, one(model, control, bead, world, b), world, b)
-
-        return prepared
-
-    terms = [row.prepare(f) for row in active_forces(f) if row.prepare]
-    return reduce(both, terms) if terms else unchanged
-
-
 def sphere_total(f: Features, what: str) -> wp.Function:
     """`(model, control, state, bead, world, b, position, time)` → total `force` [pN] or `stiffness` [pN/µm]."""
     rows = active_forces(f)

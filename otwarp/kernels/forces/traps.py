@@ -4,13 +4,13 @@ import warp as wp
 
 from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.keyframes import Piece
-from otwarp.kernels.core.packed import point_of, power_of, radius_of
+from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_wrench import anchor_of, piece_command_term, reach_term, trap_command_term
-from otwarp.kernels.optics.traps import AUTHORED, anchored, commanded_still, piece_terms, trap_force_term
+from otwarp.kernels.optics.traps import AUTHORED, anchored, piece_terms, trap_force_term
 
 
 def trap_kinds(f: Features) -> list[Term]:
@@ -23,34 +23,6 @@ def trap_kinds(f: Features) -> list[Term]:
 def is_trapped(model: ModelData, b: int) -> bool:
     """Whether traps act on some sphere of body b."""
     return model.body.trapped_start[b + 1] > model.body.trapped_start[b]
-
-
-def prepare_traps(f: Features) -> wp.Function:
-    """`(model, control, bead, world, b) -> BeadConstants`: the lone sphere as traps see it, and up to two of these."""
-    prepare = trap_force_term(f.trap_models).prepare
-
-    @wp.func
-    def prepared(model: ModelData, control: ControlData, bead: BeadConstants, world: int, b: int) -> BeadConstants:
-        """`bead` with its radius [µm] and kind, and laws and anchors [µm, mW] of the traps of a scene with few."""
-        out = bead
-        element = model.body.trapped_start[b]
-        if element < model.body.trapped_start[b + 1]:
-            out.trapped = 1
-            out.radius = radius_of(model.body.trapped[element])
-            out.kind = model.body.trapped_kind[element]
-            if wp.static(f.traps <= FEW_TRAPS):
-                out.first = prepare(model.traps, world, 0, out.radius, out.kind)
-                out.first_anchor = commanded_still(model.traps, control, world, 0, wp.float64(0.0))
-                if wp.static(f.still_traps):
-                    out.first_anchor = anchored(out.first, out.first_anchor)
-            if wp.static(f.traps == FEW_TRAPS):
-                out.second = prepare(model.traps, world, 1, out.radius, out.kind)
-                out.second_anchor = commanded_still(model.traps, control, world, 1, wp.float64(0.0))
-                if wp.static(f.still_traps):
-                    out.second_anchor = anchored(out.second, out.second_anchor)
-        return out
-
-    return prepared
 
 
 def few_command_term(f: Features) -> wp.Function:

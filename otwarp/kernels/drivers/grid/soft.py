@@ -26,7 +26,6 @@ from otwarp.kernels.drivers.grid.data import GridData
 from otwarp.kernels.drivers.grid.move import BLOCK, bead_move_term, draw_block_term
 from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS, check_moved, next_in_cells_term
 from otwarp.kernels.drivers.grid.slot_lists import touching_pairs_term
-from otwarp.kernels.forces.total import prepare_sphere
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
 
@@ -257,10 +256,9 @@ def step_alike_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, grid, world, i, last, block, k, sums) -> int`: one step of some slots.
 
     From slot i on, up to `last` − 1, as far as the constants of the first serve; returns the next slot. Spheres of one
-    shape that no trap acts on have all in common but what each carries for its forces.
+    shape that no trap acts on have all but their weight in common.
     """
     bead_constants = bead_constants_term(f)
-    prepared = prepare_sphere(f)
     step_slot = step_slot_term(f)
 
     @wp.func
@@ -275,6 +273,8 @@ def step_alike_term(f: Features) -> wp.Function:
         bead = bead_constants(model, control, world, b)
         alike = bool(True)
         while alike:
+            if wp.static(f.gravity):
+                bead.weight = model.body.weight[b]
             at = k + i - first
             noise = block + wp.uint64(4 * 3 * (at - at % BLOCK))
             step_slot(model, control, state, readout, grid, world, i, bead, noise, at % BLOCK, sums[at])
@@ -283,7 +283,6 @@ def step_alike_term(f: Features) -> wp.Function:
             if alike:
                 b = grid.order[grid.turn[0], i]
                 alike = model.body.shape[b] == shape
-                bead = prepared(model, control, bead, world, b)
         return i
 
     return step_alike
