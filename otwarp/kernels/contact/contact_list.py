@@ -84,7 +84,7 @@ class Entry:
 
 @wp.func
 def entry_at(listed: ContactList, i: int) -> Entry:
-    """Entry i, read at once."""
+    """Entry i with the fields and units of `ContactList`, read at once so that loads do not wait for each other."""
     return Entry(listed.pair[i], listed.face[i], listed.law[i], listed.path[i], listed.depth[i])
 
 
