@@ -14,8 +14,18 @@ PATIENCE = 60.0
 """Seconds after which a test that waits for the thread fails instead of hanging; nothing is measured by it."""
 FUNCTIONS = (
     *("openID", "openSerial", "close", "stop", "enableForce", "setForce", "getPosition", "getButtonMask"),
-    *("getDeviceCount", "getSerialNumber", "getSystemName", "getSystemType", "errorGetLastStr"),
+    *("getDeviceCount", "getSerialNumber", "getSystemName", "getSystemType", "errorGetLastStr", "getStatus"),
 )
+EXPERT = ("enableExpertMode", "disableExpertMode", "setWatchdog")
+"""Of `forcedimension_core.dhd.expert`."""
+
+
+@dataclass
+class Status:
+    """What otwarp reads of `forcedimension_core.containers.Status`."""
+
+    force: bool = False
+    forceoffcause: int = 0
 
 
 @dataclass
@@ -35,6 +45,9 @@ class Robot:
     open: bool = False
     enabled: bool = False
     braked: bool = False
+    watchdog: int | None = 0
+    """Ticks; None where the firmware has none."""
+    off_by: int = 0
     turns: int = 0
     threads: set[str] = field(default_factory=set)
 
@@ -45,6 +58,7 @@ class Dhd:
     def __init__(self, *robots: Robot):
         self.robots = list(robots)
         self.mistakes: list[str] = []
+        self.expert = False
         self.changed = threading.Condition()
         self._error = threading.local()
 
@@ -53,8 +67,17 @@ class Dhd:
         package, dhd = ModuleType("forcedimension_core"), ModuleType("forcedimension_core.dhd")
         for name in FUNCTIONS:
             setattr(dhd, name, getattr(self, name))
+        dhd.expert = ModuleType("forcedimension_core.dhd.expert")  # type: ignore[attr-defined]
+        for name in EXPERT:
+            setattr(dhd.expert, name, getattr(self, name))
         package.dhd = dhd  # type: ignore[attr-defined]
         return package
+
+    def containers(self) -> ModuleType:
+        """What `import forcedimension_core.containers` shall find."""
+        module = ModuleType("forcedimension_core.containers")
+        module.Status = Status  # type: ignore[attr-defined]
+        return module
 
     def turn(self, robot: Robot, n: int = 2) -> None:
         """Wait until a robot was served n times more, the last time with what is so now."""
@@ -122,6 +145,27 @@ class Dhd:
             self._error.text = "device not ready"
             return -1
         robot.enabled, robot.braked = enable, False
+        return 0
+
+    def getStatus(self, out: Status, ID: int = -1) -> int:
+        if (robot := self._robot(ID, "getStatus")) is None:
+            return -1
+        out.force, out.forceoffcause = robot.enabled, robot.off_by
+        return 0
+
+    def enableExpertMode(self) -> int:
+        self.expert = True
+        return 0
+
+    def disableExpertMode(self) -> int:
+        self.expert = False
+        return 0
+
+    def setWatchdog(self, duration: int, ID: int = -1) -> int:
+        robot = self._robot(ID, "setWatchdog")
+        if robot is None or not self.expert or robot.watchdog is None:
+            return -1
+        robot.watchdog = duration
         return 0
 
     def getSystemType(self, ID: int = -1) -> int:

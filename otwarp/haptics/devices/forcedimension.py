@@ -7,6 +7,9 @@ writes wakes it, it sets the force and gets position and buttons. An `Exchange` 
 The SDK's axes are x towards the user, y right, z up (as CHAI3D, which takes its positions unchanged, documents them);
 ours are x right, y up, z towards the user.
 
+The SDK ends with its process. What takes the force of a servo off that was killed or stopped is the watchdog in the
+device's firmware, `WATCHDOG`, which some models lack.
+
 Never met hardware, nor the SDK: tests put a module with the package's functions in its place.
 """
 
@@ -36,6 +39,13 @@ PACE = 0.01
 """Seconds without a write of the servo after which the device is served all the same, so that its force fades."""
 STOP_WITHIN = 1.0
 """Seconds for the thread to end; a call of the SDK takes about one millisecond."""
+TICK = 125e-6
+"""Unit of the firmware's watchdog [s]."""
+WATCHDOG = 255
+"""Ticks without a force after which the firmware takes all forces off: the most that there is, 32 ms, as CHAI3D sets
+it; three times `PACE`."""
+OFF_BY_WATCHDOG = 3
+"""The SDK's number (`ForceOffCause`) for forces that the watchdog took off; they stay off until enabled again."""
 TIMEGUARD = 1
 """What the SDK returns when it was asked again too early: the position is the one before."""
 MOST_SERIAL, MOST_INDEX = 0xFFFF, 255
@@ -78,6 +88,15 @@ def last_error(dhd: Any) -> str:
     return " ".join(str(dhd.errorGetLastStr()).split()) or "error of the SDK"
 
 
+def watch(dhd: Any, number: int) -> bool:
+    """Set the watchdog of an open device's firmware; whether the device has one."""
+    dhd.expert.enableExpertMode()
+    try:
+        return dhd.expert.setWatchdog(WATCHDOG, number) >= 0
+    finally:
+        dhd.expert.disableExpertMode()
+
+
 def largest_force(dhd: Any, number: int) -> float:
     """Largest force of an open device [N], by its type."""
     return LARGEST_FORCE.get(int(dhd.getSystemType(number)), OTHER_FORCE)
@@ -91,6 +110,9 @@ class ForceDimensionDevice:
         index: Place among the devices that are found; changes when one is added or removed.
         name: As the user named it.
         clock: Of the force's age [s].
+
+    Attributes:
+        watched: Whether the firmware takes forces off when this process cannot.
     """
 
     def __init__(
@@ -102,6 +124,7 @@ class ForceDimensionDevice:
     ):
         self._serial, self._index, self._name, self._clock = serial, index, name, clock
         self._force = OTHER_FORCE
+        self.watched = False
         self._service: Service | None = None
 
     @property
@@ -132,11 +155,12 @@ class ForceDimensionDevice:
                 dhd.close(number)
                 raise InputError(f"device {self._name!r}: forces cannot be enabled: {why}")
             self._force = largest_force(dhd, number)
+            self.watched = watch(dhd, number)
             # places change when a device is unplugged; the one that comes back must be the same
             if self._serial is None and (serial := dhd.getSerialNumber(number)) > 0:
                 self._serial = serial
             _open.add(number)
-        self._service = Service(dhd, number, Exchange(self._name, self._clock))
+        self._service = Service(dhd, number, Exchange(self._name, self._clock), self._clock)
         self._service.start()
 
     def _find(self, dhd: Any) -> int:
@@ -179,10 +203,12 @@ class Service:
         dhd: Functions of the SDK.
         number: The SDK's id of the device.
         exchange: Where the servo meets it.
+        clock: Of the time between two forces [s].
     """
 
-    def __init__(self, dhd: Any, number: int, exchange: Exchange):
-        self._dhd, self._number, self.exchange = dhd, number, exchange
+    def __init__(self, dhd: Any, number: int, exchange: Exchange, clock: Callable[[], float]):
+        self._dhd, self._number, self.exchange, self._clock = dhd, number, exchange, clock
+        self._sent = clock()
         self.wake = threading.Event()
         self._stopping = False
         self._place = [0.0, 0.0, 0.0]
@@ -212,6 +238,10 @@ class Service:
     def _turn(self) -> None:
         """One exchange with the device. The SDK keeps its last error per thread, so it is asked for here."""
         dhd, number, place = self._dhd, self._number, self._place
+        now = self._clock()
+        if now - self._sent > WATCHDOG * TICK:
+            self._enable_again()
+        self._sent = now
         x, y, z = self.exchange.force()
         set_force = dhd.setForce((z, x, y), number)
         got_position = dhd.getPosition(place, number) if set_force >= 0 else -1
@@ -219,6 +249,13 @@ class Service:
             self.exchange.lose(last_error(dhd))
         elif got_position != TIMEGUARD:
             self.exchange.put((place[1], place[2], place[0]), dhd.getButtonMask(number))
+
+    def _enable_again(self) -> None:
+        """After a silence, enable the forces that the watchdog took off; not those that the user did, by the button."""
+        status = import_module("forcedimension_core.containers").Status()
+        known = self._dhd.getStatus(status, self._number) >= 0
+        if known and not status.force and status.forceoffcause == OFF_BY_WATCHDOG:
+            self._dhd.enableForce(True, self._number)
 
     def _let_go(self) -> None:
         dhd, number = self._dhd, self._number

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import inspect
 import json
@@ -19,7 +20,7 @@ from otwarp.haptics.devices import create_device, forcedimension, parse_devices
 from otwarp.haptics.devices.exchange import GONE, HOLD
 from otwarp.haptics.devices.forcedimension import ForceDimensionDevice, find_devices
 from tests.haptics.devices.conftest import ServedHand, ended
-from tests.haptics.dhd_double import FUNCTIONS, Dhd, Robot
+from tests.haptics.dhd_double import EXPERT, FUNCTIONS, Dhd, Robot, Status
 
 INSTALLED = importlib.util.find_spec("forcedimension_core") is not None
 
@@ -28,8 +29,9 @@ INSTALLED = importlib.util.find_spec("forcedimension_core") is not None
 def dhd(monkeypatch):
     dhd = Dhd(Robot(10742), Robot(0, 60, "Falcon"))
     monkeypatch.setitem(sys.modules, "forcedimension_core", dhd.module())
+    monkeypatch.setitem(sys.modules, "forcedimension_core.containers", dhd.containers())
     yield dhd
-    assert dhd.mistakes == [] and not forcedimension._open
+    assert dhd.mistakes == [] and not dhd.expert and not forcedimension._open
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("forcedimension ")]
     assert not any(robot.open for robot in dhd.robots)
 
@@ -78,6 +80,29 @@ def test_the_force_of_a_servo_that_died_falls_to_zero(device, dhd, clock, age):
     expected = 3.0 * min(1.0, max(0.0, (GONE - age) / (GONE - HOLD)))
     assert dhd.robots[0].force[2] == pytest.approx(expected, rel=1e-9, abs=1e-15)
     assert max(math.hypot(*force) for force in dhd.robots[0].forces) <= 3.0
+
+
+def test_the_firmware_takes_off_what_a_killed_servo_left(device, dhd, clock):
+    """Nothing else can: the SDK ends with its process."""
+    assert dhd.robots[0].watchdog == forcedimension.WATCHDOG and device.watched
+    most = forcedimension.WATCHDOG * forcedimension.TICK
+    assert 3.0 * forcedimension.PACE < most < GONE
+    dhd.robots[1].watchdog = None
+    without = ForceDimensionDevice(index=1, clock=clock)
+    without.open()
+    assert not without.watched
+    without.close()
+
+
+@pytest.mark.parametrize(("off_by", "comes_back"), [(forcedimension.OFF_BY_WATCHDOG, True), (1, False)])
+def test_after_a_silence_it_enables_what_the_watchdog_took_off(device, dhd, clock, off_by, comes_back):
+    robot = dhd.robots[0]
+    robot.enabled, robot.off_by = False, off_by
+    dhd.turn(robot, 3)
+    assert not robot.enabled  # no silence: nothing is asked
+    clock.now += 0.05
+    dhd.turn(robot, 3)
+    assert robot.enabled is comes_back
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
@@ -274,8 +299,12 @@ def test_the_double_has_the_signatures_of_the_package():
     program = (
         "import inspect, json; from forcedimension_core import dhd\n"
         f"print(json.dumps({{n: list(inspect.signature(getattr(dhd, n)).parameters) for n in {FUNCTIONS!r}}}))\n"
-        "from forcedimension_core.constants import DeviceType, TIMEGUARD\n"
-        "print(json.dumps([TIMEGUARD, {t.name: t.value for t in DeviceType}]))"
+        f"expert = {{n: list(inspect.signature(getattr(dhd.expert, n)).parameters) for n in {EXPERT!r}}}\n"
+        "print(json.dumps(expert))\n"
+        "from forcedimension_core.containers import Status\n"
+        "print(json.dumps([name for name, _ in Status._fields_]))\n"
+        "from forcedimension_core.constants import DeviceType, ForceOffCause, TIMEGUARD\n"
+        "print(json.dumps([TIMEGUARD, ForceOffCause.WATCHDOG.value, {t.name: t.value for t in DeviceType}]))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -284,9 +313,11 @@ def test_the_double_has_the_signatures_of_the_package():
         text=True,
         check=True,
     )
-    signatures, (timeguard, types) = map(json.loads, done.stdout.splitlines())
+    signatures, expert, fields, (timeguard, watchdog, types) = map(json.loads, done.stdout.splitlines())
     dhd = Dhd()
     assert signatures == {name: list(inspect.signature(getattr(dhd, name)).parameters) for name in FUNCTIONS}
-    assert timeguard == forcedimension.TIMEGUARD
+    assert expert == {name: list(inspect.signature(getattr(dhd, name)).parameters) for name in EXPERT}
+    assert {field.name for field in dataclasses.fields(Status)} <= set(fields)
+    assert (timeguard, watchdog) == (forcedimension.TIMEGUARD, forcedimension.OFF_BY_WATCHDOG)
     known = {types[name] for name in types if name.startswith(("FALCON", "DELTA", "OMEGA"))}
     assert known == set(forcedimension.LARGEST_FORCE)
