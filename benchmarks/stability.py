@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks import headlines
-from benchmarks.report import PAGES, Section, check_places, options, run, save_json, write_pages
+from benchmarks.report import PAGES, Section, check_places, options, positive, run, save_json, write_pages
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.stability.measure import bench_stability
@@ -21,12 +21,15 @@ def measure(
     rounds: int = 1,
     quick: bool = True,
     long: bool = False,
+    processes: int = 1,
     effort: Effort | None = None,
 ) -> Section:
     """All grids, or those named; see `bench_stability`. Nothing is timed: `rounds` does not count."""
     place = pick_device(device)
     machine = Machine.look(place)
-    found = bench_stability(grids=grids, device=device, quick=quick and not long, long=long, effort=effort)
+    found = bench_stability(
+        grids=grids, device=device, quick=quick and not long, long=long, processes=processes, effort=effort
+    )
     # the heads of the columns are numbers; what they are stands in the first
     tables = [Table(title=g.title, head=head(g), rows=letters(g), note=stated(g)) for g in found.grids]
     if tables:
@@ -43,11 +46,16 @@ def main() -> None:
     parser.add_argument("--grid", nargs="+", default=(), help="grids to run")
     parser.add_argument("--full", action="store_true", help="all worlds and scenes")
     parser.add_argument("--long", action="store_true", help="also runs of 10⁸ steps")
+    parser.add_argument("--processes", type=positive, default=1, help="cells that run at a time")
     parser.add_argument("--write", action="store_true", help="rewrite the tables of docs/benchmarks")
     arguments = parser.parse_args()
     check_places(arguments.out, (PAGES / "stability.md", headlines.SUMMARY) if arguments.write else ())
     section = measure(
-        arguments.device, grids=arguments.grid, quick=not (arguments.full or arguments.long), long=arguments.long
+        arguments.device,
+        grids=arguments.grid,
+        quick=not (arguments.full or arguments.long),
+        long=arguments.long,
+        processes=arguments.processes,
     )
     print(section.markdown())
     if arguments.out:

@@ -19,7 +19,7 @@ from otwarp.bench.scenes import PLACE, bead, resting, robot, scene, spring
 from otwarp.bench.stability import random_scenes
 from otwarp.bench.stability.grids import GRIDS, INTEGRATORS
 from otwarp.bench.stability.laws import time_in_a_well
-from otwarp.bench.stability.measure import bench_stability, chosen_grids
+from otwarp.bench.stability.measure import Task, bench_stability, chosen_grids, run_tasks
 from otwarp.bench.stability.mechanical import dragged_bead, first_overlap, pressed_pair, pulled_onto, trap_jump
 from otwarp.bench.stability.table import plain
 from otwarp.bench.stability.thermal import (
@@ -143,6 +143,7 @@ def test_cells_of_all_grids_have_places_of_their_own(effort):
     [
         ({"grids": ["chess"]}, "--grid is 'chess'; allowed: step, laws, power"),
         ({"quick": True, "long": True}, "--quick comes with --long"),
+        ({"processes": 0}, "--processes is 0; allowed: 1 or more"),
     ],
 )
 def test_bad_input(options, words):
@@ -171,6 +172,13 @@ def test_a_grid_holds_what_its_cells_found(effort, tmp_path: Path):
     read = json.loads(file.read_text())
     assert read["counts"]["accurate"] == 36 and len(read["grids"][0]["cells"]) == 54
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_cells_are_the_same_in_other_processes(effort):
+    tasks = [Task(effort=effort, grid="overlap", number=n) for n in (5, 4, 8)]
+    alone, beside = (dict(run_tasks(tasks, n)) for n in (1, 2))
+    assert alone == beside
+    assert [alone[t].verdict.value for t in tasks] == ["A", "A", "R"]
 
 
 def test_springs_beads_and_robots_are_as_accurate_as_predicted(effort):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,12 +106,48 @@ def chosen_grids(names: Sequence[str], *, quick: bool) -> tuple[StressGrid, ...]
     return tuple(g for g in GRIDS if g.name in names or (not names and not (quick and g.full_only)))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """One cell to run.
+
+    Attributes:
+        effort: How hard to try.
+        grid: Name of its grid.
+        number: Its place among the cells of the grid, in reading order.
+    """
+
+    effort: Effort
+    grid: str
+    number: int
+
+    def run(self) -> Cell:
+        """The cell; the same in whatever process."""
+        grid = next(g for g in GRIDS if g.name == self.grid)
+        row, column, measure = list(grid.cells(self.effort))[self.number]
+        return judge(row, column, measure)
+
+
+def run_tasks(tasks: Sequence[Task], processes: int) -> Iterator[tuple[Task, Cell]]:
+    """Run cells, as they get done. With several processes those of all grids side by side, as each has its kernels."""
+    if processes == 1:
+        yield from ((task, task.run()) for task in tasks)
+        return
+    # a fresh interpreter each: warnings belong to a process, and Warp does not outlive a fork
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        yield from pool.imap_unordered(_run, sorted(tasks, key=lambda task: task.number))
+
+
+def _run(task: Task) -> tuple[Task, Cell]:
+    return task, task.run()
+
+
 def bench_stability(
     *,
     grids: Sequence[str] = (),
     device: str | None = None,
     quick: bool = False,
     long: bool = False,
+    processes: int = 1,
     effort: Effort | None = None,
     note: Note = lambda text: None,
 ) -> StabilityBench:
@@ -121,26 +158,36 @@ def bench_stability(
         device: `cpu`, `cuda:0`, … or None for the best available.
         quick: Fewer worlds and scenes, and without the grids that take long to compile.
         long: Runs of 10⁸ steps.
+        processes: How many cells run at a time, each in a process; they find the same.
         effort: Instead of those of `quick` and `long`; its device does not count.
         note: Hears what is being done.
 
     Raises:
-        InputError: An unknown grid or device, or both `quick` and `long`.
+        InputError: An unknown grid or device, both `quick` and `long`, or no process.
     """
     if quick and long:
         raise InputError("--quick comes with --long; allowed: one of the two")
+    if processes < 1:
+        raise InputError(f"--processes is {processes}; allowed: 1 or more")
     wanted = chosen_grids(grids, quick=quick)
     place = pick_device(device)
     usual = QUICK if quick else LONG if long else FULL
     numbers = usual if effort is None else {n: v for n, v in vars(effort).items() if n != "device"}
     how = Effort(device=place.alias, **numbers)
-    results = []
-    for grid in wanted:
-        cells = []
-        for row, column, measure in grid.cells(how):
-            note(f"{grid.name}: {row}, {column}")
-            cells.append(judge(row, column, measure))
-        results.append(GridResult(name=grid.name, title=grid.title, axes=grid.axes, cells=tuple(cells)))
+    tasks = [Task(effort=how, grid=g.name, number=n) for g in wanted for n, _ in enumerate(g.cells(how))]
+    found: dict[tuple[str, int], Cell] = {}
+    for task, cell in run_tasks(tasks, processes):
+        note(f"{task.grid}: {cell.row}, {cell.column}")
+        found[task.grid, task.number] = cell
+    results = (
+        GridResult(
+            name=g.name,
+            title=g.title,
+            axes=g.axes,
+            cells=tuple(found[t.grid, t.number] for t in tasks if t.grid == g.name),
+        )
+        for g in wanted
+    )
     return StabilityBench(
         **Machine.look(place).about(),
         effort=how,

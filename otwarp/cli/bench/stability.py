@@ -17,10 +17,19 @@ EXIT_WRONG = 1
 @click.option("--grid", "grids", multiple=True, metavar="NAME", help="Run this grid; may be repeated. Default: all.")
 @click.option("--quick", is_flag=True, help="Fewer worlds and scenes: three minutes on two cores.")
 @click.option("--long", is_flag=True, help="Also runs of 10⁸ steps.")
+@click.option(
+    "--processes", type=click.IntRange(min=1), default=1, metavar="N", help="Cells that run at a time. Default: 1."
+)
 @device_option
 @with_options(*OUTPUT[:2])
 def stability(
-    grids: tuple[str, ...], quick: bool, long: bool, device: str | None, out: Path | None, as_json: bool
+    grids: tuple[str, ...],
+    quick: bool,
+    long: bool,
+    processes: int,
+    device: str | None,
+    out: Path | None,
+    as_json: bool,
 ) -> int:
     """Stress tests: time step, power, stiffness, sizes, overlaps, trap jumps, temperature, long runs, random scenes.
 
@@ -31,7 +40,7 @@ def stability(
     from otwarp.bench.stability.table import plain
 
     output = Output(out=out, as_json=as_json)
-    found = bench_stability(grids=grids, device=device, quick=quick, long=long, note=note)
+    found = bench_stability(grids=grids, device=device, quick=quick, long=long, processes=processes, note=note)
     if sys.stderr.isatty():
         click.echo("\r\x1b[K", nl=False, err=True)
     output.report(found, lambda: click.echo(plain(found)))
