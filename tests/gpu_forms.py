@@ -6,15 +6,20 @@ Threads run one after the other here: what depends on their order shows on a GPU
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import pytest
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation import composition, model, resolved
+from otwarp.simulation.world_scratch import keeps_contacts
 
 
 def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
-    """Bodies one by one instead of in lanes, contacts in sweeps instead of in turns, the world driver in phases."""
+    """Bodies one by one instead of in lanes, contacts in sweeps instead of in turns, the world driver in phases.
+
+    A bead before an obstacle has its contacts in local arrays, as in many worlds.
+    """
     composed = resolved.compose
 
     def compose(*args, **kwargs) -> Features:
@@ -24,3 +29,5 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(resolved, "compose", compose)
     patch.setattr(composition, "_takes_lanes", lambda *about: False)
     patch.setattr(model, "takes_turns", lambda *about: False)
+    gpu = SimpleNamespace(is_cuda=True, sm_count=1)
+    patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))

@@ -44,7 +44,7 @@ from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
 from otwarp.simulation.time_step.softness import soft_contacts, takes_turns
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
-from otwarp.simulation.world_scratch import largest_launch
+from otwarp.simulation.world_scratch import keeps_contacts, largest_launch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -147,7 +147,9 @@ class Model:
         own = options.time_step is None and scene.file is not None
         scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)
         staged = staged_commands(known.scene, scales.time_step, INTEGRATORS[known.features.integrator])
-        features = dataclasses.replace(_stepped_features(known, scales.time_step, place), leaps=staged is not None)
+        features = dataclasses.replace(
+            _stepped_features(known, scales.time_step, place, worlds=worlds), leaps=staged is not None
+        )
         packed = Place(place, options.precision)
         known = dataclasses.replace(known.part(rows), features=features)
         count = rows.stop - rows.start
@@ -263,7 +265,7 @@ def _time_scales(known: ResolvedScene, *, from_scene: bool, allow_large: bool) -
     )
 
 
-def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device) -> Features:
+def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device, *, worlds: int) -> Features:
     """Terms of a step of that length [s]; warns of motion that it would lose."""
     scene, moves, values, features = known.scene, known.moves, known.values, known.features
     soft = soft_contacts(scene, moves, values, features, time_step)
@@ -272,7 +274,9 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device)
     warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
     space = body_space(scene, moves, values, features, time_step)
     by_world = features.driver == "grid" and not soft and fits_a_block(scene)
-    return dataclasses.replace(features, soft_contacts=soft, in_turn=in_turn, body_space=space, by_world=by_world)
+    solved = {"soft_contacts": soft, "in_turn": in_turn, "body_space": space, "by_world": by_world}
+    features = dataclasses.replace(features, **solved)
+    return dataclasses.replace(features, keeps=keeps_contacts(features, worlds, device))
 
 
 def _pack(

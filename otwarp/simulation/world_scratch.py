@@ -8,7 +8,7 @@ import warp as wp
 
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
-from otwarp.kernels.core.features import Features, world_threads
+from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_threads
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
 
@@ -25,6 +25,12 @@ def spread_of(worlds: int, device: wp.Device) -> int:
     while device.is_cuda and spread < WARP and 2 * spread * worlds <= THREADS_PER_MULTIPROCESSOR * device.sm_count:
         spread *= 2
     return spread
+
+
+def keeps_contacts(f: Features, worlds: int, device: wp.Device) -> bool:
+    """Whether a thread has the contacts of its world in local arrays: few ones, in the threads of a full GPU."""
+    listed = f.driver == "world" and f.contacts and not (f.body_space or f.phased)
+    return listed and f.max_contacts <= KEPT_CONTACTS and device.is_cuda and spread_of(worlds, device) == 1
 
 
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
@@ -54,7 +60,7 @@ def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any
 def _lengths(f: Features) -> dict[str, int]:
     """Entries that a world has in each array of the scratch; none where a name is not in it."""
     lengths = {}
-    if f.contacts and f.driver == "world":
+    if f.contacts and f.driver == "world" and not f.keeps:
         unused = unused_fields(f) | (set(SolveRoom.vars) if f.body_space else set())
         lengths = {name: f.max_contacts for name in {**ContactList.vars, **SolveRoom.vars} if name not in unused}
         if "matrix" in lengths:

@@ -1,12 +1,13 @@
 """Memory of the world driver: no more than a scene needs, and threads for few worlds."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation.packing.arrays import Place
-from otwarp.simulation.world_scratch import allocate_world, spread_of
+from otwarp.simulation.world_scratch import allocate_world, keeps_contacts, spread_of
 
 GPU = SimpleNamespace(is_cuda=True, sm_count=132)
 
@@ -15,6 +16,22 @@ def test_few_worlds_are_spread():
     """Up to one thread of a warp, while a GPU has room for as many threads; never on a CPU."""
     assert [spread_of(worlds, GPU) for worlds in (1, 1_024, 2_048, 16_384, 131_072)] == [32, 32, 16, 2, 1]
     assert spread_of(1, wp.get_device("cpu")) == 1
+
+
+def test_many_worlds_of_few_contacts_keep_them():
+    """Where they are solved for forces, on a GPU that is full; then the scratch has nothing."""
+    f = Features(driver="world", obstacles=("plane",), max_contacts=4)
+    assert [keeps_contacts(f, worlds, GPU) for worlds in (1, 16_384, 131_072)] == [False, False, True]
+    for other in (
+        dataclasses.replace(f, body_space=True),
+        dataclasses.replace(f, max_contacts=5),
+        dataclasses.replace(f, obstacles=()),
+        dataclasses.replace(f, phased=True),
+    ):
+        assert not keeps_contacts(other, 131_072, GPU)
+    assert not keeps_contacts(f, 131_072, wp.get_device("cpu"))
+    kept = allocate_world(dataclasses.replace(f, keeps=True), 3, Place(wp.get_device("cpu")))
+    assert kept.whole.size == kept.matrix.size == 0
 
 
 def test_scratch_has_what_the_solver_reads(device):

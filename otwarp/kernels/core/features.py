@@ -11,6 +11,9 @@ MAX_WORLD_BODIES = 24
 MAX_CONTACTS = 64
 """Contacts a world can carry at once when one thread owns it."""
 
+KEPT_CONTACTS = 4
+"""Contacts of a world, at most, that the thread which steps it has room for: those of a bead and an obstacle."""
+
 MAX_BODY_CONTACTS = 24
 """Contacts one body can carry at once when neighbours come from the grid."""
 
@@ -89,6 +92,8 @@ class Features:
         noise: Distribution of the thermal noise, one of `NOISES`.
         episodes: Worlds end and start anew, each with a clock of its own; see `kernels.core.worlds`.
         in_turn: CPU form of the contacts of the `grid` driver: solved one after the other, not all at once in sweeps.
+        keeps: GPU form of the `world` driver for many worlds of few contacts that are solved for their forces: they lie
+            in local arrays, which are read faster, and which a GPU reserves for as many threads as it can hold.
         phased: GPU form of the `world` driver for bodies that turn and touch: a kernel for each stage of a step.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
@@ -128,6 +133,7 @@ class Features:
     noise: str = "gaussian"
     episodes: bool = False
     in_turn: bool = False
+    keeps: bool = False
     phased: bool = False
     lanes: bool = False
     vectors: bool = False

@@ -7,6 +7,7 @@ import warp as wp
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.contact.body_solve import nodes_of
+from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
@@ -19,8 +20,10 @@ from otwarp.kernels.drivers.world_room import (
     BodyRoom,
     CarryRoom,
     ContactRoom,
+    SolveRoom,
     WorldScratch,
     list_in_term,
+    list_of,
     load_bodies_term,
     solve_room_in,
     store_bodies_term,
@@ -340,11 +343,20 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
             carry = CarryRoom(pair, root, force, there, turned, later)
         room = ContactRoom()
         if wp.static(f.contacts):
-            room.listed = list_in(scratch, row)
-            if wp.static(f.body_space):
+            if wp.static(f.keeps):
+                whole = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=Contact)
+                matrix = wp.zeros(shape=(wp.static(f.max_contacts**2),), dtype=float)
+                gap = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                right = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                pivot = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=float)
+                order = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+                on = wp.zeros(shape=(wp.static(f.max_contacts),), dtype=int)
+                room = ContactRoom(list_of(whole), SolveRoom(matrix, gap, right, pivot, order, on), room.moved)
+            elif wp.static(f.body_space):
                 moved = wp.zeros(shape=(wp.static(nodes_of(f)),), dtype=wp.vec3)
-                room = ContactRoom(room.listed, room.solve, moved)
+                room = ContactRoom(list_in(scratch, row), room.solve, moved)
             else:
+                room.listed = list_in(scratch, row)
                 room.solve = solve_room_in(scratch, row)
         load_bodies(state, world, body)
         for i in range(steps):

@@ -88,6 +88,13 @@ class CarryRoom:
     later: wp.array(dtype=vec6)  # drift there
 
 
+@wp.func
+def list_of(whole: wp.array(dtype=Contact)) -> ContactList:
+    """A list of whole records."""
+    no = ContactList()
+    return ContactList(whole, no.pair, no.face, no.law, no.path, no.depth, no.arm_a, no.arm_b, no.ridge, no.drift)
+
+
 def list_in_term(f: Features) -> wp.Function:
     """`(scratch, row) -> ContactList`: a world's list in the scratch of all."""
 
