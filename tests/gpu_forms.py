@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -29,5 +30,5 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(resolved, "compose", compose)
     patch.setattr(composition, "_takes_lanes", lambda *about: False)
     patch.setattr(model, "takes_turns", lambda *about: False)
-    gpu = SimpleNamespace(is_cuda=True, sm_count=1)
+    gpu: Any = SimpleNamespace(is_cuda=True, sm_count=1)
     patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))
