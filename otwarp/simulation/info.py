@@ -245,13 +245,14 @@ def describe(
     model = Model.build(scene, worlds=worlds, device=device, options=options)
     groups = (State.start(model), Control.start(model), Readout.empty(model))
     scales = {k: _finite(v) if not isinstance(v, str | dict) else v for k, v in vars(model.scales).items()}
+    steps = scene.settings.duration / model.time_step
     scales["errors"] = {name: _finite(error) for name, error in model.scales.errors.items()}
     return {
         "scene": str(scene.file or scene.root),
         "root": scene.root,
         "duration": scene.settings.duration,
         "frames_per_second": scene.settings.frames_per_second,
-        "steps": round(scene.settings.duration / model.time_step),
+        "steps": round(steps) if math.isfinite(steps) else None,
         "worlds": worlds,
         "device": model.device.alias,
         "driver": model.features.driver,

@@ -133,7 +133,7 @@ def run_tasks(tasks: Sequence[Task], processes: int) -> Iterator[tuple[Task, Cel
         yield from ((task, task.run()) for task in tasks)
         return
     # a fresh interpreter each: warnings belong to a process, and Warp does not outlive a fork
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+    with multiprocessing.get_context("spawn").Pool(min(processes, len(tasks))) as pool:
         yield from pool.imap_unordered(_run, sorted(tasks, key=lambda task: task.number))
 
 

@@ -13,7 +13,10 @@ from otwarp.kernels.contact.contact import overlap_alone as end_alone
 from otwarp.kernels.contact.excursion import (
     FARTHEST,
     LAYER,
+    RESOLVED,
     SOFT,
+    YIELD_APART,
+    YIELD_IN,
     excursion_term,
     kept_reach,
     obstacle_name,
@@ -84,6 +87,13 @@ def draws(device, given, names, *, step: int = 7, energy: float = ENERGY, warm: 
     return got
 
 
+def thermal_layer(hardness: float, give: float, overlap: float) -> float:
+    """Depth [µm] of the thermal layer of a contact."""
+    depth = (2.5 * ENERGY / hardness) ** 0.4
+    kappa = 1.5 * hardness * np.sqrt(depth) * give
+    return depth * (LAYER - (YIELD_IN if overlap > 0.0 else YIELD_APART) / (1.0 + kappa / RESOLVED))
+
+
 def numbered(n: int) -> np.ndarray:
     return np.stack([np.arange(n), np.arange(n) + 3], axis=1)
 
@@ -127,7 +137,7 @@ def test_the_load_is_that_of_the_twin(device):
     for (d, o, k, give), (wander, layer, load, _) in zip(given.astype(float), got, strict=True):
         if wander == 0.0:
             continue
-        assert layer == pytest.approx(LAYER * (2.5 * ENERGY / k) ** 0.4, rel=ROUNDING)
+        assert layer == pytest.approx(thermal_layer(k, give, d), rel=ROUNDING)
         lower = max(0.5 * (o + np.sqrt(o * o + wander)) - layer, 0.0)
         reach = d - o + lower
         if reach > 1e-4 * SPREAD:
