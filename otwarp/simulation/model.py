@@ -154,10 +154,7 @@ class Model:
         known = dataclasses.replace(known.part(rows), features=features)
         count = rows.stop - rows.start
         room = exact_room(known.optics, largest_launch(features, count, place), place)
-        data, meshes, force_data = _pack(known, scales.time_step, seed, staged, room, packed)
-        data.first_world = wp.int32(rows.start)
-        data.worlds, episode_data = pack_worlds(count if features.episodes else 0, rows.start, packed)
-        data.inlets, inlet_data = pack_inlets(known.scene, packed)
+        data, kept = _pack(known, scales.time_step, seed, rows, staged, room, packed)
         resolved: dict[str, Any] = {
             f.name: getattr(known, f.name) for f in dataclasses.fields(cls) if hasattr(known, f.name)
         }
@@ -171,10 +168,7 @@ class Model:
             device=place,
             scales=scales,
             data=data,
-            meshes=meshes,
-            force_data=force_data,
-            episode_data=episode_data,
-            inlet_data=inlet_data,
+            **kept,
             exact_room=room,
         )
 
@@ -280,9 +274,15 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device,
 
 
 def _pack(
-    known: ResolvedScene, time_step: float, seed: int, staged: list[Samples] | None, room: wp.array, place: Place
-) -> tuple[Annotated[Any, ModelData], list[wp.Mesh], list[Any]]:
-    """The kernels' view, and the meshes and parameters of forces that it refers to."""
+    known: ResolvedScene,
+    time_step: float,
+    seed: int,
+    rows: slice,
+    staged: list[Samples] | None,
+    room: wp.array,
+    place: Place,
+) -> tuple[Annotated[Any, ModelData], dict[str, list[Any]]]:
+    """The kernels' view of the worlds `rows`, and by their names in `Model` the data that it refers to."""
     scene, moves, values, optics, features = known.scene, known.moves, known.values, known.optics, known.features
     data = place.typed(ModelData)()
     data.bodies = len(scene.bodies)
@@ -299,7 +299,11 @@ def _pack(
     data.traps = pack_traps(scene, values, held, known.held_range, optics, staged, room, place)
     data.time_step = wp.float64(time_step)
     data.seed = wp.uint32(seed)
-    return data, meshes, force_data
+    data.first_world = wp.int32(rows.start)
+    data.worlds, episode_data = pack_worlds(rows.stop - rows.start if features.episodes else 0, rows.start, place)
+    data.inlets, inlet_data = pack_inlets(scene, place)
+    kept = {"meshes": meshes, "force_data": force_data, "episode_data": episode_data, "inlet_data": inlet_data}
+    return data, kept
 
 
 def _held_spheres(scene: Scene, held: tuple[tuple[int, int], ...], moves: list[BodyMobility]) -> list[HeldSphere]:

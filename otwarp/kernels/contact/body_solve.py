@@ -226,11 +226,9 @@ def line_at(listed: ContactList, i: int, opening: float, first: bool) -> Line:
     return line
 
 
-def gather_term(f: Features) -> wp.Function:
-    """`(model, world, listed, count, position, rotation, first, space)`: all that one of Newton's steps needs."""
+def moved_at_term(f: Features) -> wp.Function:
+    """`(model, b, arm, space) -> way`: how far a point of a body has come."""
     turning = turning_term(f)
-    start_matrix = start_matrix_term(f)
-    join_bodies = join_bodies_term(f)
 
     @wp.func
     def moved_at(model: ModelData, b: int, arm: wp.vec3, space: SpaceRoom) -> wp.vec3:
@@ -242,6 +240,15 @@ def gather_term(f: Features) -> wp.Function:
             if turning(model, b):
                 way += wp.cross(space.moved[i + 1], arm)
         return way
+
+    return moved_at
+
+
+def gather_term(f: Features) -> wp.Function:
+    """`(model, world, listed, count, position, rotation, first, space)`: all that one of Newton's steps needs."""
+    turning, moved_at = turning_term(f), moved_at_term(f)
+    start_matrix = start_matrix_term(f)
+    join_bodies = join_bodies_term(f)
 
     @wp.func
     def gather(

@@ -225,10 +225,27 @@ def point_drag_term(f: Features) -> wp.Function:
     return point_drag
 
 
+def point_force_term(f: Features) -> wp.Function:
+    """`(drags, k, move) -> force` that moves the point of body k."""
+    blocks = table(3 * f.bodies, 3)
+
+    @wp.func
+    def point_force(drags: blocks, k: int, move: wp.vec3) -> wp.vec3:
+        """Force [pN] at a point whose block of `drags` [pN/µm] resists a move [µm]."""
+        force = wp.vec3()
+        for r in range(3):
+            for c in range(3):
+                force[r] += drags[3 * k + r, c] * move[c]
+        return force
+
+    return point_force
+
+
 def solve_points_term(f: Features) -> wp.Function:
     """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept) -> float`."""
     turning, point_arm, point_drag = turning_term(f), point_arm_term(f), point_drag_term(f)
     gather_points, solve_system = gather_points_term(f), solve_system_term(3 * f.bodies)
+    point_force = point_force_term(f)
     bodies = f.bodies
     blocks, long, short = table(3 * bodies, 3), column(3 * bodies), column(bodies)
 
@@ -275,12 +292,8 @@ def solve_points_term(f: Features) -> wp.Function:
             move = wp.vec3(moved[3 * k], moved[3 * k + 1], moved[3 * k + 2])
             kept[k] = move
             if turning(model, k):
-                force = wp.vec3()
-                for r in range(3):
-                    for c in range(3):
-                        force[r] += drags[3 * k + r, c] * move[c]
                 arm = point_arm(model, position, k, ((partners >> (_BITS * k)) & _PARTNER) - 1)
-                turn = rigid_response(model.body, k, rotation[k], scale, arm, force)
+                turn = rigid_response(model.body, k, rotation[k], scale, arm, point_force(drags, k, move))
                 linear[k] = linear[k] + turn.linear
                 angular[k] = angular[k] + turn.angular
             else:

@@ -214,9 +214,8 @@ def time_scales(
     Raises:
         InputError: An explicit step that is not positive, unstable, or errs too much; the message names a better one.
     """
-    powers = authored_powers(scene, values)
+    scheme, powers = INTEGRATORS[integrator], authored_powers(scene, values)
     rate, stiffest = relaxation.fastest(powers)
-    scheme = INTEGRATORS[integrator]
     stability = Stability.of(scheme, steepest, powers)
     motions = _motions(scene, moves, values, loads, contacts)
     wall = wall_time(scene, values, loads)

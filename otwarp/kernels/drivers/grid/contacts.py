@@ -224,16 +224,33 @@ def lift_term(f: Features) -> wp.Function:
     return lift
 
 
+def present_contact_term(f: Features) -> wp.Function:
+    """`(grid, push, world, row, i, a, sweep) -> c`: contact i of body a, its lift that of the stage that begins."""
+    lift = lift_term(f) if f.bends else None
+    own = own_term(f)
+    _, read_contact, _, write_lift = contact_store_terms(f)
+
+    @wp.func
+    def present_contact(grid: GridData, push: PushData, world: int, row: int, i: int, a: int, sweep: int) -> Contact:
+        """A contact as it is kept; the first sweep of a second stage finds how far motion lifts it [µm] anew."""
+        c = read_contact(grid, row, i, a)
+        if wp.static(f.bends):
+            if sweep == 0 and grid.again[own(world)] != 0:
+                c.lift = lift(grid, push, world, c)
+                write_lift(grid, row, i, c.lift)
+        return c
+
+    return present_contact
+
+
 def relax_body_term(f: Features) -> wp.Function:
     """`(model, readout, grid, before, after, sweep, world, a)`: one sweep over the contacts of one body.
 
     Each contact is solved for its force law, as if its gap gave way to its own force by row_sum·give and to no other.
     Its momentum is that of its own condition 1 + row_sum·k·give.
     """
-    opening = opening_term(f)
-    lift = lift_term(f) if f.bends else None
-    own = own_term(f)
-    _, read_contact, write_load, write_lift = contact_store_terms(f)
+    opening, present_contact, own = opening_term(f), present_contact_term(f), own_term(f)
+    write_load = contact_store_terms(f)[2]
 
     @wp.func
     def relax_body(
@@ -252,11 +269,7 @@ def relax_body_term(f: Features) -> wp.Function:
         force = wp.vec3(0.0)
         total = float(0.0)
         for i in range(count):
-            c = read_contact(grid, row, i, a)
-            if wp.static(f.bends):
-                if sweep == 0 and grid.again[own(world)] != 0:
-                    c.lift = lift(grid, before, world, c)
-                    write_lift(grid, row, i, c.lift)
+            c = present_contact(grid, before, world, row, i, a, sweep)
             start = scale * grid.ahead[row, i]
             row_sum = larger_row_sum(grid, world, c)
             opened = opening(grid, before, world, c, scale)
