@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,12 +11,10 @@ import warp as wp
 from otwarp.kernels.core.features import world_threads
 from otwarp.kernels.drivers.grid.soft import fill_slots
 from otwarp.kernels.drivers.grid.turns import TURNS
-from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels, usable_cores
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.launches import RecordedLaunch
-from otwarp.simulation.model import Model
-from otwarp.simulation.state import Control, Readout, State
+from otwarp.simulation.stepping import StepperParts
 
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch of a thread of a CPU, so that an interrupt from the keyboard is answered in reasonable
@@ -27,31 +24,21 @@ time; a GPU takes as many steps as that for one world."""
 class BlockStepper:
     """Launches `world_of_many`; on a CPU the worlds are shared out over threads.
 
-    A world's result depends on its index, seed and step alone, so any split gives the same bits. The kernels `beside`
-    are loaded along with it.
+    A world's result depends on its index, seed and step alone, so any split gives the same bits.
     """
 
-    def __init__(
-        self,
-        step: Step,
-        model: Model,
-        state: State,
-        control: Control,
-        readout: Readout,
-        threads: int | None,
-        beside: Sequence[wp.Kernel] = (),
-    ):
+    def __init__(self, parts: StepperParts):
+        step, model = parts.step, parts.model
         assert step.fused is not None
-        self.kernel, self.model = step.fused, model
-        self.parts = (state, control, readout)
-        self.scratch = allocate_grid(model, state)
+        self.parts, self.kernel, self.model = parts, step.fused, model
+        self.scratch = allocate_grid(model, parts.state)
         self.push = allocate_push(model)
         self.layout, self.launches = -1, list[RecordedLaunch]()
         cpu = model.device.is_cpu
         self.block = 1 if cpu else world_threads(model.features.bodies)
-        self.chunks = min(threads or usable_cores(), model.worlds) if cpu else 1
+        self.chunks = min(parts.threads or usable_cores(), model.worlds) if cpu else 1
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
-        load_kernels([self.kernel, *([fill_slots] if model.features.lanes else []), *beside], model.device)
+        load_kernels([self.kernel, *([fill_slots] if model.features.lanes else []), *parts.beside], model.device)
         if model.features.lanes:
             inputs = [model.data, self.scratch, model.features.bodies]
             wp.launch(fill_slots, dim=(model.worlds, 1), inputs=inputs, device=model.device)
@@ -63,17 +50,10 @@ class BlockStepper:
 
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
-        state, control, readout = self.parts
+        control = self.parts.control
         if self.layout != control.layout:
-            views = [
-                self.model.data,
-                control.data(),
-                state.data(),
-                readout.data(),
-                self.scratch,
-                self.push,
-                self.block,
-            ]
+            views = [self.model.data, control.data(), self.parts.state.data(), self.parts.readout.data()]
+            views += [self.scratch, self.push, self.block]
             # one for each thread, which changes its arguments
             self.launches = [
                 RecordedLaunch(self.kernel, self.model.device, views, block_dim=self.block) for _ in range(self.chunks)

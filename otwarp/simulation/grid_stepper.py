@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
@@ -13,11 +12,9 @@ from otwarp.kernels.drivers.grid.slot_lists import sort_by_cell
 from otwarp.kernels.drivers.grid.soft import fill_slots, load_slots, store_slots
 from otwarp.kernels.drivers.grid.step import start_clock, tick
 from otwarp.kernels.drivers.grid.turns import TURNS
-from otwarp.kernels.step import Step
 from otwarp.simulation.compilation import load_kernels
 from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
-from otwarp.simulation.model import Model
-from otwarp.simulation.state import Control, Readout, State
+from otwarp.simulation.stepping import StepperParts
 
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch on the CPU, so that an interrupt from the keyboard is answered in reasonable time."""
@@ -31,32 +28,25 @@ SHARED = (start_clock, tick, next_sweeps, resume_sweeps, clear_cells, bound_cell
 class GridStepper:
     """Launches the grid driver: one captured graph, on CPU and CUDA alike.
 
-    On the CPU the loop over the steps of a call is part of the graph. The kernels `beside` are loaded along with it.
+    On the CPU the loop over the steps of a call is part of the graph.
     """
 
-    def __init__(
-        self,
-        step: Step,
-        model: Model,
-        state: State,
-        control: Control,
-        readout: Readout,
-        beside: Sequence[wp.Kernel] = (),
-    ):
+    def __init__(self, parts: StepperParts):
+        step, model = parts.step, parts.model
         assert step.grid is not None
         self.kernels, self.model = step.grid, model
-        self.state, self.control, self.readout = state, control, readout
+        self.state, self.control, self.readout = parts.state, parts.control, parts.readout
         self.features = step.features
-        self.scratch = allocate_grid(model, state)
+        self.scratch = allocate_grid(model, parts.state)
         self.push = (allocate_push(model), allocate_push(model))
         self.elements = model.worlds * self.scratch.near.elements
         # the conditional parts of a graph need CUDA 12.4; without them they are taken in every step
         self.branches = model.device.is_cpu or wp.is_conditional_graph_supported()
-        load_kernels((*step.grid.all, *SHARED, *beside), model.device)
+        load_kernels((*step.grid.all, *SHARED, *parts.beside), model.device)
         if self.features.soft_contacts or self.features.lanes:
             self._share(fill_slots, self.features.bodies, model.data, self.scratch)
         self.place()
-        self.graph, self.layout = self._capture(), control.layout
+        self.graph, self.layout = self._capture(), self.control.layout
 
     def _launch(self, kernel: Any, dim: int | tuple[int, ...], *inputs: object) -> None:
         assert kernel is not None

@@ -281,7 +281,7 @@ def _pack(
     staged: list[Samples] | None,
     room: wp.array,
     place: Place,
-) -> tuple[Annotated[Any, ModelData], dict[str, list[Any]]]:
+) -> tuple[Annotated[Any, ModelData], dict[str, Any]]:
     """The kernels' view of the worlds `rows`, and by their names in `Model` the data that it refers to."""
     scene, moves, values, optics, features = known.scene, known.moves, known.values, known.optics, known.features
     data = place.typed(ModelData)()

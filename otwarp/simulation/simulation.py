@@ -28,7 +28,7 @@ from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.stepping import FusedStepper, PhasedStepper
+from otwarp.simulation.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.user_forces import Force, check_forces
 
 
@@ -128,16 +128,11 @@ class Simulation:
         self._measured_at: tuple[int, int] | None = None
         self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
-        parts = (self._step, self.model, self.state, self.control, self._readout)
         beside = self._step.measuring if readout else ()
-        if self.model.features.by_world:
-            self._stepper = BlockStepper(*parts, threads, beside)
-        elif self.model.features.driver == "grid":
-            self._stepper = GridStepper(*parts, beside)
-        elif self.model.features.phased:
-            self._stepper = PhasedStepper(*parts, beside)
-        else:
-            self._stepper = FusedStepper(*parts, threads, beside)
+        parts = StepperParts(self._step, self.model, self.state, self.control, self._readout, threads, beside)
+        f = self.model.features
+        few, many = PhasedStepper if f.phased else FusedStepper, BlockStepper if f.by_world else GridStepper
+        self._stepper = (many if f.driver == "grid" else few)(parts)
 
     @property
     def scene(self) -> Scene:

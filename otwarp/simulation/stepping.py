@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,32 +24,42 @@ STEPS_PER_LAUNCH = 20_000
 """Longest fused launch, so that an interrupt from the keyboard is answered in reasonable time."""
 
 
+@dataclass(frozen=True, eq=False)
+class StepperParts:
+    """What a stepper launches, and on what.
+
+    Attributes:
+        step: The kernels of the step.
+        model, state, control, readout: What they read and change.
+        threads: On the CPU, most threads that share the worlds; None: as many as there are cores.
+        beside: Kernels that are loaded along with those of the step.
+    """
+
+    step: Step
+    model: Model
+    state: State
+    control: Control
+    readout: Readout
+    threads: int | None = None
+    beside: Sequence[wp.Kernel] = ()
+
+
 class FusedStepper:
     """Launches the `solo` or `world` kernel; on the CPU the worlds are shared out over threads.
 
-    A world's result depends on its index, seed and step alone, so any split gives the same bits. The kernels `beside`
-    are loaded along with it.
+    A world's result depends on its index, seed and step alone, so any split gives the same bits.
     """
 
-    def __init__(
-        self,
-        step: Step,
-        model: Model,
-        state: State,
-        control: Control,
-        readout: Readout,
-        threads: int | None,
-        beside: Sequence[wp.Kernel] = (),
-    ):
-        self.step, self.model = step, model
-        self.parts = (state, control, readout)
+    def __init__(self, parts: StepperParts):
+        step, model = parts.step, parts.model
+        self.parts, self.step, self.model = parts, step, model
         self.layout = -1
         self.launches: list[RecordedLaunch] = []
-        self.chunks = min(threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
+        self.chunks = min(parts.threads or usable_cores(), model.worlds) if model.device.is_cpu else 1
         # once, before threads may race for it
         assert step.fused is not None
         self.kernel = step.fused
-        load_kernels([self.kernel, *beside], model.device)
+        load_kernels([self.kernel, *parts.beside], model.device)
         self.block = 1 if model.device.is_cpu else step.fused.module.options["block_dim"]
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
         self.spread, self.scratch = 1, None
@@ -75,9 +86,9 @@ class FusedStepper:
 
     def _look(self) -> None:
         """Bind the arrays as they are now: one that grew from one row to one per world is another array."""
-        state, control, readout = self.parts
+        control = self.parts.control
         if self.layout != control.layout:
-            views = (self.model.data, control.data(), state.data(), readout.data())
+            views = (self.model.data, control.data(), self.parts.state.data(), self.parts.readout.data())
             # one for each thread, which changes its arguments
             self.launches = [
                 RecordedLaunch(self.kernel, self.model.device, [*views, *self._room(chunk)], block_dim=self.block)
@@ -113,27 +124,17 @@ STEPS_PER_GRAPH = 16
 
 
 class PhasedStepper:
-    """Launches the phases of the `world` driver: graphs of one step and of some, replayed.
+    """Launches the phases of the `world` driver: graphs of one step and of some, replayed."""
 
-    The kernels `beside` are loaded along with it.
-    """
-
-    def __init__(
-        self,
-        step: Step,
-        model: Model,
-        state: State,
-        control: Control,
-        readout: Readout,
-        beside: Sequence[wp.Kernel] = (),
-    ):
+    def __init__(self, parts: StepperParts):
+        step, model = parts.step, parts.model
         assert step.phases is not None
         self.phases, self.model = step.phases, model
-        self.state, self.control, self.readout = state, control, readout
+        self.state, self.control, self.readout = parts.state, parts.control, parts.readout
         self.bodies = step.features.bodies
         self.scratch = allocate_world(step.features, model.worlds, model.place)
         self.clock = wp.zeros(1, dtype=wp.int64, device=model.device)
-        load_kernels([*step.phases.all, tick, *beside], model.device)
+        load_kernels([*step.phases.all, tick, *parts.beside], model.device)
         self.layout = -1
         self.graphs: dict[int, wp.Graph] = {}
 

@@ -21,6 +21,7 @@ from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.state import Control, Readout, State
+from otwarp.simulation.stepping import StepperParts
 from otwarp.units import BOLTZMANN
 from otwarp.warp_internals import alike, fields
 
@@ -137,7 +138,8 @@ class ManySpheres:
         sized = {n: wp.zeros((1, count), dtype=empty[n].dtype, device=device) for n in per_body}
         self.readout = Readout(**(empty | sized))
         control = Control.start(self.model)
-        self.stepper = GridStepper(make_step(self.model.features), self.model, self.state, control, self.readout)
+        step = make_step(self.model.features)
+        self.stepper = GridStepper(StepperParts(step, self.model, self.state, control, self.readout))
 
     def step(self, steps: int) -> None:
         """Take steps."""

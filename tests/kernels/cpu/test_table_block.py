@@ -13,7 +13,7 @@ from otwarp import Simulation
 from otwarp.kernels.optics.trap_wrench import blocked_table
 from otwarp.kernels.step import make_step
 from otwarp.scene import Scene, Settings, Track, Trap
-from otwarp.simulation.stepping import FusedStepper
+from otwarp.simulation.stepping import FusedStepper, StepperParts
 from tests.simulation.setups import robot
 
 WORLDS = 11
@@ -66,7 +66,8 @@ def final(case: Scene, device: str, *, lanes: bool) -> tuple[Simulation, np.ndar
     sim = Simulation(case, worlds=WORLDS, seed=3, device=device, time_step=TIME_STEP)
     assert sim.model.features.lanes
     features = replace(sim.model.features, lanes=lanes)
-    sim._stepper = FusedStepper(make_step(features), sim.model, sim.state, sim.control, sim._readout, 1)
+    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim._readout, threads=1)
+    sim._stepper = FusedStepper(parts)
     sim.step(STEPS)
     return sim, np.concatenate([sim.state.position.numpy(), sim.state.orientation.numpy()], axis=-1)
 

@@ -14,7 +14,7 @@ from otwarp.kernels.drivers.lane_groups import GROUP
 from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
-from otwarp.simulation.stepping import FusedStepper
+from otwarp.simulation.stepping import FusedStepper, StepperParts
 
 WORLDS = GROUP + 3
 """One full thread and one that is not."""
@@ -93,8 +93,8 @@ def simulation(
     )
     f = sim.model.features
     features = replace(f, lanes=lanes, vectors=lanes and f.vectors, noise=noise)
-    parts = (sim.model, sim.state, sim.control, sim._readout)
-    sim._stepper = FusedStepper(make_step(features), *parts, threads)
+    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim._readout, threads)
+    sim._stepper = FusedStepper(parts)
     return sim
 
 

@@ -11,7 +11,7 @@ from otwarp.errors import SimulationError
 from otwarp.kernels.core.faults import Fault
 from otwarp.kernels.step import make_step
 from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.stepping import FusedStepper, PhasedStepper
+from otwarp.simulation.stepping import FusedStepper, PhasedStepper, StepperParts
 from tests.simulation.test_determinism import touching_scene
 
 WORLDS = 6
@@ -24,8 +24,8 @@ def in_one_and_in_phases(device: str) -> list[Simulation]:
     sims = [Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device) for _ in range(2)]
     for sim, phased in zip(sims, (False, True), strict=True):
         step = make_step(dataclasses.replace(sim.model.features, phased=phased))
-        parts = (step, sim.model, sim.state, sim.control, sim._readout)
-        sim._stepper = PhasedStepper(*parts) if phased else FusedStepper(*parts, 1)
+        parts = StepperParts(step, sim.model, sim.state, sim.control, sim._readout, threads=1)
+        sim._stepper = PhasedStepper(parts) if phased else FusedStepper(parts)
     return sims
 
 

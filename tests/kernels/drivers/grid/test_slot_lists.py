@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.kernels.step import make_step
 from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.stepping import StepperParts
 from tests.kernels.drivers.grid.test_soft import HOT, packed, soft_simulation
 
 
@@ -24,7 +25,8 @@ def test_bits_are_those_of_one_sphere_after_the_other(device):
         sim = soft_simulation(packed(temperature=HOT), worlds=2, seed=3, device=device)
         assert sim.model.features.lanes
         model = replace(sim.model, features=replace(sim.model.features, lanes=lanes))
-        stepper = GridStepper(make_step(model.features), model, sim.state, sim.control, sim._readout)
+        parts = StepperParts(make_step(model.features), model, sim.state, sim.control, sim._readout)
+        stepper = GridStepper(parts)
         sim.model, sim._stepper = model, stepper
         sim.step(60)
         assert stepper.scratch.near.builds.numpy()[0] > 2
