@@ -81,7 +81,3 @@ class BlockStepper:
                 launch(spans[0], start)
             else:
                 list(self.pool.map(launch, spans, itertools.repeat(start)))
-
-    def extra_state(self) -> dict[str, wp.array]:
-        """Arrays beyond State that a checkpoint must hold: none, neighbour lists are made anew."""
-        return {}

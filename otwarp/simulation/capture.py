@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.simulation.compilation import load_kernels
 
 if TYPE_CHECKING:
-    from otwarp.simulation.episodes import Episodes
     from otwarp.simulation.simulation import Simulation
 
 
@@ -21,30 +19,19 @@ class CapturedLoop:
     Attributes:
         steps: Time steps of one turn.
         graph: The graph, for whoever launches it on a stream of his own (`wp.capture_launch(loop.graph, stream)`).
+
+    Args:
+        sim: What steps, with episodes; its kernels are loaded.
+        steps: As above.
+        turn: Launches one turn.
+        count: Counts `n` turns as steps taken.
     """
 
-    def __init__(
-        self,
-        sim: Simulation,
-        episodes: Episodes,
-        steps: int,
-        before: Callable[[], Any] | None,
-        after: Callable[[], Any] | None,
-        *,
-        readout: bool,
-    ):
-        self.sim, self.episodes, self.steps, self._layout = sim, episodes, steps, sim.control.layout
-        self._readout = readout
-        episodes.load()
-        load_kernels(sim._step.kernels, sim.model.device)
+    def __init__(self, sim: Simulation, steps: int, turn: Callable[[], None], count: Callable[[int], None]):
+        self.sim, self.steps = sim, steps
+        self._count, self._layout = count, sim.control.layout
         with wp.ScopedCapture(device=sim.model.device) as capture:
-            if before is not None:
-                before()
-            sim._segment(episodes, steps)
-            if readout:
-                sim.measure()
-            if after is not None:
-                after()
+            turn()
         assert capture.graph is not None
         self.graph = capture.graph
 
@@ -58,5 +45,5 @@ class CapturedLoop:
             raise InputError("an array of the control has grown since the capture; allowed: control.widen(…) before it")
         for _ in range(turns):
             wp.capture_launch(self.graph)
-        self.sim._count(turns * self.steps, measured=self._readout)
-        self.episodes.at_most = self.sim.model.worlds
+        self._count(turns)
+        self.sim.episodes.at_most = self.sim.model.worlds

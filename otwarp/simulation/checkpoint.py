@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
-import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
@@ -39,14 +38,6 @@ PLAIN: dict[str, Any] = {
 functions, and a step that was accepted once is so again, however large."""
 
 
-def _arrays(sim: Simulation) -> dict[str, wp.array]:
-    groups: dict[str, Any] = {"state": sim.state, "control": sim.control, "readout": sim._readout}
-    out = {f"{g}.{k}": v for g, item in groups.items() for k, v in vars(item).items() if isinstance(v, wp.array)}
-    if sim._episodes is not None:
-        out |= {f"episodes.{k}": getattr(sim._episodes, k) for k in ("done", "step", "number")}
-    return out | {f"stepper.{k}": v for k, v in sim._stepper.extra_state().items()}
-
-
 def save(sim: Simulation, path: Path) -> Path:
     """Write the state, the commands and how the simulation was made to `path` (`.npz`), atomically.
 
@@ -71,7 +62,7 @@ def save(sim: Simulation, path: Path) -> Path:
             for law, acts in _user_forces(sim)
         ],
     }
-    arrays: dict[str, Any] = {k: v.numpy() for k, v in _arrays(sim).items()}
+    arrays: dict[str, Any] = {k: v.numpy() for k, v in sim.arrays().items()}
     arrays |= {f"parameter.{k}": v for k, v in sim.model.overrides.items()} | stored_ends.values(sim.options.ends)
     temporary = path.with_name(path.name + ".tmp")
     try:
@@ -192,7 +183,7 @@ def _fill(sim: Simulation, stored: Mapping[str, np.ndarray], path: Path) -> None
         # commands that had come to differ from world to world need their rows back
         if stored.get(f"control.{name}", np.zeros(())).shape[:1] == (sim.model.worlds,):
             sim.control.widen(name)
-    for name, array in _arrays(sim).items():
+    for name, array in sim.arrays().items():
         # what this simulation does not use may be younger than the file
         if not array.size:
             continue

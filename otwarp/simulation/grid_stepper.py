@@ -184,7 +184,3 @@ class GridStepper:
                 wp.capture_launch(self.graph)
         if self.features.soft_contacts:
             self._share(store_slots, self.features.bodies, data, state, grid)
-
-    def extra_state(self) -> dict[str, wp.array]:
-        """Arrays beyond State that a checkpoint must hold: none, neighbour lists are made anew."""
-        return {}

@@ -11,8 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from otwarp.errors import InputError, SimulationError
-from otwarp.kernels.core.faults import FAULT_TEXT, Fault
+from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.block_stepper import BlockStepper
@@ -167,7 +166,7 @@ class Simulation:
         if self._episodes is not None:
             self._episodes.look()
         if self.options.ends is None:
-            self._check()
+            self._readout.check_faults(self.model)
 
     def _segment(self, episodes: Episodes, steps: int) -> None:
         """Launch `steps` steps of the worlds in motion, and what tells which of them have ended."""
@@ -221,7 +220,21 @@ class Simulation:
             >>> turn = sim.capture(20, after=lambda: sim.reset(sim.episodes.done))
             >>> turn(1000)
         """
-        return CapturedLoop(self, self.episodes, whole("steps", steps, 1), before, after, readout=readout)
+        episodes, steps = self.episodes, whole("steps", steps, 1)
+        episodes.load()
+        load_kernels(self._step.kernels, self.model.device)
+
+        def turn() -> None:
+            """One turn of the loop."""
+            if before is not None:
+                before()
+            self._segment(episodes, steps)
+            if readout:
+                self.measure()
+            if after is not None:
+                after()
+
+        return CapturedLoop(self, steps, turn, lambda turns: self._count(turns * steps, measured=readout))
 
     def reset(
         self,
@@ -350,6 +363,14 @@ class Simulation:
             orientation = np.broadcast_to(self.model.start_orientation(), (*position.shape[:2], 4))
         return self.model.prim_position(position, orientation), orientation
 
+    def arrays(self) -> dict[str, wp.array]:
+        """All arrays that a run changes, by the names that they have in a checkpoint."""
+        groups: dict[str, Any] = {"state": self.state, "control": self.control, "readout": self._readout}
+        out = {f"{g}.{k}": v for g, item in groups.items() for k, v in vars(item).items() if isinstance(v, wp.array)}
+        if self._episodes is not None:
+            out |= {f"episodes.{k}": getattr(self._episodes, k) for k in ("done", "step", "number")}
+        return out
+
     def memory(self) -> int:
         """Bytes of device memory held by the model's tables, State, Control and Readout."""
         return device_bytes(self.model, self.state, self.control, self._readout)
@@ -375,18 +396,3 @@ class Simulation:
         from otwarp.simulation.checkpoint import restore
 
         return restore(cls, Path(path), scene, device=device, threads=threads, forces=forces, ends=ends)
-
-    def _check(self) -> None:
-        """Raise for the earliest fault on the device."""
-        if self._readout.fault_count.numpy()[0] == 0:
-            return
-        code, when = self._readout.fault.numpy(), self._readout.fault_step.numpy()
-        world, body = min(np.argwhere(code), key=lambda wb: (when[tuple(wb)], tuple(wb)))
-        step = int(when[world, body])
-        raise SimulationError(
-            FAULT_TEXT[Fault(int(code[world, body]))],
-            world=self.model.first_world + int(world),
-            body=self.scene.bodies[body].name,
-            step=step,
-            time=step * self.time_step,
-        )

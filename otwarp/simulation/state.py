@@ -15,7 +15,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, SimulationError
+from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import precision_of, typed
 from otwarp.kernels.core.types import ControlData, ReadoutData, StateData
 from otwarp.kernels.optics.readout import TrapReadoutData
@@ -311,3 +312,22 @@ class Readout(Bound):
         data.position, data.power, data.force = self.trap_position, self.trap_power, self.trap_force
         data.distance, data.sphere_force, data.hand_force = self.trap_distance, self.sphere_force, self.hand_force
         return data
+
+    def check_faults(self, model: Model) -> None:
+        """Raise for the earliest fault on the device.
+
+        Raises:
+            SimulationError: There is one; the message names world, body, step and time.
+        """
+        if self.fault_count.numpy()[0] == 0:
+            return
+        code, when = self.fault.numpy(), self.fault_step.numpy()
+        world, body = min(np.argwhere(code), key=lambda wb: (when[tuple(wb)], tuple(wb)))
+        step = int(when[world, body])
+        raise SimulationError(
+            FAULT_TEXT[Fault(int(code[world, body]))],
+            world=model.first_world + int(world),
+            body=model.scene.bodies[body].name,
+            step=step,
+            time=step * model.time_step,
+        )

@@ -114,10 +114,6 @@ class FusedStepper:
     def place(self) -> None:
         """Take note that the state is another one: nothing here remembers it."""
 
-    def extra_state(self) -> dict[str, wp.array]:
-        """Arrays beyond State that a checkpoint must hold: none."""
-        return {}
-
 
 STEPS_PER_GRAPH = 16
 """Steps in the longer of the graphs: launching one takes longer than a step of few worlds."""
@@ -186,7 +182,3 @@ class PhasedStepper:
 
     def place(self) -> None:
         """Take note that the state is another one: nothing here remembers it."""
-
-    def extra_state(self) -> dict[str, wp.array]:
-        """Arrays beyond State that a checkpoint must hold: none."""
-        return {}
