@@ -49,7 +49,7 @@ def plain(scene, device):
     return at
 
 
-def equal(sim: Simulation, rows, other: Simulation, others) -> None:
+def assert_same_worlds(sim: Simulation, rows, other: Simulation, others) -> None:
     """Bit for bit, what `rows` of one and `others` of the other have come to."""
     for group in ("state", "readout"):
         for name, array in vars(getattr(sim, group)).items():
@@ -68,7 +68,7 @@ def test_worlds_are_those_of_a_simulation_without_episodes(scene, plain, device)
     sim = simulate(scene, device)
     for steps in (1, 90, 159):
         sim.step(steps)
-    equal(sim, slice(None), plain(250), slice(WORLDS))
+    assert_same_worlds(sim, slice(None), plain(250), slice(WORLDS))
     assert sim.episodes.running == WORLDS and np.all(sim.episodes.step.numpy() == 250)
     assert sim.episodes.time == pytest.approx(np.full(WORLDS, 250 * sim.time_step))
 
@@ -80,7 +80,7 @@ def test_what_has_ended_stands_still_and_nobody_else_notices(scene, plain, devic
     finish(sim, ENDED)
     sim.step(150)
     going = [w for w in range(WORLDS) if w not in ENDED]
-    equal(sim, going, plain(250), going)
+    assert_same_worlds(sim, going, plain(250), going)
     assert np.array_equal(sim.state.position.numpy()[ENDED], plain(100).state.position.numpy()[ENDED])
     assert sim.episodes.running == len(going)
     assert sim.episodes.step.numpy()[ENDED].tolist() == [100] * len(ENDED)
@@ -97,18 +97,18 @@ def test_a_reset_world_runs_the_next_trial(scene, plain, device, compact):
     sim.step(40)
     sim.reset(ENDED)
     sim.step(250)
-    equal(sim, ENDED, plain(250), np.add(ENDED, WORLDS))
+    assert_same_worlds(sim, ENDED, plain(250), np.add(ENDED, WORLDS))
     assert sim.episodes.number.numpy()[ENDED].tolist() == np.add(ENDED, WORLDS).tolist()
     sim.reset([4])
     sim.step(100)
-    equal(sim, [4], plain(100), [4 + 2 * WORLDS])
+    assert_same_worlds(sim, [4], plain(100), [4 + 2 * WORLDS])
 
 
 def test_a_trial_by_its_number(scene, plain, device):
     sim = simulate(scene, device, worlds=3)
     sim.reset(number=[20, 3, 11])
     sim.step(250)
-    equal(sim, slice(None), plain(250), [20, 3, 11])
+    assert_same_worlds(sim, slice(None), plain(250), [20, 3, 11])
 
 
 def test_only_worlds_in_motion_are_launched(scene, device, monkeypatch):

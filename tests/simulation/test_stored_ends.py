@@ -9,7 +9,7 @@ import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.test_checkpoint import authored, rewrite
-from tests.simulation.test_episodes import WORLDS, above, equal, finish, lossy_scene, simulate
+from tests.simulation.test_episodes import WORLDS, above, assert_same_worlds, finish, lossy_scene, simulate
 
 
 def continued(sim: Simulation) -> None:
@@ -42,7 +42,7 @@ def test_goes_on_bit_for_bit(part, scene, tmp_path, device):
     assert again.state.step == 170 and again.model.first_world == (part or (0,))[0]
     for sim in (whole, again):
         continued(sim)
-    equal(again, slice(None), whole, slice(None))
+    assert_same_worlds(again, slice(None), whole, slice(None))
     for name in ("done", "step", "number"):
         assert np.array_equal(getattr(again.episodes, name).numpy(), getattr(whole.episodes, name).numpy()), name
     assert whole.episodes.number.numpy().max() >= WORLDS
@@ -54,7 +54,7 @@ def test_a_part_without_ends(scene, tmp_path, device):
     first.step(80)
     again = Simulation.restore(first.save(tmp_path / "half.npz"), device=device)
     again.step(120)
-    equal(again, slice(None), whole, slice(None))
+    assert_same_worlds(again, slice(None), whole, slice(None))
 
 
 @ot.end

@@ -10,7 +10,7 @@ from tests.validation.laws import Law
 
 
 @pytest.fixture
-def law(record_property) -> Law:
+def expect_law(record_property) -> Law:
     """Compares with a law and records the figures."""
     return Law(record_property)
 

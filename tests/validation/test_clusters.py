@@ -54,7 +54,7 @@ def frictions(resistance: np.ndarray, spheres: int) -> tuple[np.ndarray, np.ndar
 
 
 @pytest.mark.parametrize("what", ["blobs", "multipoles"])
-def test_touching_pair(law, what):
+def test_touching_pair(expect_law, what):
     """Drag along and across the axis, per sphere, and torque about it, of the two methods.
 
     Source: Stimson & Jeffery 1926, doi:10.1098/rspa.1926.0053; Goldman, Cox & Brenner 1966,
@@ -65,14 +65,14 @@ def test_touching_pair(law, what):
     else:
         resistance, bias = cluster_resistance(chain(2), np.ones(2), 6), COLLOCATION
     moving, turning = frictions(resistance, 2)
-    law(f"{what}: drag along the axis over 12πηa", moving[2], 0.645, PRINTED, bias=bias * 0.645)
-    law(f"{what}: drag across the axis over 12πηa", moving[:2], 0.724, PRINTED, bias=bias * 0.724)
+    expect_law(f"{what}: drag along the axis over 12πηa", moving[2], 0.645, PRINTED, bias=bias * 0.645)
+    expect_law(f"{what}: drag across the axis over 12πηa", moving[:2], 0.724, PRINTED, bias=bias * 0.724)
     exact = 0.75 * float(zeta(3))
-    law(f"{what}: torque about the axis over 16πηa³", turning[2], exact, 1e-5 * exact, bias=bias * exact)
+    expect_law(f"{what}: torque about the axis over 16πηa³", turning[2], exact, 1e-5 * exact, bias=bias * exact)
 
 
 @pytest.mark.parametrize("name", CLUSTERS)
-def test_clusters_of_touching_spheres(law, name):
+def test_clusters_of_touching_spheres(expect_law, name):
     """All frictions of a cluster at the default accuracy, against the exact solution.
 
     Source: Lamb's general solution, collocated on all surfaces: Ganatos, Pfeffer & Weinbaum 1978, J. Fluid Mech. 84,
@@ -85,4 +85,4 @@ def test_clusters_of_touching_spheres(law, name):
     exact = frictions(cluster_resistance(centres, np.ones(n), 5), n)
     found = frictions(body_mobility(centres, np.ones(n), accuracy=ACCURACY, cache=False).resistance, n)
     for what, ours, theirs in zip(("drag over 6πηa·n", "torque over 8πηa³·n"), found, exact, strict=True):
-        law(f"{name}: {what}", ours, theirs, COLLOCATION * theirs, bias=ACCURACY * theirs)
+        expect_law(f"{name}: {what}", ours, theirs, COLLOCATION * theirs, bias=ACCURACY * theirs)

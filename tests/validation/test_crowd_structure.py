@@ -91,7 +91,7 @@ def brownian(material: Material, device: str, *, step: float, settle: float, apa
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("name", "material", "step"), [("soft", SOFT, 2.5e-4), ("hard", CELL, 5e-4)])
-def test_pair_distances_are_those_of_monte_carlo(name, material, step, law, device):
+def test_pair_distances_are_those_of_monte_carlo(name, material, step, expect_law, device):
     """g(r) bin by bin, by the spread over worlds and over chains."""
     found = brownian(material, device, step=step, settle=4.0, apart=0.2)
     expected = monte_carlo(material, settle=200, apart=15)
@@ -100,5 +100,5 @@ def test_pair_distances_are_those_of_monte_carlo(name, material, step, law, devi
     # the spread of eight worlds is known to a quarter: it is never less than that of independent counts
     error = np.maximum(error, np.sqrt(np.maximum(mean, 1.0 / FRAMES) / (FRAMES * WORLDS)))
     shell = 4.0 / 3.0 * np.pi * np.diff(EDGES**3) * COUNT * (COUNT - 1) / 2.0 / LENGTH**3
-    law(f"g(r) of {name} spheres", found.mean(axis=0) / shell, mean / shell, error / shell)
+    expect_law(f"g(r) of {name} spheres", found.mean(axis=0) / shell, mean / shell, error / shell)
     assert (mean / shell)[EDGES[:-1] < 2.3].max() > 1.3, "the crowd has no structure to compare"

@@ -31,7 +31,7 @@ def dragged(speed: float, seconds: float, cutoff: float, settings: Settings) -> 
     return Scene(bodies=(sphere_body("Bead"),), traps=(harmonic("Trap", track, cutoff=cutoff),), settings=settings)
 
 
-def check_lag(law, device: str, worlds: int, samples: int) -> None:
+def check_lag(expect_law, device: str, worlds: int, samples: int) -> None:
     speed = 30.0
     settled, every = 12.0 / RATE, 3.0 / RATE
     sim = Simulation(dragged(speed, 1.0, np.inf, Settings(accuracy=ACCURACY)), worlds=worlds, seed=91, device=device)
@@ -45,27 +45,27 @@ def check_lag(law, device: str, worlds: int, samples: int) -> None:
     lag = np.array(lag)
     mean, error = across_worlds(lag.mean(axis=0))
     # float32 positions 20 µm from the origin are rounded to 1 nm, without a preference
-    law("mean lag behind the trap [µm]", mean[0], -GAMMA * speed / STIFFNESS, error[0], bias=1e-6)
-    law("mean displacement across [µm]", mean[1:], 0.0, error[1:], bias=1e-6)
+    expect_law("mean lag behind the trap [µm]", mean[0], -GAMMA * speed / STIFFNESS, error[0], bias=1e-6)
+    expect_law("mean displacement across [µm]", mean[1:], 0.0, error[1:], bias=1e-6)
     spread, error = across_worlds(((lag - mean) ** 2).mean(axis=0) * STIFFNESS / ENERGY)
-    law("spread about it, ⟨δx²⟩ k/k_B T", spread, 1.0, error, bias=1.02 * ACCURACY)
+    expect_law("spread about it, ⟨δx²⟩ k/k_B T", spread, 1.0, error, bias=1.02 * ACCURACY)
 
 
-def test_lag(law, device):
+def test_lag(expect_law, device):
     """⟨x − x_trap⟩ = −γv/k, with the same thermal spread as at rest.
 
     Source: Stokes' law; van Zon & Cohen 2003, doi:10.1103/PhysRevE.67.046102, for the Gaussian about the lag.
     """
-    check_lag(law, device, 4000, 5)
+    check_lag(expect_law, device, 4000, 5)
 
 
 @pytest.mark.validate
-def test_lag_precisely(law, device):
+def test_lag_precisely(expect_law, device):
     """⟨x − x_trap⟩ = −γv/k, with the same thermal spread as at rest.
 
     Source: Stokes' law; van Zon & Cohen 2003, doi:10.1103/PhysRevE.67.046102, for the Gaussian about the lag.
     """
-    check_lag(law, device, 50_000, 30)
+    check_lag(expect_law, device, 50_000, 30)
 
 
 def escape_time(pull: float, depth: float = DEPTH, *, shells: int = 240, sectors: int = 80) -> float:
@@ -88,7 +88,7 @@ def test_the_solution_has_converged():
     assert escape_time(6.0, shells=120, sectors=40) == pytest.approx(escape_time(6.0), rel=0.2 * ACCURACY)
 
 
-def check_escape(law, device: str, pull: float, worlds: int) -> None:
+def check_escape(expect_law, device: str, pull: float, worlds: int) -> None:
     speed = pull * ENERGY / rim(DEPTH) / GAMMA
     expected = escape_time(pull)
     longest = 40.0 * expected
@@ -96,25 +96,25 @@ def check_escape(law, device: str, pull: float, worlds: int) -> None:
     sim = Simulation(scene, worlds=worlds, seed=92, device=device)
     mean, error = across_worlds(first_escapes(sim, longest))
     name = f"mean escape time from {DEPTH:g} k_B T dragged with {pull:g} k_B T/rim, over the law"
-    law(name, mean / expected, 1.0, error / expected, bias=ACCURACY)
+    expect_law(name, mean / expected, 1.0, error / expected, bias=ACCURACY)
 
 
-def test_escape_under_drag(law, device):
+def test_escape_under_drag(expect_law, device):
     """Mean time after which a bead is lost by a moving trap, against the backward Smoluchowski equation.
 
     Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; Kramers 1940.
     """
-    check_escape(law, device, 8.0, 2000)
+    check_escape(expect_law, device, 8.0, 2000)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("pull", [4.0, 8.0, 12.0])
-def test_escape_under_drag_precisely(law, device, pull):
+def test_escape_under_drag_precisely(expect_law, device, pull):
     """Mean time after which a bead is lost by a moving trap, against the backward Smoluchowski equation.
 
     Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; Kramers 1940.
     """
-    check_escape(law, device, pull, {4.0: 15_000, 8.0: 50_000, 12.0: 50_000}[pull])
+    check_escape(expect_law, device, pull, {4.0: 15_000, 8.0: 50_000, 12.0: 50_000}[pull])
 
 
 def barrier(pull: ArrayLike, depth: float) -> np.ndarray:
@@ -140,7 +140,7 @@ KRAMERS = 1.5
 """Kramers' theory is the first term of a series in 1/barrier; the second is between 1 and 1.5 of it at these wells."""
 
 
-def test_dudko_theory_is_the_limit_of_high_barriers(law):
+def test_dudko_theory_is_the_limit_of_high_barriers(expect_law):
     """Smoluchowski's mean escape times over the theory's: 1 but for 1.5 k_B T/barrier, at barriers of 3 to 16 k_B T.
 
     Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101, with a Kramers rate for the cusp.
@@ -151,10 +151,10 @@ def test_dudko_theory_is_the_limit_of_high_barriers(law):
     # the grid leaves 1.5 % of the escape time of so deep a well
     exact = np.array([escape_time(pull, depth) for pull in pulls])
     theory = np.array([dudko(pull, depth) for pull in pulls])
-    law("mean escape time from 30 k_B T, over Dudko's", exact / theory, 1.0, 0.003, bias=KRAMERS / left)
+    expect_law("mean escape time from 30 k_B T, over Dudko's", exact / theory, 1.0, 0.003, bias=KRAMERS / left)
     # more than four decades of time, of which the theory misses little
     assert exact[0] / exact[-1] > 1e4
-    law(
+    expect_law(
         "ln of the times' ratio between drags of 16 and 40 k_B T/rim",
         np.log(exact[0] / exact[-1]),
         np.log(theory[0] / theory[-1]),
@@ -164,7 +164,7 @@ def test_dudko_theory_is_the_limit_of_high_barriers(law):
 
 
 @pytest.mark.parametrize("pull", [8.0, 10.0, 12.0])
-def test_escapes_follow_dudko(law, device, pull):
+def test_escapes_follow_dudko(expect_law, device, pull):
     """Mean time after which a moving trap of 12 k_B T loses its bead, where barriers of 3 to 5 k_B T are left.
 
     Source: Dudko, Hummer & Szabo 2006, doi:10.1103/PhysRevLett.96.108101; its bias is 1.5 k_B T/barrier.
@@ -178,5 +178,5 @@ def test_escapes_follow_dudko(law, device, pull):
     mean, error = across_worlds(first_escapes(sim, longest))
     name = f"mean escape time from {depth:g} k_B T dragged with {pull:g} k_B T/rim, over"
     theory, exact = dudko(pull, depth), escape_time(pull, depth)
-    law(f"{name} Dudko's", mean / theory, 1.0, error / theory, bias=KRAMERS / barrier(pull, depth))
-    law(f"{name} Smoluchowski's", mean / exact, 1.0, error / exact, bias=ACCURACY)
+    expect_law(f"{name} Dudko's", mean / theory, 1.0, error / theory, bias=KRAMERS / barrier(pull, depth))
+    expect_law(f"{name} Smoluchowski's", mean / exact, 1.0, error / exact, bias=ACCURACY)

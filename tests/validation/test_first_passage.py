@@ -83,7 +83,7 @@ def first_escapes(sim: Simulation, longest: float) -> np.ndarray:
     return (steps - 0.5) * sim.time_step
 
 
-def check_escapes(law, device: str, depth: float, worlds: int, settings: Settings) -> None:
+def check_escapes(expect_law, device: str, depth: float, worlds: int, settings: Settings) -> None:
     sim = Simulation(well(depth, settings), worlds=worlds, seed=81, device=device)
     h = RATE * sim.time_step
     expected = escape_time(depth, h)
@@ -91,7 +91,7 @@ def check_escapes(law, device: str, depth: float, worlds: int, settings: Setting
     plain = mean_first_passage(
         lambda r: 0.5 * STIFFNESS * r**2, rim(depth), diffusion=ENERGY / drag(1.0), energy=ENERGY
     )
-    law(
+    expect_law(
         f"mean escape time from {depth:g} k_B T at h = {h:.3g}, over the law",
         mean / plain,
         1.0,
@@ -100,25 +100,27 @@ def check_escapes(law, device: str, depth: float, worlds: int, settings: Setting
     )
 
 
-def test_mean_escape_time(law, device):
+def test_mean_escape_time(expect_law, device):
     """T = (1/D)∫dr r⁻² e^(U/k_BT) ∫ds s² e^(−U/k_BT) from the centre to the end of the trap, with the chosen step.
 
     Source: Kramers 1940, doi:10.1016/S0031-8914(40)90098-2; Gardiner 2009, Stochastic Methods.
     """
-    check_escapes(law, device, 3.0, 3000, Settings(accuracy=ACCURACY))
+    check_escapes(expect_law, device, 3.0, 3000, Settings(accuracy=ACCURACY))
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("depth", [3.0, 4.5, 6.0])
-def test_mean_escape_time_precisely(law, device, depth):
+def test_mean_escape_time_precisely(expect_law, device, depth):
     """T = (1/D)∫dr r⁻² e^(U/k_BT) ∫ds s² e^(−U/k_BT) from the centre to the end of the trap, with the chosen step.
 
     Source: Kramers 1940, doi:10.1016/S0031-8914(40)90098-2; Gardiner 2009, Stochastic Methods.
     """
-    check_escapes(law, device, depth, {3.0: 60_000, 4.5: 30_000, 6.0: 10_000}[depth], Settings(accuracy=ACCURACY))
+    check_escapes(
+        expect_law, device, depth, {3.0: 60_000, 4.5: 30_000, 6.0: 10_000}[depth], Settings(accuracy=ACCURACY)
+    )
 
 
-def check_monitoring(law, device: str, h: float, worlds: int) -> None:
+def check_monitoring(expect_law, device: str, h: float, worlds: int) -> None:
     depth = 3.0
     sim = Simulation(well(depth, Settings(time_step=h / RATE)), worlds=worlds, seed=82, device=device)
     rate, variance = sampled_process(h)
@@ -133,7 +135,7 @@ def check_monitoring(law, device: str, h: float, worlds: int) -> None:
     mean, error = across_worlds(seen * sim.time_step)
     assert late / plain - 1.0 > 8.0 * error / plain, "the lateness must be seen"
     # the curvature of the rim is the next order, a fraction of h; so is a second stage that feels no force outside
-    law(
+    expect_law(
         f"mean time seen outside at steps of h = {h:g}, over the law",
         mean / plain,
         late / plain,
@@ -144,12 +146,12 @@ def check_monitoring(law, device: str, h: float, worlds: int) -> None:
 
 @pytest.mark.validate
 @pytest.mark.parametrize("h", [0.09, 0.0225])
-def test_watching_at_steps_alone_is_late(law, device, h):
+def test_watching_at_steps_alone_is_late(expect_law, device, h):
     """Escapes seen at the ends of steps are late as if the rim were 0.5826 √(2D dt) further out: order 1/2.
 
     Source: Broadie, Glasserman & Kou 1997, doi:10.1111/1467-9965.00035.
     """
-    check_monitoring(law, device, h, 20_000)
+    check_monitoring(expect_law, device, h, 20_000)
 
 
 def test_the_lateness_is_what_the_correction_is_for(device):

@@ -146,7 +146,7 @@ def run(device: str, worlds: int, samples: int) -> np.ndarray:
     return out.astype(float)
 
 
-def check(law: Law, x: np.ndarray, seen: float) -> None:
+def check(expect_law: Law, x: np.ndarray, seen: float) -> None:
     exact = expected()
     rho, z = np.hypot(x[..., 0], x[..., 1]), x[..., 2]
     mean_z, mean_s = exact["moments"][:2]
@@ -158,27 +158,27 @@ def check(law: Law, x: np.ndarray, seen: float) -> None:
         strict=True,
     ):
         mean, error = across_worlds(values.mean(axis=0))
-        law(name, mean, value, error, bias=BIAS * abs(value))
+        expect_law(name, mean, value, error, bias=BIAS * abs(value))
     room = rooms(rho, z)
     here = np.stack([room == i for i in range(4)], axis=-1).astype(np.float32)
     mean, error = across_worlds(here.mean(axis=0))
-    law("share of time in four rooms", mean, exact["shares"], error, bias=BIAS * exact["shares"] / 2)
+    expect_law("share of time in four rooms", mean, exact["shares"], error, bias=BIAS * exact["shares"] / 2)
     passages = lagged(here, here, 1)
     net = (passages - passages.transpose(0, 2, 1))[:, (0, 1, 2, 3), (1, 2, 3, 0)]
     mean, error = across_worlds(net)
     roll = exact["net"][(0, 1, 2, 3), (1, 2, 3, 0)]
     assert np.abs(roll).min() > seen * error.max(), "the roll must be seen"
-    law("net passages per sample around the roll", mean, roll, error, bias=BIAS * np.abs(roll))
+    expect_law("net passages per sample around the roll", mean, roll, error, bias=BIAS * np.abs(roll))
     one, other = lagged(ds[..., None], dz[..., None], 1), lagged(dz[..., None], ds[..., None], 1)
     mean, error = across_worlds((one - other)[:, 0, 0])
     assert abs(exact["odd"]) > seen * error, "the current must be seen"
-    law("odd part of ⟨δρ²(0) δz(t)⟩ [µm³]", mean, exact["odd"], error, bias=BIAS * abs(exact["odd"]))
+    expect_law("odd part of ⟨δρ²(0) δz(t)⟩ [µm³]", mean, exact["odd"], error, bias=BIAS * abs(exact["odd"]))
 
 
 @pytest.mark.validate
-def test_fountain(law, device):
+def test_fountain(expect_law, device):
     """Steady state and toroidal current of a bead in the tabulated force of a focused beam.
 
     Source: Roichman, Sun, Stolarski & Grier 2008, doi:10.1103/PhysRevLett.101.128301.
     """
-    check(law, run(device, 8000, 800), seen=10.0)
+    check(expect_law, run(device, 8000, 800), seen=10.0)

@@ -47,7 +47,7 @@ def scene(name: str, time_step: float) -> Scene:
     return Scene(bodies=(body(name),), settings=Settings(time_step=time_step))
 
 
-def check_sphere(law: Law, device: str, worlds: int) -> None:
+def check_sphere(expect_law: Law, device: str, worlds: int) -> None:
     sim = Simulation(
         Scene(bodies=(sphere_body("Bead"),), settings=Settings(time_step=1e-3)), worlds=worlds, seed=31, device=device
     )
@@ -56,27 +56,27 @@ def check_sphere(law: Law, device: str, worlds: int) -> None:
     got = x.T @ x / worlds
     expected = 2.0 * ENERGY / drag(1.0) * 50 * sim.time_step
     error = expected * np.sqrt((1.0 + np.eye(3)) / worlds)
-    law.tensor("sphere: ⟨Δx_i Δx_j⟩ [µm²]", got, expected * np.eye(3), error)
+    expect_law.tensor("sphere: ⟨Δx_i Δx_j⟩ [µm²]", got, expected * np.eye(3), error)
 
 
-def test_sphere(law, device):
+def test_sphere(expect_law, device):
     """⟨Δx_i Δx_j⟩ = 2 k_B T/(6πηa) t δ_ij.
 
     Source: Einstein 1905, doi:10.1002/andp.19053220806.
     """
-    check_sphere(law, device, 20_000)
+    check_sphere(expect_law, device, 20_000)
 
 
 @pytest.mark.validate
-def test_sphere_precisely(law, device):
+def test_sphere_precisely(expect_law, device):
     """⟨Δx_i Δx_j⟩ = 2 k_B T/(6πηa) t δ_ij.
 
     Source: Einstein 1905, doi:10.1002/andp.19053220806.
     """
-    check_sphere(law, device, 1_000_000)
+    check_sphere(expect_law, device, 1_000_000)
 
 
-def check_body_frame(law: Law, name: str, device: str, worlds: int, intervals: int) -> None:
+def check_body_frame(expect_law: Law, name: str, device: str, worlds: int, intervals: int) -> None:
     d = diffusion(name)
     interval = 4
     dt = 1e-3 / np.trace(d[3:, 3:]) / interval
@@ -95,26 +95,26 @@ def check_body_frame(law: Law, name: str, device: str, worlds: int, intervals: i
     found, exact = total / (worlds * intervals) / scale, expected / scale
     error = np.sqrt((1.0 + exact**2) / (worlds * intervals))
     # while the body turns by a mean square angle of 2·10⁻³, its axes mix by no more than that
-    law.tensor(f"{name}: ⟨ΔX_i ΔX_j⟩/√(2D_ii t·2D_jj t), 6×6", found, exact, error, bias=2.0e-3)
+    expect_law.tensor(f"{name}: ⟨ΔX_i ΔX_j⟩/√(2D_ii t·2D_jj t), 6×6", found, exact, error, bias=2.0e-3)
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_body_frame(law, device, name):
+def test_body_frame(expect_law, device, name):
     """⟨ΔX ΔXᵀ⟩ = 2 k_B T M t for short times, ΔX = (Δx, Δθ) in the body's axes.
 
     Source: Brenner 1967, doi:10.1016/0021-9797(67)90185-3.
     """
-    check_body_frame(law, name, device, 10_000, 2)
+    check_body_frame(expect_law, name, device, 10_000, 2)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("name", SHAPES)
-def test_body_frame_precisely(law, device, name):
+def test_body_frame_precisely(expect_law, device, name):
     """⟨ΔX ΔXᵀ⟩ = 2 k_B T M t for short times, ΔX = (Δx, Δθ) in the body's axes.
 
     Source: Brenner 1967, doi:10.1016/0021-9797(67)90185-3.
     """
-    check_body_frame(law, name, device, 50_000, 20)
+    check_body_frame(expect_law, name, device, 50_000, 20)
 
 
 E_X = np.array(
@@ -159,7 +159,7 @@ FROZEN = 8e-3
 """tr D_r·dt: the orientation is frozen during a step, which leaves this fraction of the anisotropic part at most."""
 
 
-def check_laboratory(law: Law, name: str, device: str, worlds: int) -> None:
+def check_laboratory(expect_law: Law, name: str, device: str, worlds: int) -> None:
     d = diffusion(name)
     slow = np.linalg.eigvalsh(d[3:, 3:]).min()
     dt = FROZEN / np.trace(d[3:, 3:])
@@ -173,26 +173,28 @@ def check_laboratory(law: Law, name: str, device: str, worlds: int) -> None:
         expected = spread(d, start, sim.time)
         anisotropy = np.ptp(np.linalg.eigvalsh(d[:3, :3])) / d[0, 0]
         bias = FROZEN * anisotropy * expected.max()
-        law.tensor(f"{name}: ⟨Δx_i Δx_j⟩ at t = {slow * sim.time:.2f}/D_r [µm²]", got, expected, error, bias=bias)
+        expect_law.tensor(
+            f"{name}: ⟨Δx_i Δx_j⟩ at t = {slow * sim.time:.2f}/D_r [µm²]", got, expected, error, bias=bias
+        )
     isotropic = 2.0 * np.trace(d[:3, :3]) / 3.0 * sim.time
     mean, error = across_worlds((moved**2).mean(axis=1))
-    law(f"{name}: ⟨Δx²⟩/3 against 2 D̄ t, D̄ = tr D/3 [µm²]", mean, isotropic, error)
+    expect_law(f"{name}: ⟨Δx²⟩/3 against 2 D̄ t, D̄ = tr D/3 [µm²]", mean, isotropic, error)
 
 
 @pytest.mark.parametrize("name", ["touching dimer"])
-def test_laboratory_frame(law, device, name):
+def test_laboratory_frame(expect_law, device, name):
     """⟨Δx Δxᵀ⟩ = 2∫⟨R D Rᵀ⟩ds in the laboratory, isotropic in the long run.
 
     Source: Perrin 1934, doi:10.1051/jphysrad:01934005010049700.
     """
-    check_laboratory(law, name, device, 3000)
+    check_laboratory(expect_law, name, device, 3000)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("name", SHAPES)
-def test_laboratory_frame_precisely(law, device, name):
+def test_laboratory_frame_precisely(expect_law, device, name):
     """⟨Δx Δxᵀ⟩ = 2∫⟨R D Rᵀ⟩ds in the laboratory, isotropic in the long run.
 
     Source: Perrin 1934, doi:10.1051/jphysrad:01934005010049700.
     """
-    check_laboratory(law, name, device, 40_000)
+    check_laboratory(expect_law, name, device, 40_000)

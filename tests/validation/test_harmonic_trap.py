@@ -70,7 +70,7 @@ def test_the_chains_converge_to_the_law(integrator):
         assert scheme.covariance(integrator, h, lag) == pytest.approx(np.exp(-1.0), abs=0.5 * h)
 
 
-def check_moments(law: Law, integrator: str, device: str, worlds: int, samples: int) -> None:
+def check_moments(expect_law: Law, integrator: str, device: str, worlds: int, samples: int) -> None:
     h, every = 0.1, 3
     sim = settled(integrator, h, worlds, device, seed=61)
     x = record(sim, samples, every)
@@ -80,29 +80,29 @@ def check_moments(law: Law, integrator: str, device: str, worlds: int, samples: 
         got, error = across_worlds(lagged(x, x, lag))
         expected = np.diag([float(scheme.covariance(integrator, r, lag * every)) for r in rates])
         name = f"{integrator}, h = {h}: ⟨x_i(0) x_j(t)⟩·√(k_i k_j)/k_B T at κt = {lag * every * h:.1f}"
-        law.tensor(name, got, expected, error)
+        expect_law.tensor(name, got, expected, error)
 
 
 @integrators
-def test_moments(law, device, integrator):
+def test_moments(expect_law, device, integrator):
     """⟨x_i(0) x_j(t)⟩ = (k_B T/k_i) e^(−k_i t/γ) δ_ij, as the integrator's chain has it.
 
     Source: Uhlenbeck & Ornstein 1930, doi:10.1103/PhysRev.36.823.
     """
-    check_moments(law, integrator, device, 2000, 50)
+    check_moments(expect_law, integrator, device, 2000, 50)
 
 
 @pytest.mark.validate
 @integrators
-def test_moments_precisely(law, device, integrator):
+def test_moments_precisely(expect_law, device, integrator):
     """⟨x_i(0) x_j(t)⟩ = (k_B T/k_i) e^(−k_i t/γ) δ_ij, as the integrator's chain has it.
 
     Source: Uhlenbeck & Ornstein 1930, doi:10.1103/PhysRev.36.823.
     """
-    check_moments(law, integrator, device, 20_000, 300)
+    check_moments(expect_law, integrator, device, 20_000, 300)
 
 
-def test_default_step_keeps_the_wanted_accuracy(law, device):
+def test_default_step_keeps_the_wanted_accuracy(expect_law, device):
     """With the chosen step ⟨x²⟩ differs from k_B T/k by no more than the scene's `accuracy` (1 %).
 
     Source: Uhlenbeck & Ornstein 1930, doi:10.1103/PhysRev.36.823.
@@ -116,7 +116,7 @@ def test_default_step_keeps_the_wanted_accuracy(law, device):
     x = record(sim, 8, int(0.5 / (RATE[0] * sim.time_step)))
     got, error = across_worlds((x[..., :2] ** 2).mean(axis=(0, 2)))
     # the predicted error is (accuracy) to first order and 1.01 times that exactly
-    law("⟨x²⟩·k/k_B T at the chosen step", got, 1.0, error, bias=1.02e-2)
+    expect_law("⟨x²⟩·k/k_B T at the chosen step", got, 1.0, error, bias=1.02e-2)
 
 
 def expected_periodogram(covariance: np.ndarray, frequencies: np.ndarray, interval: float) -> np.ndarray:
@@ -136,7 +136,7 @@ def aliased_lorentzian(rate: float, interval: float, samples: int, k: np.ndarray
     return (1.0 - c * c) * interval / (1.0 + c * c - 2.0 * c * np.cos(2.0 * np.pi * k / samples))
 
 
-def check_spectrum(law: Law, device: str, worlds: int) -> None:
+def check_spectrum(expect_law: Law, device: str, worlds: int) -> None:
     h, every, samples = 0.02, 10, 512
     sim = settled(scheme.DEFAULT, h, worlds, device, seed=63)
     x = record(sim, samples, every)[..., :2].astype(float).reshape(samples, 2 * worlds)
@@ -146,7 +146,7 @@ def check_spectrum(law: Law, device: str, worlds: int) -> None:
     lags = np.arange(samples)
     chain = expected_periodogram(scheme.covariance(scheme.DEFAULT, h, lags * every), k, interval)
     error = 1.0 / np.sqrt(2 * worlds)
-    law("power spectrum over that of the sampled process, 255 frequencies", power / chain, 1.0, error)
+    expect_law("power spectrum over that of the sampled process, 255 frequencies", power / chain, 1.0, error)
     # the corner frequency by least squares on the relative power, leakage of the finite record taken from the model
     leakage = expected_periodogram(np.exp(-RATE[0] * lags * interval), k, interval) / aliased_lorentzian(
         RATE[0], interval, samples, k
@@ -165,27 +165,29 @@ def check_spectrum(law: Law, device: str, worlds: int) -> None:
     deviation = error / np.sqrt(((slope - slope.mean()) ** 2).sum())
     # a chain that decays by a per step instead of e⁻ʰ has its corner elsewhere, by h/2 at most
     a = scheme.CHAINS[scheme.DEFAULT](h)[0]
-    law("corner frequency k/(2πγ) from the aliased Lorentzian, over the law", fit / corner, -np.log(a) / h, deviation)
+    expect_law(
+        "corner frequency k/(2πγ) from the aliased Lorentzian, over the law", fit / corner, -np.log(a) / h, deviation
+    )
 
 
-def test_power_spectrum(law, device):
+def test_power_spectrum(expect_law, device):
     """Lorentzian with the corner k/(2πγ), aliased by sampling.
 
     Source: Berg-Sørensen & Flyvbjerg 2004, doi:10.1063/1.1645654.
     """
-    check_spectrum(law, device, 500)
+    check_spectrum(expect_law, device, 500)
 
 
 @pytest.mark.validate
-def test_power_spectrum_precisely(law, device):
+def test_power_spectrum_precisely(expect_law, device):
     """Lorentzian with the corner k/(2πγ), aliased by sampling.
 
     Source: Berg-Sørensen & Flyvbjerg 2004, doi:10.1063/1.1645654.
     """
-    check_spectrum(law, device, 5000)
+    check_spectrum(expect_law, device, 5000)
 
 
-def check_histogram(law: Law, device: str, worlds: int, samples: int) -> None:
+def check_histogram(expect_law: Law, device: str, worlds: int, samples: int) -> None:
     h = 0.1
     sim = settled(scheme.DEFAULT, h, worlds, device, seed=64)
     x = record(sim, samples, int(6.0 / (h * SOFT)))  # e⁻⁶ from sample to sample
@@ -195,24 +197,24 @@ def check_histogram(law: Law, device: str, worlds: int, samples: int) -> None:
     edges = stats.norm.ppf(np.linspace(0.0, 1.0, bins + 1))
     for i, name in enumerate("xyz"):
         counts = np.histogram(x[..., i], edges)[0]
-        law.chi_square(f"{name} against the Gaussian", counts, np.full(bins, 1.0 / bins))
+        expect_law.chi_square(f"{name} against the Gaussian", counts, np.full(bins, 1.0 / bins))
     energy = 0.5 * (x**2).sum(axis=-1)
     edges = stats.gamma(1.5).ppf(np.linspace(0.0, 1.0, bins + 1))
-    law.chi_square("U/k_B T against Boltzmann", np.histogram(energy, edges)[0], np.full(bins, 1.0 / bins))
+    expect_law.chi_square("U/k_B T against Boltzmann", np.histogram(energy, edges)[0], np.full(bins, 1.0 / bins))
 
 
-def test_boltzmann_histogram(law, device):
+def test_boltzmann_histogram(expect_law, device):
     """p(x) ∝ e^(−U/k_B T): each coordinate, and U/k_B T ~ Γ(3/2).
 
     Source: Risken 1996, The Fokker–Planck Equation, doi:10.1007/978-3-642-61544-3.
     """
-    check_histogram(law, device, 10_000, 3)
+    check_histogram(expect_law, device, 10_000, 3)
 
 
 @pytest.mark.validate
-def test_boltzmann_histogram_precisely(law, device):
+def test_boltzmann_histogram_precisely(expect_law, device):
     """p(x) ∝ e^(−U/k_B T): each coordinate, and U/k_B T ~ Γ(3/2).
 
     Source: Risken 1996, The Fokker–Planck Equation, doi:10.1007/978-3-642-61544-3.
     """
-    check_histogram(law, device, 40_000, 20)
+    check_histogram(expect_law, device, 40_000, 20)

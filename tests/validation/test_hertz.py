@@ -34,7 +34,7 @@ def balance(excess: Callable[[float], float], most: float) -> float:
     return float(root_scalar(excess, bracket=(0.0, most)).root)
 
 
-def test_rest_on_the_floor(law, driver, device):
+def test_rest_on_the_floor(expect_law, driver, device):
     """Under its weight a bead sinks into the floor until Hertz repulsion carries it; two materials.
 
     Source: Hertz 1882, doi:10.1515/crll.1882.92.156; Johnson 1985, Contact Mechanics, doi:10.1017/CBO9781139171731.
@@ -51,12 +51,12 @@ def test_rest_on_the_floor(law, driver, device):
         overlap = balance(lambda d, r=r, m=body.material, w=weight: sphere_obstacle(m, r, r - d)[0] - w, 0.4)
         found = r - places(sim)[b, 2]
         name = f"{driver}: {'bead of 50 Pa' if b == 0 else 'cell of 2 kPa'}"
-        law(f"{name}, overlap with the floor [µm]", found, overlap, ROUNDING, bias=EQUILIBRIUM * overlap)
-        law(f"{name}, force of the floor over the weight", force[b] / weight, [0, 0, 1], 1e-4, bias=FORCE)
-        law(f"{name}, load over the weight", load[b] / weight, 1.0, 1e-4, bias=FORCE)
+        expect_law(f"{name}, overlap with the floor [µm]", found, overlap, ROUNDING, bias=EQUILIBRIUM * overlap)
+        expect_law(f"{name}, force of the floor over the weight", force[b] / weight, [0, 0, 1], 1e-4, bias=FORCE)
+        expect_law(f"{name}, load over the weight", load[b] / weight, 1.0, 1e-4, bias=FORCE)
 
 
-def test_pressed_cells(law, driver, device):
+def test_pressed_cells(expect_law, driver, device):
     """Two unequal cells held by two traps: at rest the pull K·(gap − δ)/2 is the Hertz force of the overlap δ.
 
     Source: Hertz 1882, doi:10.1515/crll.1882.92.156, with the reduced radius and modulus of the pair.
@@ -67,12 +67,12 @@ def test_pressed_cells(law, driver, device):
     (xa, xb), (force, load) = places(sim), forces(sim)
     exact = balance(lambda d: sphere_pair(CELL, 1.5, CELL, 2.0, 3.5 - d)[0] - 20.0 * 0.5 * (gap - d), gap)
     overlap = 3.5 - np.linalg.norm(xa - xb)
-    law(f"{driver}: overlap of the cells [µm]", overlap, exact, ROUNDING, bias=EQUILIBRIUM * exact)
+    expect_law(f"{driver}: overlap of the cells [µm]", overlap, exact, ROUNDING, bias=EQUILIBRIUM * exact)
     pull = 20.0 * 0.5 * (gap - exact)
-    law(f"{driver}: contact force over the pull", force[0] / pull, [-1, 0, 0], 1e-4, bias=FORCE)
+    expect_law(f"{driver}: contact force over the pull", force[0] / pull, [-1, 0, 0], 1e-4, bias=FORCE)
     held = sim.readout.trap_force.numpy()[0]
-    law(f"{driver}: trap and contact force over the pull", (held + force) / pull, 0.0, 1e-4, bias=FORCE)
-    law(f"{driver}: sum of both contact forces over the pull", (force[0] + force[1]) / pull, 0.0, 2e-5)
+    expect_law(f"{driver}: trap and contact force over the pull", (held + force) / pull, 0.0, 1e-4, bias=FORCE)
+    expect_law(f"{driver}: sum of both contact forces over the pull", (force[0] + force[1]) / pull, 0.0, 2e-5)
     if driver == "world":
         np.testing.assert_array_equal(force[0], -force[1])
         assert load[0] == load[1]

@@ -76,7 +76,7 @@ def path(times: np.ndarray, coupled: bool) -> np.ndarray:
 
 
 @pytest.mark.parametrize("coupled", [True, False], ids=["coupled", "apart"])
-def test_two_spheres_in_shear(law, device, coupled):
+def test_two_spheres_in_shear(expect_law, device, coupled):
     """Paths of a held and a passing sphere, each with its weight, at ten times.
 
     Source: Rotne & Prager 1969, doi:10.1063/1.1670977; Zuk et al. 2014, doi:10.1017/jfm.2013.668, by pygrpy.
@@ -94,4 +94,4 @@ def test_two_spheres_in_shear(law, device, coupled):
         found.append(sim.state.position.numpy()[0].astype(float))
     name = "coupled spheres" if coupled else "spheres apart"
     for body, what in enumerate(("held", "passing")):
-        law(f"{name}: place of the {what} one [µm]", np.array(found)[:, body], expected[:, body], PATH_ERROR)
+        expect_law(f"{name}: place of the {what} one [µm]", np.array(found)[:, body], expected[:, body], PATH_ERROR)

@@ -102,7 +102,7 @@ def test_the_body_is_strongly_coupled():
     assert np.abs(scaled / np.outer(root, root) - np.eye(6)).max() > 0.1
 
 
-def check(law, device: str, worlds: int, samples: int) -> None:
+def check(expect_law, device: str, worlds: int, samples: int) -> None:
     sim = Simulation(scene(), worlds=worlds, seed=121, device=device)
     slow = float(rates()[0])
     interval = 0.25 / slow
@@ -126,37 +126,37 @@ def check(law, device: str, worlds: int, samples: int) -> None:
     diagonal = np.eye(6, dtype=bool)
     own = curvature.mean(axis=0)[diagonal]
     name = "equipartition: ⟨F_a²⟩/k_B T⟨∂²U/∂g_a²⟩"
-    law(name, 1.0 + mean[diagonal] / own, 1.0, error[diagonal] / own, bias=bias)
-    law("⟨F_a F_b⟩ − k_B T⟨∂²U/∂g_a∂g_b⟩, a ≠ b", mean[~diagonal], 0.0, error[~diagonal], bias=bias)
+    expect_law(name, 1.0 + mean[diagonal] / own, 1.0, error[diagonal] / own, bias=bias)
+    expect_law("⟨F_a F_b⟩ − k_B T⟨∂²U/∂g_a∂g_b⟩, a ≠ b", mean[~diagonal], 0.0, error[~diagonal], bias=bias)
     k = stiffness() / STIFFNESS * ENERGY / STIFFNESS / np.outer(root, root)
     decay = body().mobility / VISCOSITY @ stiffness()
     upper = np.triu_indices(6, 1)
     for lag in (1, 4):
         later = lagged(f, f, lag)
         mean, error = across_worlds((later - later.transpose(0, 2, 1))[:, upper[0], upper[1]])
-        law(f"detailed balance: ⟨F_a(0)F_b(t)⟩ − ⟨F_b(0)F_a(t)⟩ at κt = {0.25 * lag:g}", mean, 0.0, error)
+        expect_law(f"detailed balance: ⟨F_a(0)F_b(t)⟩ − ⟨F_b(0)F_a(t)⟩ at κt = {0.25 * lag:g}", mean, 0.0, error)
         time = lag * every * sim.time_step
         # F = K q, so that ⟨F(0) Fᵀ(t)⟩ = k_B T (K e^(−MKt))ᵀ
         raw = stiffness() @ expm(-decay * time) * ENERGY / STIFFNESS**2 / np.outer(root, root)
         mean, error = across_worlds(later)
         # angles of 0.03 rad make the law linear to their square
-        law(
+        expect_law(
             f"⟨F_a(0)F_b(t)⟩ = k_B T K e^(−MKt) at κt = {0.25 * lag:g}", mean, raw.T, error, bias=bias * np.abs(k).max()
         )
 
 
-def test_rigid_body_in_three_traps(law, device):
+def test_rigid_body_in_three_traps(expect_law, device):
     """Equipartition, detailed balance and relaxation of an L-shaped body.
 
     Source: Hirschfelder 1960, doi:10.1063/1.1731427; Onsager 1931, doi:10.1103/PhysRev.37.405.
     """
-    check(law, device, 1000, 40)
+    check(expect_law, device, 1000, 40)
 
 
 @pytest.mark.validate
-def test_rigid_body_in_three_traps_precisely(law, device):
+def test_rigid_body_in_three_traps_precisely(expect_law, device):
     """Equipartition, detailed balance and relaxation of an L-shaped body.
 
     Source: Hirschfelder 1960, doi:10.1063/1.1731427; Onsager 1931, doi:10.1103/PhysRev.37.405.
     """
-    check(law, device, 4000, 160)
+    check(expect_law, device, 4000, 160)

@@ -179,7 +179,7 @@ def run(device: str, worlds: int, samples: int, monkeypatch: pytest.MonkeyPatch)
     return out.astype(float), every * sim.time_step
 
 
-def check_model(law: Law, x: np.ndarray, interval: float) -> None:
+def check_model(expect_law: Law, x: np.ndarray, interval: float) -> None:
     exact = cumulants()
     s, z = (x[..., :2] ** 2).sum(axis=-1), x[..., 2]
     ds, dz = s - exact["⟨ρ²⟩"], z - exact["⟨z⟩"]
@@ -187,32 +187,32 @@ def check_model(law: Law, x: np.ndarray, interval: float) -> None:
     found = {"⟨z⟩": z, "⟨ρ²⟩": s, "cov(ρ², z)": ds * dz, "var z": dz**2, "⟨δz³⟩": dz**3}
     for name, values in found.items():
         mean, error = across_worlds(values.mean(axis=0))
-        law(name, mean, exact[name], error, bias=BIAS * abs(exact[name]))
+        expect_law(name, mean, exact[name], error, bias=BIAS * abs(exact[name]))
     for q in (3.0, 8.0, 16.0):
         value = characteristic(q)
         for name, values, part in (("cos", np.cos(q * z), value.real), ("sin", np.sin(q * z), value.imag)):
             mean, error = across_worlds(values.mean(axis=0))
-            law(f"⟨{name} qz⟩ at q = {q:g}/µm", mean, part, error, bias=BIAS * min(1.0, q * q * exact["var z"]))
+            expect_law(f"⟨{name} qz⟩ at q = {q:g}/µm", mean, part, error, bias=BIAS * min(1.0, q * q * exact["var z"]))
     for lag in (1, 2, 4):
         one, other = lagged(ds[..., None], dz[..., None], lag), lagged(dz[..., None], ds[..., None], lag)
         mean, error = across_worlds((one - other)[:, 0, 0])
         odd = odd_part(lag * interval)
         assert abs(odd) > 10.0 * error, "the current must be seen"
-        law(f"odd part of ⟨δρ²(0) δz(t)⟩ at κt = {0.5 * lag:g} [µm³]", mean, odd, error, bias=BIAS * abs(odd))
+        expect_law(f"odd part of ⟨δρ²(0) δz(t)⟩ at κt = {0.5 * lag:g} [µm³]", mean, odd, error, bias=BIAS * abs(odd))
 
 
-def test_model(law, device, monkeypatch):
+def test_model(expect_law, device, monkeypatch):
     """Moments, characteristic function and current of the model.
 
     Source: Mangeat, Guérin & Dean 2021, doi:10.48550/arXiv.2110.04362.
     """
-    check_model(law, *run(device, 2000, 100, monkeypatch))
+    check_model(expect_law, *run(device, 2000, 100, monkeypatch))
 
 
 @pytest.mark.validate
-def test_model_precisely(law, device, monkeypatch):
+def test_model_precisely(expect_law, device, monkeypatch):
     """Moments, characteristic function and current of the model.
 
     Source: Mangeat, Guérin & Dean 2021, doi:10.48550/arXiv.2110.04362.
     """
-    check_model(law, *run(device, 8000, 400, monkeypatch))
+    check_model(expect_law, *run(device, 8000, 400, monkeypatch))

@@ -98,26 +98,26 @@ def jeffery_half_turn(ratio: float) -> float:
     return np.pi / SHEAR * (ratio + 1.0 / ratio)
 
 
-def test_half_turn_of_two_spheres(law, device):
+def test_half_turn_of_two_spheres(expect_law, device):
     """A dimer of two RPY spheres in the plane of shear turns over in π/γ̇·(r + 1/r), r from pygrpy.
 
     Source: Jeffery 1922, doi:10.1098/rspa.1922.0078; Bretherton 1962, doi:10.1017/S002211206200124X.
     """
     expected = jeffery_half_turn(bretherton()[1])
-    law("half turn of two RPY spheres [s]", half_turn(device, 0.0), expected, STEP_ERROR * expected)
+    expect_law("half turn of two RPY spheres [s]", half_turn(device, 0.0), expected, STEP_ERROR * expected)
 
 
-def test_half_turn_of_touching_spheres(law, device):
+def test_half_turn_of_touching_spheres(expect_law, device):
     """With the default mobility a touching dimer turns over as the exact equivalent axis ratio r = 1.98 says.
 
     Source: Nir & Acrivos 1973, doi:10.1017/S0022112073001527.
     """
     expected, upper = (jeffery_half_turn(TOUCHING * f) for f in (1.0, 1.0 + MOBILITY_ACCURACY))
     found = half_turn(device, MOBILITY_ACCURACY)
-    law("half turn of a touching dimer [s]", found, expected, STEP_ERROR * expected, bias=upper - expected)
+    expect_law("half turn of a touching dimer [s]", found, expected, STEP_ERROR * expected, bias=upper - expected)
 
 
-def test_orbit_out_of_the_plane(law, device):
+def test_orbit_out_of_the_plane(expect_law, device):
     """Axes that start anywhere follow the integral of the same resistance problem in float64.
 
     Source: Jeffery 1922, doi:10.1098/rspa.1922.0078, for the dimer's own Λ; RPY by pygrpy.
@@ -139,4 +139,4 @@ def test_orbit_out_of_the_plane(law, device):
             rtol=1e-8,
             atol=1e-10,
         )
-        law(f"axis {w + 1} after γ̇t = {SHEAR * sim.time:g}", got[w], orbit.y[:, -1], STEP_ERROR)
+        expect_law(f"axis {w + 1} after γ̇t = {SHEAR * sim.time:g}", got[w], orbit.y[:, -1], STEP_ERROR)

@@ -60,7 +60,7 @@ def at_rest(device: str, seconds: float) -> tuple[Simulation, np.ndarray]:
     return sim, (matrices(pose(sim)[1]) @ (line / np.linalg.norm(line)))[:, 2]
 
 
-def test_tilt_depends_on_the_power_ratio(law, device):
+def test_tilt_depends_on_the_power_ratio(expect_law, device):
     """θ at rest differs between m = 1, 1.5 and 2.5, and reference forces vanish in each pose.
 
     Source: eq. 1 and 2 of the force model, evaluated in float64; compare `test_a_pair_does_not_feel_the_power_ratio`.
@@ -80,7 +80,7 @@ def test_tilt_depends_on_the_power_ratio(law, device):
         loads = list(zip(one.traps, foci, powers[w], strict=True))
         force, torque = body_wrench(loads, place[w], turn[w], sim.model.reference[0], spheres)
         left.append(np.concatenate([force, torque / (0.5 * span)]) / largest)
-    law("reference force and torque at rest, over the traps'", np.array(left), 0.0, BALANCE)
+    expect_law("reference force and torque at rest, over the traps'", np.array(left), 0.0, BALANCE)
     degrees = np.degrees(np.arcsin(np.abs(sine)))
     print("tilt at m =", RATIOS, ":", np.round(degrees, 2), "degrees")
     assert degrees.min() > 15.0

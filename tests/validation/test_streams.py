@@ -71,29 +71,29 @@ def crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a.T @ b / len(a)
 
 
-def check(law, name: str, pairs: list[tuple[Draws, Draws]]) -> None:
+def check(expect_law, name: str, pairs: list[tuple[Draws, Draws]]) -> None:
     """Deviates, their squares and the bits of pairs of sets of draws."""
     error = 1.0 / np.sqrt(COUNT)
     linear = [crossed(one[1], other[1]) for one, other in pairs]
     squares = [crossed(*((x * x - 1.0) / np.sqrt(2.0) for _, x in pair)) for pair in pairs]
     part = COUNT // 8
     planes = [crossed(bits(one[0][:part]), bits(other[0][:part])) for one, other in pairs]
-    law(f"{name}: ⟨ξ ξ'⟩", linear, 0.0, error)
-    law(f"{name}: ⟨(ξ² − 1)(ξ'² − 1)⟩/2", squares, 0.0, error)
+    expect_law(f"{name}: ⟨ξ ξ'⟩", linear, 0.0, error)
+    expect_law(f"{name}: ⟨(ξ² − 1)(ξ'² − 1)⟩/2", squares, 0.0, error)
     # so many that the largest is no test: the mean square of 128² per pair, each of variance 1/n
     square = part * np.mean(np.square(planes))
-    law(f"{name}: n⟨b b'⟩² of all bits of the words", square, 1.0, np.sqrt(2.0 / np.size(planes)))
+    expect_law(f"{name}: n⟨b b'⟩² of all bits of the words", square, 1.0, np.sqrt(2.0 / np.size(planes)))
 
 
 @pytest.mark.parametrize(("first", "second"), itertools.combinations(Stream, 2))
-def test_streams_are_uncorrelated(law, device, first, second):
+def test_streams_are_uncorrelated(expect_law, device, first, second):
     """Draws of two purposes for the same step, world and body.
 
     Source: Salmon, Moraes, Dror & Shaw 2011, doi:10.1145/2063384.2063405, for keys that differ in one word.
     """
     counters = np.arange(COUNT) // 512, np.arange(COUNT) % 512, 3
     pair = drawn(device, first, *counters), drawn(device, second, *counters)
-    check(law, f"{first.name} and {second.name}", [pair])
+    check(expect_law, f"{first.name} and {second.name}", [pair])
 
 
 NEIGHBOURS = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1 << 32, 0, 0, 0), (0, 0, 0, 1))
@@ -101,7 +101,7 @@ NEIGHBOURS = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (1 << 32, 0, 0, 0), (0, 
 
 
 @pytest.mark.parametrize("stream", Stream)
-def test_neighbours_are_uncorrelated(law, device, stream):
+def test_neighbours_are_uncorrelated(expect_law, device, stream):
     """Draws of one purpose for the next step, world, body or seed, and for the step 2³² later.
 
     Source: Salmon, Moraes, Dror & Shaw 2011, doi:10.1145/2063384.2063405.
@@ -113,22 +113,22 @@ def test_neighbours_are_uncorrelated(law, device, stream):
         (here, drawn(device, stream, step + later, world + beside, body + other, seed=SEED + key))
         for later, beside, other, key in NEIGHBOURS
     ]
-    check(law, f"{stream.name} and its neighbours", pairs)
+    check(expect_law, f"{stream.name} and its neighbours", pairs)
 
 
 @pytest.mark.parametrize("stream", Stream)
-def test_each_stream_is_standard_normal(law, device, stream):
+def test_each_stream_is_standard_normal(expect_law, device, stream):
     """Moments up to the fourth, and the four deviates of a draw among each other.
 
     Source: Box & Muller 1958, doi:10.1214/aoms/1177706645; variances of moments of a normal law: 1, 2, 15, 96 over n.
     """
     x = drawn(device, stream, np.arange(COUNT), 0, 0)[1]
     for power, moment, variance in ((1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)):
-        law(f"{stream.name}: ⟨ξ^{power}⟩", (x**power).mean(axis=0), moment, np.sqrt(variance / COUNT))
-    law.tensor(f"{stream.name}: ⟨ξ_i ξ_j⟩", crossed(x, x), np.eye(4), np.sqrt((1.0 + np.eye(4)) / COUNT))
+        expect_law(f"{stream.name}: ⟨ξ^{power}⟩", (x**power).mean(axis=0), moment, np.sqrt(variance / COUNT))
+    expect_law.tensor(f"{stream.name}: ⟨ξ_i ξ_j⟩", crossed(x, x), np.eye(4), np.sqrt((1.0 + np.eye(4)) / COUNT))
 
 
-def test_six_deviates_of_a_body(law, device):
+def test_six_deviates_of_a_body(expect_law, device):
     """Those of a rigid body, of two streams, are uncorrelated as the step takes them.
 
     Source: as above; `otwarp.kernels.core.noise` takes four from BROWNIAN_A and two from BROWNIAN_B.
@@ -143,5 +143,5 @@ def test_six_deviates_of_a_body(law, device):
     out = wp.empty(COUNT, dtype=vec6, device=device)
     wp.launch(draw_six, dim=COUNT, inputs=[out], device=device)
     x = out.numpy().astype(float)
-    law.tensor("⟨ξ_i ξ_j⟩ of six", crossed(x, x), np.eye(6), np.sqrt((1.0 + np.eye(6)) / COUNT))
-    law.tensor("the same from step to step", crossed(x[:-1], x[1:]), 0.0 * np.eye(6), np.sqrt(1.0 / COUNT))
+    expect_law.tensor("⟨ξ_i ξ_j⟩ of six", crossed(x, x), np.eye(6), np.sqrt((1.0 + np.eye(6)) / COUNT))
+    expect_law.tensor("the same from step to step", crossed(x[:-1], x[1:]), 0.0 * np.eye(6), np.sqrt(1.0 / COUNT))

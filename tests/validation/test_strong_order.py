@@ -110,7 +110,7 @@ def step(law: TrapLaw, name: str, h: float, x: np.ndarray, kick: np.ndarray) -> 
 @pytest.mark.parametrize(
     ("name", "noise"), [*((name, "gaussian") for name in INTEGRATORS), ("heun", "threePoint"), ("heun", "uniform")]
 )
-def test_paths_of_the_twin(law, device, name, noise):
+def test_paths_of_the_twin(expect_law, device, name, noise):
     """Every scheme's path in the softening trap is that of its float64 twin on the same noise, step by step.
 
     Source: `benchmarks.transitions.advance`, written from the schemes' publications; `tests/reference/philox.py`.
@@ -122,7 +122,7 @@ def test_paths_of_the_twin(law, device, name, noise):
     for n in range(steps):
         y = step(SOFTENING, name, TIME / steps, y, kick[n])
     found = ends(SOFTENING, name, device, worlds, steps, np.zeros((worlds, 3)), noise)
-    law(f"{name}, {noise} noise: distance from the twin's path [µm]", found, y + late * kick[steps], ROUNDING)
+    expect_law(f"{name}, {noise} noise: distance from the twin's path [µm]", found, y + late * kick[steps], ROUNDING)
 
 
 def spring_error(name: str, h: float, steps: int, shown: bool) -> float:
@@ -163,7 +163,7 @@ def forms(name: str) -> tuple[bool, ...]:
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
-def test_strong_error_in_a_spring(law, device, name):
+def test_strong_error_in_a_spring(expect_law, device, name):
     """Distance of the kernels' paths from the exact ones has the root mean square of the closed sum, at three steps.
 
     Source: Gaussian increments and their Ornstein–Uhlenbeck integral, summed; Clark & Cameron 1980,
@@ -180,7 +180,7 @@ def test_strong_error_in_a_spring(law, device, name):
             away = (found - (0.0 if shown else half * kick[steps]) - exact) / SPREAD
             expected = spring_error(name, h, steps, shown)
             # the relative error of a mean square of 3 W Gaussian numbers is √(2/3W)
-            law(
+            expect_law(
                 f"{name}{' as shown' if shown else ''}, h = {h:g}: rms distance from the exact path, over the law",
                 np.sqrt(np.mean(away**2)) / expected,
                 1.0,
@@ -216,7 +216,7 @@ ORDER_BIAS = 0.1
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
-def test_strong_order_in_a_softening_trap(law, device, name, refined):
+def test_strong_order_in_a_softening_trap(expect_law, device, name, refined):
     """Halving the step halves the distance from the path of 16 times finer steps; by √2 with averaged noise as shown.
 
     Source: Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, §10: strong order 1 of additive noise; Vilmart 2015,
@@ -235,4 +235,4 @@ def test_strong_order_in_a_softening_trap(law, device, name, refined):
         spread = [s.std() / s.mean() / np.sqrt(WORLDS) for s in (squares[0], squares[-1])]
         error = 0.5 * np.hypot(*spread) / np.log(2.0) / halvings
         label = f"{name}{' as shown' if shown else ''}: strong order"
-        law(label, order, 0.5 if shown else 1.0, error, bias=ORDER_BIAS)
+        expect_law(label, order, 0.5 if shown else 1.0, error, bias=ORDER_BIAS)

@@ -124,7 +124,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_rotated_scene(law, device, name):
+def test_rotated_scene(expect_law, device, name):
     """R·x(t) of a scene is x(t) of the rotated scene.
 
     Source: isotropy of space; the noise of rigid bodies is replayed rotated.
@@ -138,10 +138,10 @@ def test_rotated_scene(law, device, name):
     x, y = (sim.state.position.numpy().astype(float) for sim in (plain, other))
     moved = np.abs(x - start).max()
     assert moved > 0.05, "something must happen"
-    law(f"{name}: largest |R·x − x'| [µm]", (x @ matrix(TURN).T - y), 0.0, REPLAY)
+    expect_law(f"{name}: largest |R·x − x'| [µm]", (x @ matrix(TURN).T - y), 0.0, REPLAY)
     if plain.model.features.rigid:
         a, b = (matrices(sim.state.orientation.numpy().astype(float)) for sim in (plain, other))
-        law(f"{name}: largest element of R·O − O'", matrix(TURN) @ a - b, 0.0, REPLAY)
+        expect_law(f"{name}: largest element of R·O − O'", matrix(TURN) @ a - b, 0.0, REPLAY)
 
 
 def test_the_comparison_sees_a_preferred_direction(device):
@@ -155,7 +155,7 @@ def test_the_comparison_sees_a_preferred_direction(device):
     assert np.abs(x @ matrix(TURN).T - y).max() > 1e4 * REPLAY
 
 
-def test_contact_pushes_no_pair(law, device):
+def test_contact_pushes_no_pair(expect_law, device):
     """Two cells that overlap part with opposite forces, and Σ γ_i x_i stays where it is.
 
     Source: Newton's third law in a liquid at rest; Σ γ_i ẋ_i = ΣF = 0.
@@ -174,9 +174,9 @@ def test_contact_pushes_no_pair(law, device):
     sim.step(1)
     force = sim.readout.contact_force.numpy()[0].astype(float)
     assert np.abs(force).max() > 1.0
-    law("sum of the contact forces over the larger [1]", force.sum(axis=0) / np.abs(force).max(), 0.0, 1e-6)
+    expect_law("sum of the contact forces over the larger [1]", force.sum(axis=0) / np.abs(force).max(), 0.0, 1e-6)
     sim.step(2000)
     after = sim.state.position.numpy()[0].astype(float)
     assert np.abs(after - before).max() > 0.05
     # the rounding of float32 coordinates
-    law("shift of Σγ_i x_i/Σγ_i [µm]", (weight * (after - before)).sum(axis=0) / weight.sum(), 0.0, 1e-6)
+    expect_law("shift of Σγ_i x_i/Σγ_i [µm]", (weight * (after - before)).sum(axis=0) / weight.sum(), 0.0, 1e-6)

@@ -82,7 +82,7 @@ def sines(sim: Simulation) -> np.ndarray:
     return matrices(pose(sim)[1])[:, 2, 0]
 
 
-def check_distribution(law, device: str, worlds: int, bins: int) -> None:
+def check_distribution(expect_law, device: str, worlds: int, bins: int) -> None:
     sim = Simulation(scene(298.15, axial_reach=BOTH), worlds=worlds, seed=101, device=device)
     place, turn = start(worlds, 101)
     sim.set_state(position=place, orientation=turn)
@@ -90,7 +90,9 @@ def check_distribution(law, device: str, worlds: int, bins: int) -> None:
     sim.run(6.0 * sim.model.scales.trap_relaxation / ETA)
     edges = quantiles(np.linspace(0.0, 1.0, bins + 1))
     edges[0], edges[-1] = -1.0, 1.0
-    law.chi_square("sin θ against Gibbs–Boltzmann", np.histogram(sines(sim), edges)[0], np.full(bins, 1.0 / bins))
+    expect_law.chi_square(
+        "sin θ against Gibbs–Boltzmann", np.histogram(sines(sim), edges)[0], np.full(bins, 1.0 / bins)
+    )
     assert np.mean(sim.readout.escape_step.numpy() >= 0) < 1e-3
 
 
@@ -102,21 +104,21 @@ def test_quadrature_has_the_pitchfork():
     assert density(np.zeros(1))[0] < 0.1 * density(np.array([most]))[0]
 
 
-def test_tilt_distribution(law, device):
+def test_tilt_distribution(expect_law, device):
     """p(sin θ) ∝ exp(−B(cos²θ + η sin²θ)) I₀(2Bd cos θ/L), whatever the mobility.
 
     Source: Gibbs–Boltzmann statistics by quadrature; the pitchfork of the energy is derived in the docstring above.
     """
-    check_distribution(law, device, 4000, 20)
+    check_distribution(expect_law, device, 4000, 20)
 
 
 @pytest.mark.validate
-def test_tilt_distribution_precisely(law, device):
+def test_tilt_distribution_precisely(expect_law, device):
     """p(sin θ) ∝ exp(−B(cos²θ + η sin²θ)) I₀(2Bd cos θ/L), whatever the mobility.
 
     Source: Gibbs–Boltzmann statistics by quadrature; the pitchfork of the energy is derived in the docstring above.
     """
-    check_distribution(law, device, 40_000, 40)
+    check_distribution(expect_law, device, 40_000, 40)
 
 
 STILL = 1e-4
@@ -134,7 +136,7 @@ def rest(scene: Scene, device: str, tilt: float, time: float, **parameters) -> n
     return sines(sim)
 
 
-def test_pitchfork(law, device):
+def test_pitchfork(expect_law, device):
     """cos θ = d/((1 − η)L) for d < (1 − η)L, 1 above; either sign.
 
     Source: minimum of U(θ) = k_r(d − L cos θ)²/4 + k_z L² sin²θ/4.
@@ -147,17 +149,17 @@ def test_pitchfork(law, device):
     for sign in (1.0, -1.0):
         sine = rest(scene(COLD, axial_reach=ALONE, accuracy=0.05), device, sign * 0.25, 300.0, trap_position=place)
         tilted = spacing < fork
-        law(
+        expect_law(
             f"cos θ at rest, start at {sign * 0.25:+g} rad",
             np.sqrt(1.0 - sine[tilted] ** 2),
             spacing[tilted] / fork,
             STILL,
         )
         assert np.all(np.sign(sine[tilted]) == sign)
-        law(f"sin θ beyond the fork, start at {sign * 0.25:+g} rad", sine[~tilted], 0.0, STILL)
+        expect_law(f"sin θ beyond the fork, start at {sign * 0.25:+g} rad", sine[~tilted], 0.0, STILL)
 
 
-def test_a_pair_does_not_feel_the_power_ratio(law, device):
+def test_a_pair_does_not_feel_the_power_ratio(expect_law, device):
     """In harmonic traps of unequal power the same pitchfork: k₁k₂/(k₁ + k₂) scales the whole energy.
 
     Source: minimum of U over the centre; compare strategy B of five elements.
@@ -165,4 +167,4 @@ def test_a_pair_does_not_feel_the_power_ratio(law, device):
     ratio = np.array([1.0, 1.25, 1.5])
     power = np.stack([40.0 * ratio / (1.0 + ratio), 40.0 / (1.0 + ratio)], axis=1)
     sine = rest(scene(COLD, axial_reach=ALONE, accuracy=0.05), device, 0.25, 300.0, trap_power=power)
-    law("cos θ at power ratios 1, 1.25, 1.5", np.sqrt(1.0 - sine**2), SPACING / (1.0 - ETA), STILL)
+    expect_law("cos θ at power ratios 1, 1.25, 1.5", np.sqrt(1.0 - sine**2), SPACING / (1.0 - ETA), STILL)

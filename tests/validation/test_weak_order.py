@@ -56,7 +56,7 @@ def order(error: np.ndarray) -> float:
 
 @pytest.mark.parametrize("what", ["variance", "correlation", "escape"])
 @pytest.mark.parametrize("name", INTEGRATORS)
-def test_weak_order(law, name, what):
+def test_weak_order(expect_law, name, what):
     """Errors of ⟨x²⟩, of ⟨x(0)x(t)⟩/⟨x²⟩ at t = γ/k and of the mean escape time fall with the power of the step.
 
     Averaged noise is of order 2 in the distribution alone. Escapes are corrected for crossings between steps.
@@ -67,19 +67,19 @@ def test_weak_order(law, name, what):
     if expected is None:
         pytest.skip("escapes are looked for where a run shows the bead, which is not this scheme's chain")
     assert expected >= INTEGRATORS[name].weak_order
-    law(f"{name}, {what}: order", order(errors(name, "gaussian", what)), expected, ORDER)
+    expect_law(f"{name}, {what}: order", order(errors(name, "gaussian", what)), expected, ORDER)
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize(("noise", "expected"), [("threePoint", 2), ("uniform", 1)])
-def test_order_of_what_cheap_noise_costs(law, name, noise, expected):
+def test_order_of_what_cheap_noise_costs(expect_law, name, noise, expected):
     """Averages with three-point noise differ from those with gaussian noise by order 2, with uniform noise by order 1.
 
     Source: moments equal up to the fifth and the third; Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, ch. 14.
     """
     for what in ("variance", "correlation"):
         cost = errors(name, noise, what) - errors(name, "gaussian", what)
-        law(f"{name}, {noise}, {what}: order of the difference", order(cost), expected, ORDER)
+        expect_law(f"{name}, {noise}, {what}: order of the difference", order(cost), expected, ORDER)
 
 
 COST = 1e-3
@@ -87,20 +87,22 @@ COST = 1e-3
 
 
 @pytest.mark.parametrize("name", ["heun", "exponential"])
-def test_cost_of_three_point_noise(law, name):
+def test_cost_of_three_point_noise(expect_law, name):
     """At h = 0.2 it changes variance and correlation by less than 0.1 %, and escape times by some per cent.
 
     Source: equal moments up to the fifth; a path of such steps reaches no farther than √3 standard deviations at once.
     """
     exact, cheap = (Chain(name, noise, HELD, 0.2) for noise in ("gaussian", "threePoint"))
-    law(f"{name}: variance, three-point over gaussian", cheap.variance() / exact.variance(), 1.0, COST / 5.0)
-    law(f"{name}: correlation, three-point over gaussian", cheap.correlation(5) / exact.correlation(5), 1.0, COST / 5.0)
+    expect_law(f"{name}: variance, three-point over gaussian", cheap.variance() / exact.variance(), 1.0, COST / 5.0)
+    expect_law(
+        f"{name}: correlation, three-point over gaussian", cheap.correlation(5) / exact.correlation(5), 1.0, COST / 5.0
+    )
     exact, cheap = (Chain(name, noise, SineWell(5.0), 0.2) for noise in ("gaussian", "threePoint"))
     late = cheap.escape_time() / exact.escape_time() - 1.0
     assert 0.005 < late < 0.05
 
 
-def test_chain_of_a_spring(law):
+def test_chain_of_a_spring(expect_law):
     """Where the well is a spring the operator's averages are those of the closed forms.
 
     Source: first-order autoregression; Kloeden & Platen 1992, doi:10.1007/978-3-662-12616-5, §9.
@@ -114,7 +116,7 @@ def test_chain_of_a_spring(law):
         limit = 2.0 * np.array(found[1]) - np.array(found[0])
         variance = scheme.variance(name, 0.25)
         exact = [variance, float(scheme.covariance(name, 0.25, 4)) / variance / math.exp(-1.0)]
-        law(f"{name}, h = 0.25: variance and correlation over those of a spring", limit, exact, 1e-4)
+        expect_law(f"{name}, h = 0.25: variance and correlation over those of a spring", limit, exact, 1e-4)
 
 
 @pytest.mark.parametrize("noise", ["gaussian", "threePoint", "uniform"])

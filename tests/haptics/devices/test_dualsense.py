@@ -318,7 +318,7 @@ def test_an_effect_that_could_not_be_sent_loses_the_device():
 # which one, and the servo
 
 
-def fails(text, system):
+def expect_refusal(text, system):
     with pytest.raises(InputError) as caught:
         create(parse_devices([text])[0], system).open()
     assert "\n" not in str(caught.value)
@@ -326,13 +326,13 @@ def fails(text, system):
 
 
 def test_absent_and_forbidden_devices_and_bad_arguments_are_one_line_each():
-    assert "no DualSense is plugged in" in fails("dualsense", System())
+    assert "no DualSense is plugged in" in expect_refusal("dualsense", System())
     forbidden = pad()
     forbidden.refuses = PermissionError(13, "Permission denied")
-    assert 'KERNELS=="*:054C:0CE6.*"' in fails("dualsense", System(forbidden))
-    assert "stick = 'both' must be one of left, right" in fails("dualsense:stick=both", System(pad()))
-    assert "force = 0 must be a number from 0.01 to 100" in fails("dualsense:force=0", System(pad()))
-    assert "must be one of" in fails("dualsense:gyro=1", System(pad()))
+    assert 'KERNELS=="*:054C:0CE6.*"' in expect_refusal("dualsense", System(forbidden))
+    assert "stick = 'both' must be one of left, right" in expect_refusal("dualsense:stick=both", System(pad()))
+    assert "force = 0 must be a number from 0.01 to 100" in expect_refusal("dualsense:force=0", System(pad()))
+    assert "must be one of" in expect_refusal("dualsense:gyro=1", System(pad()))
 
 
 def test_listed_lines_name_each_by_its_address():

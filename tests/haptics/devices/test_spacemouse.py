@@ -243,7 +243,7 @@ def test_only_the_multi_axis_interface_of_a_receiver_counts():
     assert cap.port is not None
 
 
-def fails(text, system, hands=()):
+def expect_refusal(text, system, hands=()):
     with pytest.raises(InputError) as caught:
         asked(text, system, hands).open()
     message = str(caught.value)
@@ -253,18 +253,20 @@ def fails(text, system, hands=()):
 
 
 def test_absent_taken_forbidden_and_broken_devices_are_one_line_each():
-    assert "no SpaceMouse is plugged in" in fails("spacemouse", System())
-    assert "only 1 is plugged in" in fails("spacemouse:#2", System(mouse()))
-    assert "must be one of: AB, one without serial (#2)" in fails("spacemouse:XY", System(mouse(0, "AB"), mouse(1)))
+    assert "no SpaceMouse is plugged in" in expect_refusal("spacemouse", System())
+    assert "only 1 is plugged in" in expect_refusal("spacemouse:#2", System(mouse()))
+    assert "must be one of: AB, one without serial (#2)" in expect_refusal(
+        "spacemouse:XY", System(mouse(0, "AB"), mouse(1))
+    )
     device = mouse()
     asked("spacemouse:#1", System(device)).open()
-    assert "in use already" in fails("spacemouse:#1,speed=1", System(device))
+    assert "in use already" in expect_refusal("spacemouse:#1,speed=1", System(device))
     forbidden, broken = mouse(), mouse()
     forbidden.refuses, broken.refuses = PermissionError(13, "Permission denied"), OSError(5, "Input/output error")
-    message = fails("spacemouse", System(forbidden))
+    message = expect_refusal("spacemouse", System(forbidden))
     assert 'KERNEL=="hidraw*", KERNELS=="*:256F:C635.*", TAG+="uaccess"' in message
     assert "/etc/udev/rules.d/" in message
-    assert "Input/output error" in fails("spacemouse", System(broken))
+    assert "Input/output error" in expect_refusal("spacemouse", System(broken))
 
 
 @pytest.mark.parametrize(
@@ -282,7 +284,7 @@ def test_absent_taken_forbidden_and_broken_devices_are_one_line_each():
     ],
 )
 def test_bad_arguments_are_one_line_that_names_them(text):
-    fails(text, System(mouse()))
+    expect_refusal(text, System(mouse()))
 
 
 def test_what_is_plugged_in_is_listed_with_the_text_to_ask_for_it():

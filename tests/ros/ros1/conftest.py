@@ -13,7 +13,7 @@ import pytest
 
 from otwarp.ros.ros1.node import Ros1Node, check_master
 
-from .setups import POLL, MasterDouble, wait_for
+from .setups import POLL, MasterDouble, expect_soon
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 REQUIRED = "OTWARP_REQUIRE_ROS1"
@@ -64,7 +64,7 @@ class RealMaster:
         self._process = subprocess.Popen(
             command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        wait_for(self._answers, "rosmaster")
+        expect_soon(self._answers, "rosmaster")
 
     def _answers(self) -> bool:
         assert self._process.poll() is None, "rosmaster ended"

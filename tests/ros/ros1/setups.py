@@ -32,7 +32,7 @@ def twist(x: float, y: float = 0.0, z: float = 0.0) -> Any:
     return t.Twist(t.Vector3(x, y, z), t.Vector3(0.0, 0.0, 0.0))
 
 
-def wait_for(condition: Callable[[], Any], what: str = "") -> Any:
+def expect_soon(condition: Callable[[], Any], what: str = "") -> Any:
     """The condition's first true value."""
     deadline = time.monotonic() + PATIENCE
     while not (value := condition()):

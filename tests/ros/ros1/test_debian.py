@@ -20,7 +20,7 @@ from otwarp.ros.ros1.node import Ros1Node
 
 from .conftest import RealMaster
 from .golden import MD5, bytes_of, message_of
-from .setups import PATIENCE, wait_for
+from .setups import PATIENCE, expect_soon
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
@@ -74,9 +74,11 @@ def test_a_rospy_node_reads_and_writes_every_type(rospy_python, real_master):
         for n, name in enumerate(("tf2_msgs/TFMessage", TWIST, *(m for m in MD5 if m.split("/")[1][0] in "PJD"))):
             kind, heard = message_type(name), node.subscribe(f"/from/t{n}", name)
             out = node.publisher(f"/to/t{n}", name)
-            wait_for(lambda heard=heard, out=out: heard.connections == 1 and out.connections == 1, name)
+            expect_soon(lambda heard=heard, out=out: heard.connections == 1 and out.connections == 1, name)
             # again and again: rospy counts a subscriber a moment after it has answered it
-            wait_for(lambda heard=heard, out=out, name=name: (out.publish(message_of(name)), heard.received)[1], name)
+            expect_soon(
+                lambda heard=heard, out=out, name=name: (out.publish(message_of(name)), heard.received)[1], name
+            )
             # rospy counts the sequence number of a leading header itself
             start = 4 if name in ("geometry_msgs/PoseStamped", "sensor_msgs/JointState", "sensor_msgs/Joy") else 0
             assert kind.encode(heard.take())[start:] == bytes_of(name)[start:]
@@ -93,11 +95,11 @@ def test_the_releases_force_on_a_rospy_node(rospy_python, real_master):
         with Ros1Node("touch", real_master.uri) as touch:
             touch.subscribe(hand.topic("force_feedback"), HAND_TYPES["force_feedback"], felt.append)
             trap, robot = bridge._out[TRAP_TOPICS[0]], bridge._out[ROBOT_TOPICS[0]]
-            wait_for(lambda: trap.connections == robot.connections == 1)
+            expect_soon(lambda: trap.connections == robot.connections == 1)
             assert bridge.publish(0.0, ((0.0, 0.0, 5.0),), (None,))
             for n in range(1, 100):
                 bridge.publish(n / 60.0 + 1e-6, (None,), (((0.0, 0.0, 6.25), (0.0, 0.0, 0.0, 1.0)),))
-                wait_for(lambda n=n: len(felt) == n, "a force")
+                expect_soon(lambda n=n: len(felt) == n, "a force")
             force = felt[-1].force
             assert (force.x, force.y, force.z) == pytest.approx((0.0, 1.312, 0.0), abs=PRINTED)
 
@@ -114,7 +116,7 @@ def test_the_master_shuts_down_the_older_of_two_namesakes(real_master):
     with Ros1Node("same", real_master.uri) as older, Ros1Node("same", real_master.uri) as newer:
         older.publisher("/t", TWIST)
         newer.publisher("/t", TWIST)
-        wait_for(lambda: not older.alive)
+        expect_soon(lambda: not older.alive)
         assert newer.alive
 
 
@@ -123,17 +125,17 @@ def test_a_restarted_master_hears_of_all_again(real_master, tmp_path):
     try:
         with Ros1Node("a", master.uri, poll=0.1) as a, Ros1Node("b", master.uri, poll=0.1) as b:
             out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
-            wait_for(lambda: out.connections == 1 and heard.connections == 1)
+            expect_soon(lambda: out.connections == 1 and heard.connections == 1)
             master.stop()
-            wait_for(lambda: not a.master_there and not b.master_there)
+            expect_soon(lambda: not a.master_there and not b.master_there)
             with pytest.raises(InputError, match="ROS_MASTER_URI is"):
                 Ros1Node("c", master.uri)
             master.start()
-            wait_for(lambda: a.master_there and b.master_there)
+            expect_soon(lambda: a.master_there and b.master_there)
             with Ros1Node("c", master.uri) as c:
                 late = c.subscribe("/t", TWIST)
-                wait_for(lambda: out.connections == 2)
+                expect_soon(lambda: out.connections == 2)
                 out.publish(message_of(TWIST))
-                wait_for(lambda: late.received == 1 and heard.received == 1)
+                expect_soon(lambda: late.received == 1 and heard.received == 1)
     finally:
         master.stop()

@@ -20,7 +20,7 @@ from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.node import Ros1Node
 from tests.haptics.setups import chain_for, hand_config, scene_at
 
-from .setups import LocalNode, wait_for
+from .setups import LocalNode, expect_soon
 
 NS = "/GeomagicLeft"
 PERIOD = 1e-3
@@ -171,17 +171,17 @@ def test_over_the_wire_with_a_driver_double(master, monkeypatch):
             buttons.publish(types().DeviceButtonEvent(1, 0))
             assert find_devices() == (f"ros1:{NS}  (publishes geometry_msgs/PoseStamped)",)
             device.open()
-            wait_for(lambda: device.read(0.0).buttons == 1)
+            expect_soon(lambda: device.read(0.0).buttons == 1)
             assert device.read(0.0).position[0] == pytest.approx(0.1 * turn)
 
             def felt(force: float, forces=forces) -> bool:
                 device.write((0.0, force, 0.0))
                 return bool(forces) and forces[-1].force.y == force
 
-            wait_for(lambda turn=turn, felt=felt: felt(0.25 * turn), "the force")
+            expect_soon(lambda turn=turn, felt=felt: felt(0.25 * turn), "the force")
             if turn == 2.0:
                 device.close()
-                wait_for(lambda forces=forces: forces[-1].force.y == 0.0, "zero force at the end")
+                expect_soon(lambda forces=forces: forces[-1].force.y == 0.0, "zero force at the end")
         if turn == 1.0:
             with pytest.raises(DeviceLost):
                 device.read(10.0)
@@ -209,5 +209,5 @@ def test_a_servo_renders_to_a_ros_device_and_ends_with_zero_force(master, monkey
                     servo.arm()
                 return any(abs(message.force.x) > FELT for message in forces)  # it may have fallen again by now
 
-            wait_for(pulls, "a force")
-        wait_for(lambda: forces[-1].force.x == 0.0, "zero force at the end")
+            expect_soon(pulls, "a force")
+        expect_soon(lambda: forces[-1].force.x == 0.0, "zero force at the end")

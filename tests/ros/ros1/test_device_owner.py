@@ -11,7 +11,7 @@ from otwarp.haptics.core import DeviceLost
 from otwarp.haptics.devices.ros1 import SILENCE, Ros1Device, zero_force
 from otwarp.ros.ros1.node import Ros1Node
 
-from .setups import wait_for
+from .setups import expect_soon
 from .test_device import NS, pose
 
 FORCES, KIND = f"{NS}/force_feedback", "geomagic_control/DeviceFeedback"
@@ -58,8 +58,8 @@ def test_a_guardian_is_no_owner_and_sends_zero_to_the_driver(driver):
     driver.subscribe(FORCES, KIND, heard.append)
     guardian = zero_force(NS)
     device = opened()
-    wait_for(lambda: (device.write((0.0, 0.5, 0.0)), heard)[1], "a force")
-    wait_for(lambda: (guardian.send(), heard[-1].force.y == 0.0)[1], "zero force beside it")
+    expect_soon(lambda: (device.write((0.0, 0.5, 0.0)), heard)[1], "a force")
+    expect_soon(lambda: (guardian.send(), heard[-1].force.y == 0.0)[1], "zero force beside it")
     device.close()
     guardian.close()
 
@@ -70,9 +70,9 @@ def test_a_driver_that_goes_away_is_named(driver):
     with pytest.raises(DeviceLost, match=r"driver /omni_left is connected and silent: no pose for 0\.5 s"):
         device.read(SILENCE + 0.1)
     driver.close()
-    wait_for(lambda: device._pose.connections == 0)
+    expect_soon(lambda: device._pose.connections == 0)
     with pytest.raises(DeviceLost, match=r"driver /omni_left has gone: no pose for 0\.5 s"):
         device.read(SILENCE + 0.2)
     lines = device._node.log.lines
-    wait_for(lambda: any("/omni_left (http" in line and "has gone" in line for line in lines), "its name in the log")
+    expect_soon(lambda: any("/omni_left (http" in line and "has gone" in line for line in lines), "its name in the log")
     device.close()

@@ -11,17 +11,17 @@ from otwarp.ros.ros1.node import Ros1Node, check_master
 from otwarp.ros.ros1.rpc import NoAnswer, call
 
 from .golden import message_of
-from .setups import PATIENCE, POLL, TWIST, twist, wait_for
+from .setups import PATIENCE, POLL, TWIST, expect_soon, twist
 
 
 def test_messages_arrive_in_order_and_whole(node):
     got = []
     out = node("a").publisher("/t", TWIST, queue=100)
     heard = node("b").subscribe("/t", TWIST, got.append)
-    wait_for(lambda: out.connections == 1 and heard.connections == 1)
+    expect_soon(lambda: out.connections == 1 and heard.connections == 1)
     for n in range(50):
         out.publish(twist(float(n)))
-    wait_for(lambda: len(got) == 50)
+    expect_soon(lambda: len(got) == 50)
     assert [m.linear.x for m in got] == [float(n) for n in range(50)]
     assert heard.latest()[0] == 50
 
@@ -34,7 +34,7 @@ def test_who_comes_first_does_not_matter(node, late):
     else:
         out, heard = a.publisher("t", TWIST, latch=True), b.subscribe("t", TWIST)
     out.publish(twist(3.0))
-    wait_for(lambda: heard.received == 1)
+    expect_soon(lambda: heard.received == 1)
     assert heard.take().linear.x == 3.0
     assert heard.take() is None
 
@@ -46,7 +46,7 @@ def test_latching_gives_a_late_subscriber_the_last_message(node):
         latched.publish(twist(x))
         plain.publish(twist(x))
     first, second = b.subscribe("/latched", TWIST), b.subscribe("/plain", TWIST)
-    wait_for(lambda: first.received == 1 and plain.connections == 1)
+    expect_soon(lambda: first.received == 1 and plain.connections == 1)
     assert first.latest()[1].linear.x == 2.0
     assert second.latest() is None
 
@@ -72,10 +72,10 @@ def test_closing_takes_every_registration_back(node, master):
 def test_what_was_published_just_before_closing_arrives(node):
     a, b = node("a"), node("b")
     out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == 1)
+    expect_soon(lambda: out.connections == 1)
     out.publish(twist(9.0))
     a.close()
-    wait_for(lambda: heard.received == 1)
+    expect_soon(lambda: heard.received == 1)
     assert heard.latest()[1].linear.x == 9.0
 
 
@@ -83,21 +83,21 @@ def test_both_ends_of_a_topic_in_one_node(node):
     a = node("a")
     out = a.publisher("/t", TWIST)
     first, second = a.subscribe("/t", TWIST), a.subscribe("/t", TWIST)
-    wait_for(lambda: first.connections == second.connections == out.connections == 1)
+    expect_soon(lambda: first.connections == second.connections == out.connections == 1)
     out.publish(twist(1.0))
-    wait_for(lambda: first.received == 1 and second.received == 1)
+    expect_soon(lambda: first.received == 1 and second.received == 1)
     first.close()
     assert first.connections == 0
     out.publish(twist(2.0))
-    wait_for(lambda: second.received == 2)
+    expect_soon(lambda: second.received == 2)
     assert first.received == 1
     with pytest.raises(InputError, match="type of /t is 'sensor_msgs/Joy'; allowed: geometry_msgs/Twist"):
         a.subscribe("/t", "sensor_msgs/Joy")
     second.close()
-    wait_for(lambda: out.connections == 0)
+    expect_soon(lambda: out.connections == 0)
     out.publish(twist(3.0))
     third = a.subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == third.connections == 1)
+    expect_soon(lambda: out.connections == third.connections == 1)
     assert third.received == 0
 
 
@@ -107,12 +107,12 @@ def test_a_second_listener_gets_what_was_latched(node):
     out = a.publisher("/t", TWIST, latch=True)
     out.publish(twist(1.0))
     first = b.subscribe("/t", TWIST)
-    wait_for(lambda: first.received == 1)
+    expect_soon(lambda: first.received == 1)
     got = []
     second = b.subscribe("/t", TWIST, got.append)
     assert [m.linear.x for m in got] == [1.0] and second.received == 1
     out.publish(twist(2.0))
-    wait_for(lambda: first.received == 2 and second.received == 2)
+    expect_soon(lambda: first.received == 2 and second.received == 2)
     assert out.connections == 1
 
 
@@ -121,25 +121,25 @@ def test_a_restarted_publisher_is_heard_again(node, master):
     for x in (1.0, 2.0):
         with Ros1Node("a", master.uri, poll=POLL) as a:
             a.publisher("/t", TWIST, latch=True).publish(twist(x))
-            wait_for(lambda x=x: heard.received == int(x))
+            expect_soon(lambda x=x: heard.received == int(x))
         assert heard.latest()[1].linear.x == x
 
 
 def test_a_restarted_master_hears_of_all_again(node, master):
     a, b = node("a"), node("b")
     out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == 1)
+    expect_soon(lambda: out.connections == 1)
     master.stop()
-    wait_for(lambda: not a.master_there and not b.master_there)
+    expect_soon(lambda: not a.master_there and not b.master_there)
     out.publish(twist(1.0))
-    wait_for(lambda: heard.received == 1, "messages while the master is away")
+    expect_soon(lambda: heard.received == 1, "messages while the master is away")
     master.start()
-    wait_for(lambda: "/a" in master.publishers.get("/t", {}) and "/b" in master.subscribers.get("/t", {}))
+    expect_soon(lambda: "/a" in master.publishers.get("/t", {}) and "/b" in master.subscribers.get("/t", {}))
     later = node("c").subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == 2)
+    expect_soon(lambda: out.connections == 2)
     out.publish(twist(2.0))
-    wait_for(lambda: later.received == 1)
-    wait_for(lambda: len(a.log.lines) > 1 and len(b.log.lines) > 1, "the line that it is back")
+    expect_soon(lambda: later.received == 1)
+    expect_soon(lambda: len(a.log.lines) > 1 and len(b.log.lines) > 1, "the line that it is back")
     for one, done in ((a, "topics published: 1, subscribed: 0"), (b, "topics published: 0, subscribed: 1")):
         gone, back = one.log.lines
         assert gone.startswith("master: gone; topics that are connected go on without it (lookupNode of http://")
@@ -157,7 +157,7 @@ def test_a_name_that_another_node_took_is_reported_once(node, master):
         return [1, "", other]
 
     master._server.register_function(_lookup, "lookupNode")
-    wait_for(lambda: len(looks) > 4)
+    expect_soon(lambda: len(looks) > 4)
     assert list(a.log.lines) == ["master: another node took the name /a"]
 
 
@@ -172,11 +172,11 @@ def test_a_master_that_refuses_a_registration_is_reported_once(node, master):
 
     master._server.register_function(_refuse, "registerPublisher")
     master.publishers.clear()
-    wait_for(lambda: len(tried) > 4)
+    expect_soon(lambda: len(tried) > 4)
     assert [line for line in a.log.lines if "not today" in line] == list(a.log.lines)
     assert len(a.log.lines) == 1 and not a.master_there
     master._server.register_function(master._registerPublisher, "registerPublisher")
-    wait_for(lambda: a.master_there)
+    expect_soon(lambda: a.master_there)
     assert a.log.lines[-1].startswith("master: back; registered anew, topics published: 1")
 
 
@@ -184,20 +184,20 @@ def test_a_connection_outlives_its_listing(node, master):
     """A restarted master lists a publisher only when that has come back; what it does not list is not tried again."""
     a, b = node("a"), node("b")
     out, heard = a.publisher("/t", TWIST), b.subscribe("/t", TWIST)
-    wait_for(lambda: out.connections == 1 and heard.connections == 1)
+    expect_soon(lambda: out.connections == 1 and heard.connections == 1)
     call(b.uri, "publisherUpdate", "/master", "/t", [])
     out.publish(twist(1.0))
-    wait_for(lambda: heard.received == 1)
+    expect_soon(lambda: heard.received == 1)
     assert out.connections == 1
     a.close()
-    wait_for(lambda: heard.connections == 0 and not heard.topic._links)
+    expect_soon(lambda: heard.connections == 0 and not heard.topic._links)
 
 
 def test_a_master_that_restarted_between_two_looks_is_noticed(node, master):
     a = node("a")
     a.publisher("/t", TWIST)
     master.publishers.clear()
-    wait_for(lambda: "/a" in master.publishers.get("/t", {}))
+    expect_soon(lambda: "/a" in master.publishers.get("/t", {}))
     assert a.master_there
 
 

@@ -19,7 +19,7 @@ from otwarp.ros.ros1.bridge import Ros1Bridge
 from otwarp.ros.ros1.messages import types
 from otwarp.ros.ros1.node import Ros1Node
 
-from .setups import wait_for
+from .setups import expect_soon
 
 PRINTED = 5e-4
 """Half of the last digit of 1.312 N."""
@@ -81,7 +81,7 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
         node = ForceNode(paper, topics)
         felt = []
         touch.subscribe(topics.topic("force_feedback"), HAND_TYPES["force_feedback"], felt.append)
-        wait_for(lambda: all(one.connections for one in node.inputs[:2]) and node.force.connections == 1)
+        expect_soon(lambda: all(one.connections for one in node.inputs[:2]) and node.force.connections == 1)
 
         def one(trap, robot, now: float) -> None:
             places = [None, None]
@@ -93,10 +93,10 @@ def test_ninety_nine_messages_at_a_twentieth(master, hand):
             assert bridge.publish(now, traps, robots)
 
         one((0.0, 0.0, 5.0), None, 0.0)
-        wait_for(lambda: node.inputs[0].received == 1)
+        expect_soon(lambda: node.inputs[0].received == 1)
         for n in range(1, 100):
             one(None, (0.0, 0.0, 5.0 + 0.05 * UNIT), n / 60.0 + 1e-6)
-            wait_for(lambda n=n: len(felt) == n)
+            expect_soon(lambda n=n: len(felt) == n)
         force = felt[-1].force
         assert (force.x, force.y, force.z) == pytest.approx((0.0, 1.312, 0.0), abs=PRINTED)
         assert not any(one.log.counts for one in (sim, paper, touch))
@@ -111,13 +111,13 @@ def test_the_hand_moves_the_trap_through_the_node(master):
         bridge = Ros1Bridge(sim, config, clock=lambda: now[0])
         node = ForceNode(paper, topics)
         out = touch.publisher(topics.topic("twist"), HAND_TYPES["twist"], queue=100)
-        wait_for(lambda: out.connections == 1 and node.smoothed.connections == 1)
+        expect_soon(lambda: out.connections == 1 and node.smoothed.connections == 1)
         bridge.commands(0.0)
         t = types()
         for _ in range(20):
             out.publish(t.Twist(t.Vector3(100.0, 0.0, 0.0), t.Vector3(0.0, 0.0, 0.0)))
         heard = bridge._in[0]
-        wait_for(lambda: heard.received == 20)
+        expect_soon(lambda: heard.received == 20)
         now[0] = 0.05
         first, second = bridge.commands(0.05)
         assert first[0] == pytest.approx(100.0 * (1.0 - 0.95**20) * 0.05 * 0.02 * UNIT, rel=1e-9)

@@ -12,7 +12,7 @@ from otwarp.ros.ros1.rpc import call
 from otwarp.ros.ros1.wire import decode_header, encode_header, packed, receive_header
 
 from .golden import message_of
-from .setups import PATIENCE, TWIST, twist, wait_for
+from .setups import PATIENCE, TWIST, expect_soon, twist
 
 
 def shake(a: Ros1Node, request: bytes) -> tuple[dict[str, str], bytes]:
@@ -73,7 +73,7 @@ def test_a_malformed_header_costs_its_connection_only(node, sent):
     a = node("a")
     a.publisher("/t", TWIST, latch=True).publish(twist(1.0))
     assert shake(a, sent) == ({}, b"")
-    wait_for(lambda: a.log.counts["malformed"] == 1)
+    expect_soon(lambda: a.log.counts["malformed"] == 1)
     assert shake(a, request())[1]
 
 
@@ -87,11 +87,11 @@ def test_a_subscriber_that_does_not_read_loses_the_oldest(node):
     with socket.create_connection((host, port), timeout=PATIENCE) as deaf:
         deaf.sendall(request(type=kind, md5sum=message_type(kind).md5))
         receive_header(deaf, PATIENCE)
-        wait_for(lambda: out.connections == 2)
+        expect_soon(lambda: out.connections == 2)
 
         def one_more() -> bool:
             out.publish(big)
             return a.log.counts["dropped"] > 5 and heard.received > 5
 
-        wait_for(one_more, "dropped messages")
-    wait_for(lambda: (out.publish(big), out.connections == 1)[1], "the deaf one's end")
+        expect_soon(one_more, "dropped messages")
+    expect_soon(lambda: (out.publish(big), out.connections == 1)[1], "the deaf one's end")

@@ -15,7 +15,7 @@ from otwarp.ros.ros1.log import EventLog
 from otwarp.ros.ros1.rpc import MOST_BODY, MOST_CALLERS, NoAnswer, Refused, SlaveServer, answer, call, parse
 from otwarp.ros.ros1.wire import Malformed
 
-from .setups import PATIENCE, TWIST, wait_for
+from .setups import PATIENCE, TWIST, expect_soon
 
 BOMB = b"""<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
 <methodCall><methodName>getPid</methodName><params><param><value><string>&b;</string></value></param></params>
@@ -125,14 +125,14 @@ def test_bad_http_gets_a_status(slave, request_, status):
 
 def test_a_call_that_ends_early_is_noted(slave):
     assert talk(slave.server_address[1], b"POST / HTTP/1.0\r\nContent-Length: 30\r\n\r\nabc") == b""
-    wait_for(lambda: slave.log.counts["rpc"] == 1)
+    expect_soon(lambda: slave.log.counts["rpc"] == 1)
 
 
 def test_silent_callers_do_not_pile_up(slave):
     port = slave.server_address[1]
     silent = [socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) for _ in range(MOST_CALLERS + 3)]
     try:
-        wait_for(lambda: slave.log.counts["refused"] == 3)
+        expect_soon(lambda: slave.log.counts["refused"] == 3)
     finally:
         for sock in silent:
             sock.close()
@@ -144,7 +144,7 @@ def test_silent_callers_do_not_pile_up(slave):
         except NoAnswer:
             return False
 
-    wait_for(answers, "a free place")
+    expect_soon(answers, "a free place")
 
 
 def serve_once(reply: bytes) -> str:
@@ -245,6 +245,6 @@ def test_the_master_may_shut_a_node_down(node, master):
     a = node("a")
     a.publisher("/t", TWIST)
     call(a.uri, "shutdown", "/master", "new node registered with same name")
-    wait_for(lambda: not master.publishers["/t"])
+    expect_soon(lambda: not master.publishers["/t"])
     assert not a.alive
     assert any("same name" in line for line in a.log.lines)

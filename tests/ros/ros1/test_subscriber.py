@@ -12,7 +12,7 @@ from otwarp.ros.ros1.rpc import call
 from otwarp.ros.ros1.wire import encode_header, packed
 
 from .golden import bytes_of
-from .setups import PATIENCE, TWIST, BadPublisher, MasterDouble, good_header, twist, wait_for
+from .setups import PATIENCE, TWIST, BadPublisher, MasterDouble, expect_soon, good_header, twist
 
 
 def heard_from(node, master: MasterDouble, bad: BadPublisher):
@@ -46,7 +46,7 @@ def test_a_bad_publisher_costs_its_connection_and_is_tried_again(node, master, a
     bad = BadPublisher(answer, good_header(TWIST) + GOOD)
     try:
         b, heard = heard_from(node, master, bad)
-        wait_for(lambda: heard.received >= 1)
+        expect_soon(lambda: heard.received >= 1)
         assert b.log.counts[kind] >= 1
         assert heard.latest()[1].linear.x == 1.0
     finally:
@@ -63,9 +63,9 @@ def test_a_callback_that_raises_is_noted_and_called_again(node):
         raise RuntimeError("oh\nno")
 
     b.subscribe("/t", TWIST, careless)
-    wait_for(lambda: out.connections == 1)
+    expect_soon(lambda: out.connections == 1)
     for _ in range(2):
         out.publish(twist(1.0))
     assert seen.acquire(timeout=PATIENCE) and seen.acquire(timeout=PATIENCE)
-    wait_for(lambda: b.log.counts["callback"] == 2)
+    expect_soon(lambda: b.log.counts["callback"] == 2)
     assert "RuntimeError: oh no" in b.log.lines[0]

@@ -35,7 +35,7 @@ def loopback(monkeypatch: pytest.MonkeyPatch) -> int:
     return 100 + os.getpid() % 101
 
 
-def until(condition: Callable[[], object], what: str) -> None:
+def expect_soon(condition: Callable[[], object], what: str) -> None:
     """Wait for something that another thread or process does."""
     end = time.monotonic() + PATIENCE
     while not condition():

@@ -22,7 +22,7 @@ from otwarp.ros.ros2 import (
     Ros2Node,
     load_messages,
 )
-from tests.ros.ros2.setups import loopback, until
+from tests.ros.ros2.setups import expect_soon, loopback
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
@@ -379,7 +379,9 @@ def test_a_controller_over_dds(monkeypatch):
         bridge = Ros2Bridge(twin, MICROMETRES)
         states = {t: companion.subscribe(t, m.TFMessage, SENSOR_DATA) for t in ("/object", "/xform", "/robot01")}
         velocity, reset = companion.publisher("/rl_vel", m.Twist), companion.publisher("/resetSignal", m.Twist)
-        until(lambda: all(s.matched for s in states.values()) and velocity.matched and reset.matched, "the topics")
+        expect_soon(
+            lambda: all(s.matched for s in states.values()) and velocity.matched and reset.matched, "the topics"
+        )
         bridge.commands(0.0)
         bridge.publish(0.0, replace(STATE, cell=(1.0, 2.0, 3.0), contact_force=4.0))
         heard = {topic: line.latest().transforms[0] for topic, line in states.items()}

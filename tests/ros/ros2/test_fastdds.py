@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, Ros2Node, load_messages
-from tests.ros.ros2.setups import loopback, until
+from tests.ros.ros2.setups import expect_soon, loopback
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
@@ -54,7 +54,7 @@ class Peer:
         self.tf_out = node.publisher("/tf_to_peer", m.TFMessage, RELIABLE)
         self.tf_in = node.subscribe("/tf_from_peer", m.TFMessage, RELIABLE)
         ends = (self.twist_out, self.twist_in, self.tf_out, self.tf_in)
-        until(lambda: all(end.matched == 1 for end in ends), "Fast DDS to be matched by Cyclone")
+        expect_soon(lambda: all(end.matched == 1 for end in ends), "Fast DDS to be matched by Cyclone")
         # the peer says when it runs and when it has matched all four of its ends, in either order
         awaited = {"ready\n", "match 4\n"}
         while awaited:
@@ -84,7 +84,9 @@ def peer(peer_program, monkeypatch):
 
 def arrive(subscription, count: int) -> list:
     messages: list = []
-    until(lambda: messages.extend(subscription.take()) or len(messages) >= count, f"{count} on {subscription.topic}")
+    expect_soon(
+        lambda: messages.extend(subscription.take()) or len(messages) >= count, f"{count} on {subscription.topic}"
+    )
     return messages
 
 
@@ -137,7 +139,7 @@ def test_malformed_payloads_from_the_network_harm_nothing(peer):
         peer.send_raw(bytes(broken))
         taken += peer.tf_in.take()
     peer.send_raw(payload)
-    until(lambda: taken.extend(peer.tf_in.take()) or good in taken, "the good message after the bad ones")
+    expect_soon(lambda: taken.extend(peer.tf_in.take()) or good in taken, "the good message after the bad ones")
     # what Cyclone's own check lets through and is no text, is counted by the subscription
     assert peer.tf_in.malformed > 0
     # a cut of nothing but the count of none may read as an empty message, all else is gone

@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, Publisher, QoS, Ros2Node, load_messages
 from otwarp.ros.ros2 import node as node_module
-from tests.ros.ros2.setups import child, loopback, until
+from tests.ros.ros2.setups import child, expect_soon, loopback
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
@@ -37,7 +37,9 @@ def twist(x: float):
 def arrive(subscription, count: int) -> list:
     """Messages as they come, until there are so many."""
     messages: list = []
-    until(lambda: messages.extend(subscription.take()) or len(messages) >= count, f"{count} on {subscription.topic}")
+    expect_soon(
+        lambda: messages.extend(subscription.take()) or len(messages) >= count, f"{count} on {subscription.topic}"
+    )
     return messages
 
 
@@ -45,7 +47,7 @@ def test_messages_come_in_order_and_only_once(nodes):
     left, right = nodes
     out = left.publisher("/rl_vel", "geometry_msgs/msg/Twist")
     heard = right.subscribe("rl_vel", m.Twist)
-    until(lambda: out.matched == heard.matched == 1, "a match")
+    expect_soon(lambda: out.matched == heard.matched == 1, "a match")
     assert heard.take() == [] and heard.latest() is None
     for n in range(5):
         out.publish(twist(n))
@@ -57,7 +59,7 @@ def test_messages_come_in_order_and_only_once(nodes):
 def test_who_does_not_take_keeps_the_last_ten(nodes):
     left, right = nodes
     out, heard = left.publisher("/a", m.Twist), right.subscribe("/a", m.Twist)
-    until(lambda: out.matched, "a match")
+    expect_soon(lambda: out.matched, "a match")
     for n in range(25):
         out.publish(twist(n))
     # delivery within a process is synchronous
@@ -84,7 +86,7 @@ def test_cyclone_matches_what_the_profiles_say(nodes, requested, offered):
     marks = left.publisher("/mark", m.String), right.subscribe("/mark", m.String)
     out, heard = left.publisher("/a", m.Twist, offered), right.subscribe("/a", m.Twist, requested)
     marker = right.subscribe("/a", m.Twist, SENSOR_DATA)
-    until(lambda: marker.matched and marks[0].matched, "the endpoints to be known")
+    expect_soon(lambda: marker.matched and marks[0].matched, "the endpoints to be known")
     assert bool(heard.matched) == requested.accepts(offered) == bool(out.matched - 1)
 
 
@@ -105,7 +107,9 @@ def test_what_discovery_tells_ros2(nodes):
     left.publisher("/object", m.TFMessage)
     reader = BuiltinDataReader(right._participant, BuiltinTopicDcpsPublication)
     found = {}
-    until(lambda: found.update({e.topic_name: e for e in reader.take(20)}) or "rt/object" in found, "the publication")
+    expect_soon(
+        lambda: found.update({e.topic_name: e for e in reader.take(20)}) or "rt/object" in found, "the publication"
+    )
     end = found["rt/object"]
     assert end.type_name == "tf2_msgs::msg::dds_::TFMessage_"
     hashed = f"typehash=RIHS01_{m.TYPE_HASHES['tf2_msgs/msg/TFMessage']};"
@@ -122,7 +126,7 @@ def test_malformed_payloads_are_counted_and_harm_nothing(nodes):
 
     left, right = nodes
     out, heard = left.publisher("/bad", m.TFMessage), right.subscribe("/bad", m.TFMessage)
-    until(lambda: heard.matched, "a match")
+    expect_soon(lambda: heard.matched, "a match")
     good = m.TFMessage([m.TransformStamped(child_frame_id="robot01")])
     payload = good.serialize(use_version_2=False)
     chance = random.Random(5)
@@ -255,7 +259,7 @@ def test_two_processes(domain):
         out, heard = node.publisher("/ask", m.TFMessage), node.subscribe("/answer", m.TFMessage)
         assert peer.stdout is not None and peer.stdin is not None
         assert peer.stdout.readline() == "ready\n"
-        until(lambda: out.matched and heard.matched, "the other process")
+        expect_soon(lambda: out.matched and heard.matched, "the other process")
         message = m.TFMessage([m.TransformStamped(child_frame_id="robot01")])
         ddspy_write(out._writer._ref, message.serialize(use_version_2=False).replace(b"robot01", b"rob\xff\xfe01"))
         out.publish(message)
@@ -267,7 +271,7 @@ def test_two_processes(domain):
             answers.extend(heard.take())
             return bool(answers)
 
-        until(_asked, "an answer")
+        expect_soon(_asked, "an answer")
         assert [t.child_frame_id for t in answers[0].transforms] == ["robot01"]
         assert answers[0].transforms[0].transform.translation.x == 1.0
         assert peer.communicate()[0].split() == ["1", "1"]
@@ -292,7 +296,7 @@ def test_a_reader_that_stands_still_holds_nobody_up(domain):
     with peer, Ros2Node("talks", domain) as node:
         out = node.publisher("/long", m.String)
         assert peer.stdout is not None and peer.stdout.readline() == "ready\n"
-        until(lambda: out.matched, "the other process")
+        expect_soon(lambda: out.matched, "the other process")
         peer.send_signal(signal.SIGSTOP)
         try:
             for n in range(200):
@@ -308,5 +312,5 @@ def test_a_reader_that_stands_still_holds_nobody_up(domain):
             return peer.stdout.readline() == "last\n"
 
         # what is still kept is sent again, the newest included
-        until(_last_came, "the newest message")
+        expect_soon(_last_came, "the newest message")
         peer.communicate()

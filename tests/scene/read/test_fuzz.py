@@ -66,7 +66,7 @@ def plain(kind: str) -> str:
     return ALIKE.get(base, base) + kind[len(base) :]
 
 
-def judged(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def assert_judged(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Every reader of a file gives what it read, or one line."""
     for read in (Scene.load, read_drawables, validate):
         try:
@@ -89,7 +89,7 @@ def fuzzed(examples: int) -> Any:
     return settings(max_examples=examples, derandomize=True, deadline=None, database=None, suppress_health_check=unlike)
 
 
-def attribute_of_any_type(base: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject) -> None:
+def assert_any_type_is_judged(base: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject) -> None:
     where = attributes(Usd.Stage.Open(str(base)))
     prim, name, own = data.draw(st.sampled_from(where))
     kinds = st.sampled_from(sorted(VALUES))
@@ -99,7 +99,7 @@ def attribute_of_any_type(base: Path, capfd: pytest.CaptureFixture[str], data: s
     layer = override(str(base), prim, name, kind, value, sampled=sampled)
     path = base.with_name("above.usda")
     assert layer.Export(str(path))
-    judged(path, capfd)
+    assert_judged(path, capfd)
 
 
 def flipped_bytes(data: bytes, edits: list[tuple[int, int]]) -> bytes:
@@ -115,7 +115,7 @@ EDITS = st.lists(st.tuples(st.integers(0, 2**20), st.integers(0, 255)), min_size
 OVER = '#usda 1.0\n(\n    defaultPrim = "{0}"\n    subLayers = [@{1}@]\n)\n'
 
 
-def damaged(
+def assert_damage_is_judged(
     base: Path, suffix: str, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]], *, under: bool = False
 ) -> None:
     """A damaged file is judged, or a text file of which it is a layer."""
@@ -127,7 +127,7 @@ def damaged(
     if under:
         above = base.with_name("over.usda")
         above.write_text(OVER.format(Sdf.Layer.FindOrOpen(str(base)).defaultPrim, path.name), encoding="utf-8")
-    judged(above if under else path, capfd)
+    assert_judged(above if under else path, capfd)
 
 
 def test_everything_is_good(base: Path) -> None:
@@ -138,27 +138,27 @@ def test_everything_is_good(base: Path) -> None:
 @fuzzed(120)
 @given(data=st.data())
 def test_attributes_of_any_type(base: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject) -> None:
-    attribute_of_any_type(base, capfd, data)
+    assert_any_type_is_judged(base, capfd, data)
 
 
 @pytest.mark.validate
 @fuzzed(3000)
 @given(data=st.data())
 def test_attributes_of_any_type_for_long(base: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject) -> None:
-    attribute_of_any_type(base, capfd, data)
+    assert_any_type_is_judged(base, capfd, data)
 
 
 @fuzzed(60)
 @given(edits=EDITS)
 def test_text_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]]) -> None:
-    damaged(base, ".usda", capfd, edits)
+    assert_damage_is_judged(base, ".usda", capfd, edits)
 
 
 @fuzzed(6)
 @given(edits=EDITS)
 @example(edits=[(1418, 1)])  # transform ops of a type that Python does not have: USD printed so on stderr
 def test_crates_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]]) -> None:
-    damaged(base, ".usdc", capfd, edits)
+    assert_damage_is_judged(base, ".usdc", capfd, edits)
 
 
 @pytest.mark.validate
@@ -167,4 +167,4 @@ def test_crates_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str]
 def test_damaged_bytes_for_long(
     base: Path, capfd: pytest.CaptureFixture[str], edits: list[tuple[int, int]], suffix: str, under: bool
 ) -> None:
-    damaged(base, suffix, capfd, edits, under=under)
+    assert_damage_is_judged(base, suffix, capfd, edits, under=under)
