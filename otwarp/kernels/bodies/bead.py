@@ -7,6 +7,7 @@ from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
+from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
@@ -40,7 +41,7 @@ def bead_constants_term(f: Features) -> wp.Function:
             element = model.body.trapped_start[b]
             if element < model.body.trapped_start[b + 1]:
                 bead.trapped = 1
-                bead.radius = model.body.trapped[element][3]
+                bead.radius = radius_of(model.body.trapped[element])
                 bead.kind = model.body.trapped_kind[element]
                 if wp.static(f.traps <= FEW_TRAPS):
                     bead.first = prepare(model.traps, world, 0, bead.radius, bead.kind)

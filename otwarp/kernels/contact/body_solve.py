@@ -21,11 +21,12 @@ import warp as wp
 
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.contact.blocks import block_at, factorise, solve_factorised
-from otwarp.kernels.contact.contact_list import ContactList, face_term, law_of, load_at
+from otwarp.kernels.contact.contact_list import ContactList, face_term, law_of, load_at, opened_by
 from otwarp.kernels.contact.implicit_law import Line, line_of
 from otwarp.kernels.contact.travel import lift_of, opening_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.packed import beside, point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.types import ModelData, Move, vec6
@@ -266,8 +267,7 @@ def gather_term(f: Features) -> wp.Function:
             pair = listed.pair[i]
             a = pair[0]
             b = pair[1]
-            at = listed.arm_a[i]
-            arm_a = wp.vec3(at[0], at[1], at[2])
+            arm_a = point_of(listed.arm_a[i])
             lone_a = not turning(model, a)
             lone_b = b >= 0 and not turning(model, wp.max(b, 0))
             between = position[wp.max(b, 0)] - position[a]
@@ -285,8 +285,8 @@ def gather_term(f: Features) -> wp.Function:
             joined = bool(True)
             while joined:
                 face = listed.face[i]
-                n = wp.vec3(face[0], face[1], face[2])
-                line = line_at(listed, i, face[3] + wp.dot(way, n), first)
+                n = point_of(face)
+                line = line_at(listed, i, opened_by(face) + wp.dot(way, n), first)
                 stiffness = stiffness + wp.outer(line.slope * n, n)
                 force = force + line.load * n
                 i += 1
@@ -323,8 +323,7 @@ def open_gaps_term(f: Features) -> wp.Function:
                     opening += lift_of(
                         c, Move(linear_part(a), angular_part(a)), Move(linear_part(b), angular_part(b))
                     )  # fmt: skip
-            n = c.normal
-            listed.face[i] = wp.vec4(n[0], n[1], n[2], opening)
+            listed.face[i] = beside(c.normal, opening)
 
     return open_gaps
 

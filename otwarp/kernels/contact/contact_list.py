@@ -9,6 +9,7 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import beside, curvature_of, point_of
 from otwarp.kernels.core.types import ReadoutData
 
 NO_RIDGE = ("plane", "mesh", "sphere")
@@ -54,12 +55,12 @@ def put_term(f: Features) -> wp.Function:
             return count
         if wp.static(f.body_space):
             listed.pair[count] = wp.vec2i(c.a, c.b)
-            listed.face[count] = wp.vec4(c.normal[0], c.normal[1], c.normal[2], 0.0)
+            listed.face[count] = beside(c.normal, 0.0)
             listed.law[count] = wp.vec4(c.overlap, c.hardness, c.give, c.floor)
             listed.path[count] = wp.vec2(c.wander, c.layer)
             listed.depth[count] = 0.0
-            listed.arm_a[count] = wp.vec4(c.arm_a[0], c.arm_a[1], c.arm_a[2], c.radius)
-            listed.arm_b[count] = wp.vec4(c.arm_b[0], c.arm_b[1], c.arm_b[2], c.curvature)
+            listed.arm_a[count] = beside(c.arm_a, c.radius)
+            listed.arm_b[count] = beside(c.arm_b, c.curvature)
             if wp.static(has_ridges(f)):
                 listed.ridge[count] = c.ridge
             if wp.static(f.moving_obstacles):
@@ -89,6 +90,12 @@ def entry_at(listed: ContactList, i: int) -> Entry:
 
 
 @wp.func
+def opened_by(face: wp.vec4) -> float:
+    """How far the moves of this stage open a gap [µm], with its normal."""
+    return face[3]
+
+
+@wp.func
 def law_of(law: wp.vec4, path: wp.vec2) -> Contact:
     """A contact as far as its law of force goes."""
     c = Contact()
@@ -109,15 +116,13 @@ def face_term(f: Features) -> wp.Function:
         """Bodies, normal, arms, curvature, ridge and drift."""
         c = Contact()
         pair = listed.pair[i]
-        normal = listed.face[i]
-        a = listed.arm_a[i]
-        b = listed.arm_b[i]
+        arm_b = listed.arm_b[i]
         c.a = pair[0]
         c.b = pair[1]
-        c.normal = wp.vec3(normal[0], normal[1], normal[2])
-        c.arm_a = wp.vec3(a[0], a[1], a[2])
-        c.arm_b = wp.vec3(b[0], b[1], b[2])
-        c.curvature = b[3]
+        c.normal = point_of(listed.face[i])
+        c.arm_a = point_of(listed.arm_a[i])
+        c.arm_b = point_of(arm_b)
+        c.curvature = curvature_of(arm_b)
         if wp.static(has_ridges(f)):
             c.ridge = listed.ridge[i]
         if wp.static(f.moving_obstacles):
@@ -130,9 +135,9 @@ def face_term(f: Features) -> wp.Function:
 @wp.func
 def load_at(listed: ContactList, i: int) -> float:
     """Load of contact i [pN], from the depth that carries it."""
-    law = listed.law[i]
+    law = law_of(listed.law[i], wp.vec2())
     depth = listed.depth[i]
-    return law[3] + law[1] * depth * wp.sqrt(depth)
+    return law.floor + law.hardness * depth * wp.sqrt(depth)
 
 
 def solved_term(f: Features) -> wp.Function:
@@ -144,10 +149,9 @@ def solved_term(f: Features) -> wp.Function:
         c = Contact()
         if wp.static(f.body_space):
             pair = listed.pair[i]
-            normal = listed.face[i]
             c.a = pair[0]
             c.b = pair[1]
-            c.normal = wp.vec3(normal[0], normal[1], normal[2])
+            c.normal = point_of(listed.face[i])
             c.load = load_at(listed, i)
         else:
             c = listed.whole[i]

@@ -37,7 +37,7 @@ from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drif
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
-from otwarp.kernels.core.packed import distance_of, point_of, radius_of
+from otwarp.kernels.core.packed import curvature_of, distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
@@ -132,13 +132,13 @@ def touch_wall_term(f: Features) -> wp.Function:
         relative = relative_radius(model.obstacles, o, local, outward, radius)
         c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
         bend = path_bend(model.obstacles, o, local, outward, radius)
-        c.curvature = bend[3]
-        c.ridge = wp.quat_rotate(wall.rotation, wp.vec3(bend[0], bend[1], bend[2]))
+        c.curvature = curvature_of(bend)
+        c.ridge = wp.quat_rotate(wall.rotation, point_of(bend))
         if wp.static(f.moving_obstacles):
             # of the centre of curvature, which does not move where a ball turns about itself
             below = distance_of(hit)
-            if bend[3] > 0.0:
-                below += 1.0 / bend[3] - radius
+            if c.curvature > 0.0:
+                below += 1.0 / c.curvature - radius
             c.drift = obstacle_drift(wall, later, local - below * outward)
         return c
 
@@ -152,7 +152,7 @@ def element_term(f: Features) -> wp.Function:
     def element(model: ModelData, i: int, rotation: wp.quat) -> Segment:
         """Centre of a sphere, or middle and half of a rod [µm], from the body's reference point in world axes."""
         s = model.contact.sphere[i]
-        rod = Segment(wp.quat_rotate(rotation, wp.vec3(s[0], s[1], s[2])), wp.vec3(0.0))
+        rod = Segment(wp.quat_rotate(rotation, point_of(s)), wp.vec3(0.0))
         if wp.static(f.rods):
             rod.half = wp.quat_rotate(rotation, model.contact.half[i])
         return rod

@@ -13,10 +13,11 @@ import warp as wp
 from otwarp.kernels.contact.blocks import inverse_root
 from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, turning_term
 from otwarp.kernels.contact.contact import rigid_response
-from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of
+from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of, opened_by
 from otwarp.kernels.contact.implicit_law import line_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
+from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.roots import reciprocal_root
 from otwarp.kernels.core.rotation import rotation_matrix
@@ -177,8 +178,8 @@ def gather_points_term(f: Features) -> wp.Function:
             while joined:
                 # read before this one is worked out: the memory of a GPU is far away
                 ahead = entry_at(listed, wp.min(i + 1, count - 1))
-                n = wp.vec3(entry.face[0], entry.face[1], entry.face[2])
-                opening = entry.face[3] + wp.dot(way, n)
+                n = point_of(entry.face)
+                opening = opened_by(entry.face) + wp.dot(way, n)
                 line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
                 listed.depth[i] = line.depth
                 stiffness = stiffness + wp.outer(line.slope * n, n)

@@ -11,7 +11,7 @@ def beside(point: wp.vec3, number: float) -> wp.vec4:
 
 @wp.func
 def point_of(packed: wp.vec4) -> wp.vec3:
-    """The point [µm]: focus or anchor of a trap, centre of a sphere; of a distance the outward normal."""
+    """The point [µm]: focus or anchor of a trap, centre of a sphere, arm of a contact; of a distance the normal."""
     return wp.vec3(packed[0], packed[1], packed[2])
 
 
@@ -31,3 +31,9 @@ def radius_of(sphere: wp.vec4) -> float:
 def distance_of(hit: wp.vec4) -> float:
     """Signed distance [µm] to an obstacle, with its outward normal."""
     return hit[3]
+
+
+@wp.func
+def curvature_of(bend: wp.vec4) -> float:
+    """Curvature [1/µm] of the path of a sphere over an obstacle, with the direction of the ridge."""
+    return bend[3]

@@ -12,6 +12,7 @@ from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
@@ -171,7 +172,7 @@ def settle_moves_term(f: Features) -> wp.Function:
         listed = room.listed
         open_gaps(listed, count, again, body.linear, body.angular, body.free, body.drift)
         error = solve_moves(model, world, listed, count, body, again, room.moved)
-        if error > UNSETTLED * listed.arm_a[0][3] and sane:
+        if error > UNSETTLED * radius_of(listed.arm_a[0]) and sane:
             raise_fault(readout, world, listed.pair[0][0], wp.static(int(Fault.UNSETTLED)), step)
 
     return settle

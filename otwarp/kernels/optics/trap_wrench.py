@@ -90,7 +90,7 @@ def move_trap_term(f: Features) -> wp.Function:
         wanted = commanded(model.traps, control, world, trap, time + model.time_step)
         now = state.trap_position[world, trap]
         dt = wp.float32(model.time_step)
-        goal = wp.vec3(wanted[0], wanted[1], wanted[2])
+        goal = point_of(wanted)
         state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
 
     return move_trap

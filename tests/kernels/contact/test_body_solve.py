@@ -12,6 +12,7 @@ from otwarp.kernels.contact.contact_list import ContactList, put_term, solved_te
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, ReadoutData, mat66, vec6
 from otwarp.simulation.packing.arrays import device_array
+from tests.kernels.contact.test_contact_list import empty_list
 from tests.kernels.samples import quaternions
 from tests.reference import contact_law
 from tests.reference.body import jacobian
@@ -54,19 +55,10 @@ def probe_bodies(
     linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
     again: bool,
+    listed: ContactList,
     load: wp.array(dtype=float),
     error: wp.array(dtype=float),
 ):
-    pair = wp.zeros(shape=(COUNT,), dtype=wp.vec2i)
-    face = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    law = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    path = wp.zeros(shape=(COUNT,), dtype=wp.vec2)
-    depth = wp.zeros(shape=(COUNT,), dtype=float)
-    arm_a = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    arm_b = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    none = wp.zeros(shape=(1,), dtype=wp.vec3)
-    whole = wp.zeros(shape=(1,), dtype=Contact)
-    listed = ContactList(whole, pair, face, law, path, depth, arm_a, arm_b, none, none)
     node = wp.zeros(shape=(wp.static(BODIES + 1),), dtype=int)
     block = wp.zeros(shape=(BLOCKS,), dtype=wp.mat33)
     filled = wp.zeros(shape=(NODES,), dtype=int)
@@ -163,7 +155,7 @@ class Problem:
         moves = [device_array(v, wp.vec3, device) for v in self.free]
         load, error = (wp.zeros(n, dtype=float, device=device) for n in (COUNT, 1))
         poses = [device_array(self.position, wp.vec3, device), device_array(self.rotation, wp.quat, device)]
-        inputs = [model, *poses, self.contacts(device), *moves, again, load, error]
+        inputs = [model, *poses, self.contacts(device), *moves, again, empty_list(COUNT, device), load, error]
         wp.launch(kernel, dim=1, inputs=inputs, device=device)
         found = np.stack([m.numpy() for m in moves]).astype(float) - self.free
         return load.numpy().astype(float), found, float(error.numpy()[0])

@@ -1,5 +1,7 @@
 """Lists of contacts field by field hold what whole records hold."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -25,19 +27,18 @@ FEATURES = Features(
 _put, _face = put_term(FEATURES), face_term(FEATURES)
 
 
+def empty_list(length: int, device: str) -> Any:
+    """A list with room for so many contacts, in all its fields."""
+    listed = ContactList()
+    for name, field in ContactList.vars.items():
+        setattr(listed, name, wp.zeros(length, dtype=field.type.dtype, device=device))
+    return listed
+
+
 @wp.kernel(enable_backward=False)
-def keep(readout: ReadoutData, given: wp.array(dtype=Contact), found: wp.array(dtype=Contact)):
-    whole = wp.zeros(shape=(1,), dtype=Contact)
-    pair = wp.zeros(shape=(ROOM,), dtype=wp.vec2i)
-    face = wp.zeros(shape=(ROOM,), dtype=wp.vec4)
-    law = wp.zeros(shape=(ROOM,), dtype=wp.vec4)
-    path = wp.zeros(shape=(ROOM,), dtype=wp.vec2)
-    depth = wp.zeros(shape=(ROOM,), dtype=float)
-    arm_a = wp.zeros(shape=(ROOM,), dtype=wp.vec4)
-    arm_b = wp.zeros(shape=(ROOM,), dtype=wp.vec4)
-    ridge = wp.zeros(shape=(ROOM,), dtype=wp.vec3)
-    drift = wp.zeros(shape=(ROOM,), dtype=wp.vec3)
-    listed = ContactList(whole, pair, face, law, path, depth, arm_a, arm_b, ridge, drift)
+def keep(
+    readout: ReadoutData, given: wp.array(dtype=Contact), listed: ContactList, found: wp.array(dtype=Contact)
+):  # fmt: skip
     count = 0
     for i in range(wp.static(ROOM + 1)):
         count = _put(readout, 0, listed, count, given[i], wp.int64(7))
@@ -69,7 +70,12 @@ def test_fields_are_those_of_the_records(device):
     readout.fault_step = device_array(np.zeros((1, 3)), wp.int64, device, ndim=2)
     readout.fault_count = device_array([0], wp.int32, device)
     found = wp.zeros(ROOM, dtype=Contact, device=device)
-    wp.launch(keep, dim=1, inputs=[readout, wp.array(given, dtype=Contact, device=device), found], device=device)
+    wp.launch(
+        keep,
+        dim=1,
+        inputs=[readout, wp.array(given, dtype=Contact, device=device), empty_list(ROOM, device), found],
+        device=device,
+    )
     back = found.numpy()
     for name in (*names, "a", "b"):
         np.testing.assert_array_equal(back[name], given[name][:ROOM])

@@ -25,19 +25,10 @@ def probe_points(
     linear: wp.array(dtype=wp.vec3),
     angular: wp.array(dtype=wp.vec3),
     again: bool,
+    listed: ContactList,
     load: wp.array(dtype=float),
     error: wp.array(dtype=float),
 ):
-    pair = wp.zeros(shape=(COUNT,), dtype=wp.vec2i)
-    face = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    law = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    path = wp.zeros(shape=(COUNT,), dtype=wp.vec2)
-    depth = wp.zeros(shape=(COUNT,), dtype=float)
-    arm_a = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    arm_b = wp.zeros(shape=(COUNT,), dtype=wp.vec4)
-    none = wp.zeros(shape=(1,), dtype=wp.vec3)
-    whole = wp.zeros(shape=(1,), dtype=Contact)
-    listed = ContactList(whole, pair, face, law, path, depth, arm_a, arm_b, none, none)
     moved = wp.zeros(shape=(NODES,), dtype=wp.vec3)
     start = wp.zeros(shape=(wp.static(2 * BODIES),), dtype=wp.vec3)
     for b in range(BODIES):

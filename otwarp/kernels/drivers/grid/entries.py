@@ -13,6 +13,7 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.excursion import obstacle_name
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS, Features
+from otwarp.kernels.core.packed import beside, distance_of, point_of, radius_of
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import EntryData, GridData, body_pose_term, whole_contacts
 from otwarp.kernels.drivers.grid.lists import arm_term, near_enough_term, sphere_contact_term
@@ -36,18 +37,16 @@ def write_entry_term(f: Features) -> wp.Function:
         """All that a contact has but the partner's response, whose own entry has it."""
         own = wp.dot(c.response_a.linear, c.normal)
         entry.body[n] = wp.vec2i(c.a, c.b)
-        entry.part[LAW, n] = wp.vec4(c.normal[0], c.normal[1], c.normal[2], c.overlap)
+        entry.part[LAW, n] = beside(c.normal, c.overlap)
         entry.part[GIVE, n] = wp.vec4(c.give, c.hardness, c.floor, c.stiffness)
         entry.part[PATH, n] = wp.vec4(c.wander, c.layer, c.radius, c.curvature)
-        entry.part[DRIFT, n] = wp.vec4(c.drift[0], c.drift[1], c.drift[2], c.lift)
-        entry.part[RIDGE, n] = wp.vec4(c.ridge[0], c.ridge[1], c.ridge[2], own)
+        entry.part[DRIFT, n] = beside(c.drift, c.lift)
+        entry.part[RIDGE, n] = beside(c.ridge, own)
         if wp.static(whole_contacts(f)):
-            lin = c.response_a.linear
-            ang = c.response_a.angular
-            entry.part[ARM, n] = wp.vec4(c.arm_a[0], c.arm_a[1], c.arm_a[2], 0.0)
-            entry.part[OTHER_ARM, n] = wp.vec4(c.arm_b[0], c.arm_b[1], c.arm_b[2], 0.0)
-            entry.part[LINEAR, n] = wp.vec4(lin[0], lin[1], lin[2], 0.0)
-            entry.part[ANGULAR, n] = wp.vec4(ang[0], ang[1], ang[2], 0.0)
+            entry.part[ARM, n] = beside(c.arm_a, 0.0)
+            entry.part[OTHER_ARM, n] = beside(c.arm_b, 0.0)
+            entry.part[LINEAR, n] = beside(c.response_a.linear, 0.0)
+            entry.part[ANGULAR, n] = beside(c.response_a.angular, 0.0)
         entry.load[n] = c.load
         entry.ahead[n] = c.load
 
@@ -55,9 +54,9 @@ def write_entry_term(f: Features) -> wp.Function:
 
 
 @wp.func
-def three(v: wp.vec4) -> wp.vec3:
-    """The first three components, in the units of the vector."""
-    return wp.vec3(v[0], v[1], v[2])
+def give_of(ridge: wp.vec4) -> float:
+    """How far a force along the normal moves its own body along it [µm/pN], kept beside the ridge."""
+    return ridge[3]
 
 
 def response_term(f: Features) -> wp.Function:
@@ -66,12 +65,12 @@ def response_term(f: Features) -> wp.Function:
     @wp.func
     def whole_response(entry: EntryData, n: int) -> Move:
         """Translation [µm/pN] and rotation [rad/pN]."""
-        return Move(three(entry.part[LINEAR, n]), three(entry.part[ANGULAR, n]))
+        return Move(point_of(entry.part[LINEAR, n]), point_of(entry.part[ANGULAR, n]))
 
     @wp.func
     def response_along(entry: EntryData, n: int) -> Move:
         """Translation along the contact's normal [µm/pN]."""
-        return Move(entry.part[RIDGE, n][3] * three(entry.part[LAW, n]), wp.vec3(0.0))
+        return Move(give_of(entry.part[RIDGE, n]) * point_of(entry.part[LAW, n]), wp.vec3(0.0))
 
     return whole_response if whole_contacts(f) else response_along
 
@@ -88,7 +87,7 @@ def read_entry_term(f: Features) -> wp.Function:
         law, give, path = entry.part[LAW, n], entry.part[GIVE, n], entry.part[PATH, n]
         c.a = pair[0]
         c.b = pair[1]
-        c.normal = three(law)
+        c.normal = point_of(law)
         c.overlap = law[3]
         c.give = give[0]
         c.hardness = give[1]
@@ -98,12 +97,12 @@ def read_entry_term(f: Features) -> wp.Function:
         c.layer = path[1]
         c.radius = path[2]
         c.curvature = path[3]
-        c.drift = three(drift)
+        c.drift = point_of(drift)
         c.lift = drift[3]
-        c.ridge = three(entry.part[RIDGE, n])
+        c.ridge = point_of(entry.part[RIDGE, n])
         if wp.static(whole_contacts(f)):
-            c.arm_a = three(entry.part[ARM, n])
-            c.arm_b = three(entry.part[OTHER_ARM, n])
+            c.arm_a = point_of(entry.part[ARM, n])
+            c.arm_b = point_of(entry.part[OTHER_ARM, n])
         c.response_a = response(entry, n)
         c.load = entry.load[n]
         c.force = c.load
@@ -155,9 +154,9 @@ def note_partners_term(f: Features) -> wp.Function:
                 k += 1
         if wp.static(bool(f.obstacles)):
             if walled != 0:
-                far = wall_reach(model, grid, world, a, model.contact.sphere[e][3])
+                far = wall_reach(model, grid, world, a, radius_of(model.contact.sphere[e]))
                 for o in range(model.obstacles.shape.shape[0]):
-                    if wall_hit(model, o, pose, arm, far, grid.clock[world]).hit[3] < far:
+                    if distance_of(wall_hit(model, o, pose, arm, far, grid.clock[world]).hit) < far:
                         count = add(found, count, obstacle_name(o))
         return count
 
@@ -224,7 +223,7 @@ def make_entry_term(f: Features) -> wp.Function:
                 arm = arm_of(pose, s)
                 # the name of an obstacle is its own inverse
                 o = obstacle_name(other)
-                at = wall_hit(model, o, pose, arm, wall_reach(model, grid, world, a, s[3]), step)
+                at = wall_hit(model, o, pose, arm, wall_reach(model, grid, world, a, radius_of(s)), step)
                 c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
                 write_entry(grid.entry, n, c)
 

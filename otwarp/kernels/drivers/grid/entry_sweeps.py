@@ -13,6 +13,7 @@ from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
 from otwarp.kernels.contact.travel import lift_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS, Features
+from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
 from otwarp.kernels.drivers.grid.contacts import (
     at_rest,
@@ -126,7 +127,7 @@ def report(model: ModelData, readout: ReadoutData, grid: GridData, world: int, a
             for n in range(begin, begin + grid.entry.count[i]):
                 law = grid.entry.part[0, n]
                 load = grid.entry.load[n]
-                force += load * wp.vec3(law[0], law[1], law[2])
+                force += load * point_of(law)
                 total += wp.abs(load)
     readout.contact_force[world, a] = force
     readout.contact_load[world, a] = total

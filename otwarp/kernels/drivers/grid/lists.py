@@ -7,6 +7,7 @@ from otwarp.kernels.contact.detect import touch_term
 from otwarp.kernels.contact.travel import thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import image_shift, nearest
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term
@@ -48,7 +49,7 @@ def arm_term(f: Features) -> wp.Function:
         """Arm [µm] in world axes; 0 for a lone sphere."""
         arm = wp.vec3(0.0)
         if wp.static(f.rigid):
-            arm = wp.quat_rotate(pose.rotation, wp.vec3(sphere[0], sphere[1], sphere[2]))
+            arm = wp.quat_rotate(pose.rotation, point_of(sphere))
         return arm
 
     return arm_of
@@ -66,7 +67,7 @@ def near_enough_term(f: Features) -> wp.Function:
         si, sj = model.contact.sphere[e], model.contact.sphere[j]
         b = model.contact.body[j]
         pose = body_pose(state, world, b)
-        far = si[3] + sj[3] + grid.near.reach
+        far = radius_of(si) + radius_of(sj) + grid.near.reach
         away = centre - pose.position - arm_of(pose, sj)
         if wp.static(f.periodic):
             away = nearest(model.period, away)
@@ -74,11 +75,11 @@ def near_enough_term(f: Features) -> wp.Function:
         near = square < far * far
         if near:
             # what moves are large enough for, before anything is made of it
-            beyond = PUSHED * wp.min(si[3], sj[3])
+            beyond = PUSHED * wp.min(radius_of(si), radius_of(sj))
             if wp.static(f.brownian):
                 beyond = wp.max(beyond, thermal_reach(wander_of(model, world, a) + wander_of(model, world, b)))
             ahead = travel(model, grid, world, a) + travel(model, grid, world, b) + beyond
-            far = si[3] + sj[3] + wp.min(grid.near.adhesion + ahead, grid.near.reach)
+            far = radius_of(si) + radius_of(sj) + wp.min(grid.near.adhesion + ahead, grid.near.reach)
             near = square < far * far
         return near
 
@@ -108,7 +109,7 @@ def sphere_contact_term(f: Features) -> wp.Function:
             else:
                 pose.position -= shift
         arm_a, arm_b = arm_of(pose, si), arm_of(pose_b, sj)
-        c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, si[3], sj[3], step)
+        c = touch(model, readout, world, a, b, pose, pose_b, arm_a, arm_b, radius_of(si), radius_of(sj), step)
         return drawn(model, grid, world, c, e, j, step)
 
     return sphere_contact
@@ -174,10 +175,10 @@ def wall_term(f: Features) -> wp.Function:
         """Append the contacts of sphere e with all obstacles within its reach in this step: the new count."""
         s = model.contact.sphere[e]
         arm = arm_of(pose, s)
-        far = wall_reach(model, grid, world, a, s[3])
+        far = wall_reach(model, grid, world, a, radius_of(s))
         for o in range(model.obstacles.shape.shape[0]):
             at = wall_hit(model, o, pose, arm, far, step)
-            if at.hit[3] < far:
+            if distance_of(at.hit) < far:
                 c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
                 count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
         return count

@@ -8,6 +8,7 @@ from otwarp.kernels.contact.excursion import excursion_term, kept_reach, obstacl
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.contact.travel import lift_of, thermal_reach, wander_of
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.kernels.drivers.grid.data import GridData, lifts_noise, own_term
@@ -156,7 +157,7 @@ def wall_contact_term(f: Features) -> wp.Function:
         later = at.wall
         if wp.static(f.moving_obstacles):
             later = moving_pose(model.obstacles, o, wp.float64(step) * model.time_step + model.time_step)
-        radius = model.contact.sphere[e][3]
+        radius = radius_of(model.contact.sphere[e])
         c = touch_wall(model, readout, world, a, o, at.pose, at.wall, later, arm, radius, at.local, at.hit, step)
         return drawn(model, grid, world, c, e, obstacle_name(o), step)
 

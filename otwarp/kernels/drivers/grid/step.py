@@ -17,6 +17,7 @@ import warp as wp
 
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.rotation import rotate_by
@@ -161,7 +162,7 @@ def check_body_term(f: Features) -> wp.Function:
             centre = pose.position
             if wp.static(f.rigid):
                 s = model.contact.sphere[e]
-                centre = centre + wp.quat_rotate(pose.rotation, wp.vec3(s[0], s[1], s[2]))
+                centre = centre + wp.quat_rotate(pose.rotation, point_of(s))
             away = centre - grid.near.reference[world * grid.near.elements + e]
             if wp.static(f.periodic):
                 away = nearest(model.period, away)

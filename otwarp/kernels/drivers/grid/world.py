@@ -10,6 +10,7 @@ a CPU a block is one thread, and several of them share out the worlds.
 import warp as wp
 
 from otwarp.kernels.core.features import MAX_BODY_CONTACTS, WORLD_BLOCKS, Features, world_threads
+from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, shares_entries
 from otwarp.kernels.drivers.grid.entries import look_around_term, make_entry_term
@@ -48,7 +49,7 @@ def renew_lists_term(f: Features) -> wp.Function:
             keep_together()
             for i in range(first + me.lane, last, me.lanes):
                 p = grid.near.reference[i]
-                radius = model.contact.sphere[i - first][3]
+                radius = radius_of(model.contact.sphere[i - first])
                 list_one(model, state, grid, me.world, i, wp.vec4(p[0], p[1], p[2], radius))
             if me.lane == 0:
                 lists_made(grid.near, me.world)

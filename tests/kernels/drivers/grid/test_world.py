@@ -128,7 +128,7 @@ def test_threads_of_a_block_go_in_any_order_between_barriers(monkeypatch, device
         monkeypatch.setattr(f"otwarp.kernels.drivers.grid.{room}.keep_together", all_together)
     kernel = one_lane(shared)
     stepper: Any = shared._stepper
-    state, control, readout = (part.data() for part in stepper.parts)
+    control, state, readout = (part.data() for part in (shared.control, shared.state, stepper.parts.readout))
     views = [shared.model.data, control, state, readout, stepper.scratch, stepper.push]
     kernel.module.load(device, 1)
     with ThreadPoolExecutor(LANES) as pool:
