@@ -8,13 +8,12 @@ from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
 from otwarp.kernels.core.packed import radius_of
+from otwarp.kernels.core.rounding import PI
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
 from otwarp.kernels.optics.traps import anchored, commanded_still, trap_force_term
-
-_PI = wp.constant(3.141592653589793)
 
 
 def bead_constants_term(f: Features) -> wp.Function:
@@ -31,7 +30,7 @@ def bead_constants_term(f: Features) -> wp.Function:
         translation = model.body.translation[model.body.shape[b]]
         bead.mobility_dt = translation / viscosity * dt
         if wp.static(f.flow is not None):
-            bead.drag_radius = 1.0 / (6.0 * _PI * translation)
+            bead.drag_radius = 1.0 / (6.0 * PI * translation)
         if wp.static(f.brownian):
             energy = thermal_energy_of(model, world)
             bead.spread = wp.sqrt(2.0 * energy * bead.mobility_dt)

@@ -29,6 +29,7 @@ from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.packed import beside, point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import ModelData, Move, vec6
 
 ROUNDS = wp.constant(24)
@@ -37,10 +38,8 @@ ROUNDS = wp.constant(24)
 WHOLE_ROUNDS = wp.constant(20)
 """So many steps are whole; then halves, which cannot go to and fro."""
 
-BALANCED = wp.constant(1.0e-10 if wp.float32 is wp.float64 else 1.0e-5)
-"""How far [µm] what is out of balance would move a body at most: contacts are solved.
-
-Far less in the float64 instance of this module, as in `kernels.drivers.episodes.PRECISION`."""
+BALANCED = wp.constant(1.0e-10 if PRECISION == "float64" else 1.0e-5)
+"""How far [µm] what is out of balance would move a body at most: contacts are solved. Far less in float64."""
 
 MAX_NODES = 24
 """Nodes of a world up to which its contacts may be solved so: a row's blocks are bits of a word."""

@@ -14,6 +14,7 @@ contact does not limit the time step. Every λ acts on both bodies with opposite
 
 import warp as wp
 
+from otwarp.kernels.core.rounding import PI
 from otwarp.kernels.core.types import BodyData, ContactData, Move, mat66, vec6
 
 SETTLED = 1.0e-6
@@ -30,8 +31,6 @@ HARDEST = wp.constant(1.0e3)
 
 A contact that is stiffer counts as so stiff: from 10⁴ on float32 has too few digits for the loads. The error is at most
 its overlap, where its load keeps out x in a step δ = (0.15·x·√R/κ)^{2/3}: 6·10⁻⁴ µm at x = 0.1 µm and R = 1 µm."""
-
-_PI = wp.constant(3.141592653589793)
 
 
 @wp.struct
@@ -102,7 +101,7 @@ def hertz_dmt(overlap: float, radius: float, compliance: float, adhesion: float,
         adhesion: work of adhesion W [pN/µm].
         reach: gap over which the adhesion fades [µm].
     """
-    pull = 2.0 * _PI * radius * adhesion
+    pull = 2.0 * PI * radius * adhesion
     hardness = 4.0 / 3.0 * wp.sqrt(radius) / compliance
     result = PairForce(0.0, 0.0, -pull, hardness)
     if overlap > 0.0:

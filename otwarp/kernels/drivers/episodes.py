@@ -9,11 +9,9 @@ import warp as wp
 
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.periodic import kept_in_cell
+from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData, WorldNow, world_row
 from otwarp.kernels.core.worlds import living_world
-
-PRECISION = "float64" if wp.float32 is wp.float64 else "float32"
-"""Precision of this instance of the module, as in `kernels.forces.parametric`."""
 
 FAULTY = wp.constant(-1)
 """Code of a world that ended because a body of it has a fault."""

@@ -9,6 +9,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.functions import function_from_text
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.packed import point_of, radius_of
+from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import (
     BeadConstants,
     ControlData,
@@ -22,9 +23,6 @@ from otwarp.kernels.core.types import (
     world_row,
 )
 from otwarp.kernels.forces.zeros import no_wrench
-
-PRECISION = "float64" if wp.float32 is wp.float64 else "float32"
-"""Precision of this instance of the module: in the second one the name `wp.float32` stands for float64."""
 
 
 @wp.func

@@ -49,14 +49,13 @@ from otwarp.kernels.bodies.rigid import (
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term, three_deviates_term
+from otwarp.kernels.core.rounding import PI
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, vec6
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.forces.total import body_total
 
 COUPLED = ("heun", "eulerMaruyama")
 """Integrators that serve coupled bodies: the others need a constant matrix of noise or of relaxation."""
-
-_PI = wp.constant(3.141592653589793)
 
 PIVOT = wp.constant(1.0e-6)
 """Pivot of the factorisation, relative to its diagonal, that may be nothing but rounding, and counts as 0 with its
@@ -89,19 +88,19 @@ def pair_mobility(way: wp.vec3, a: float, b: float) -> wp.mat33:
     Source: Zuk et al. 2014, doi:10.1017/jfm.2013.668.
     """
     r = wp.length(way)
-    p = 1.0 / (6.0 * _PI * wp.max(a, b))
+    p = 1.0 / (6.0 * PI * wp.max(a, b))
     q = float(0.0)
     n = wp.vec3(0.0)
     if r > wp.abs(a - b):
         n = way / r
         if r > a + b:
-            far = 1.0 / (8.0 * _PI * r)
+            far = 1.0 / (8.0 * PI * r)
             squares = (a * a + b * b) / (r * r)
             p = far * (1.0 + squares / 3.0)
             q = far * (1.0 - squares)
         else:
             e = (a - b) / r
-            near = 1.0 / (192.0 * _PI * a * b)
+            near = 1.0 / (192.0 * PI * a * b)
             p = near * (16.0 * (a + b) - r * (3.0 + e * e) * (3.0 + e * e))
             q = near * 3.0 * r * (1.0 - e * e) * (1.0 - e * e)
     return wp.outer(q * n, n) + wp.diag(wp.vec3(p, p, p))

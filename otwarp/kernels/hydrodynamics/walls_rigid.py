@@ -28,6 +28,7 @@ from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.packed import point_of, radius_of
+from otwarp.kernels.core.rounding import PI
 from otwarp.kernels.core.types import (
     ControlData,
     ModelData,
@@ -43,8 +44,6 @@ from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.forces.total import body_total
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess
 from otwarp.laws.wall_fits import COUPLING, PARALLEL, ROLL, SHEAR_FORCE, SHEAR_TORQUE, SPIN
-
-_PI = wp.constant(3.141592653589793)
 
 parallel_excess = fit_term(PARALLEL)
 roll_excess = fit_term(ROLL)
@@ -68,8 +67,8 @@ class Friction:
 @wp.func
 def friction(radius: float, normal: float, parallel: float, coupling: float, spin: float, roll: float) -> Friction:
     """Coefficients at unit viscosity [µm, µm², µm³] from excesses over the free sphere, or from their slopes."""
-    a = 6.0 * _PI * radius
-    c = 8.0 * _PI * radius * radius * radius
+    a = 6.0 * PI * radius
+    c = 8.0 * PI * radius * radius * radius
     return Friction(a * parallel, a * (normal - parallel), a * radius * coupling, c * roll, c * (spin - roll))
 
 
@@ -266,8 +265,8 @@ def body_flow_term(f: Features) -> wp.Function:
                 arm = wp.quat_rotate(pose.rotation, point_of(sphere))
                 gap = (height + wp.dot(n, arm)) / radius - 1.0
                 flow = flow_at(model.flow, world, pose.position + arm, 0.0)
-                more = 6.0 * _PI * radius * shear_force_excess(gap)[0]
-                less = 8.0 * _PI * radius * radius * radius * shear_torque_lack(gap)[0]
+                more = 6.0 * PI * radius * shear_force_excess(gap)[0]
+                less = 8.0 * PI * radius * radius * radius * shear_torque_lack(gap)[0]
                 force = more * (flow.linear - wp.dot(n, flow.linear) * n)
                 torque = wp.cross(arm, force) - less * (flow.angular - wp.dot(n, flow.angular) * n)
                 pull += twist(wp.quat_rotate_inv(pose.rotation, force), wp.quat_rotate_inv(pose.rotation, torque))
