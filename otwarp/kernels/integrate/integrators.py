@@ -95,7 +95,7 @@ class Integrator:
         An error that no step makes small does not count. With uniform noise z is less.
         """
         known = [self.variance_error, self.rate_error, self.displacement_error]
-        known = [error for error in known if self.mends(error)]
+        known = [error for error in known if self.vanishes(error)]
         low, high = 0.0, LONGEST
         for _ in range(60):
             z = 0.5 * (low + high)
@@ -113,15 +113,15 @@ class Integrator:
         """Estimated size of the relative error of escape times and survival, with z where a force is steepest."""
         return PROMISED * 0.01 * (z / self.rim) ** self.weak_order
 
-    def told_error(self, z: float, noise: str) -> float:
-        """That part of it which no step mends at a reasonable cost."""
+    def lasting_error(self, z: float, noise: str) -> float:
+        """That part of it which no step makes small at a reasonable cost: it is reported."""
         if noise == "uniform":
             return UNIFORM_ESCAPES * z
         error = self.escapes(z) if self.escapes else 0.0
         return error + (THREE_POINT_ESCAPES * math.sqrt(z) if noise == "threePoint" else 0.0)
 
-    def mends(self, error: Callable[[float], float]) -> bool:
-        """Whether an error of this scheme falls to nothing with z."""
+    def vanishes(self, error: Callable[[float], float]) -> bool:
+        """Whether an error of this scheme, a function of z, falls to nothing with z."""
         return abs(error(VANISHING)) < 0.01
 
 

@@ -156,7 +156,7 @@ def in_springs(
         Observable(
             name=name,
             error=partial(_of_product, error, rate),
-            longest=longest if scheme.mends(error) else math.inf,
+            longest=longest if scheme.vanishes(error) else math.inf,
             limit="trap relaxation and wanted accuracy",
         )
         for name, error in known.items()
@@ -173,7 +173,7 @@ def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> l
     limit = "force where beads leave a trap"
     longest = scheme.rim_product(accuracy, noise) / steep
     curable, lasting = (
-        partial(_of_product, e, steep) for e in (scheme.rim_error, partial(scheme.told_error, noise=noise))
+        partial(_of_product, e, steep) for e in (scheme.rim_error, partial(scheme.lasting_error, noise=noise))
     )
     return [
         Observable(name="escape", error=curable, longest=longest, limit=limit),
