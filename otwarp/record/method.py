@@ -55,7 +55,7 @@ class Method:
             driver=f.driver,
             device=str(model.device.alias),
             device_name=str(model.device.name),
-            forces={law.name: law.digest for law in model.forces.laws},
+            forces={force.name: force.digest for force in model.forces.body_forces},
         )
 
     @classmethod

@@ -58,8 +58,8 @@ def save(sim: Simulation, path: Path) -> Path:
         **{name: getattr(sim.options, name) for name in PLAIN},
         "ends": stored_ends.described(sim.options.ends),
         "forces": [
-            {"name": law.name, "digest": law.digest, "bodies": np.flatnonzero(acts).tolist()}
-            for law, acts in _user_forces(sim)
+            {"name": body_force.name, "digest": body_force.digest, "bodies": np.flatnonzero(acts).tolist()}
+            for body_force, acts in _user_forces(sim)
         ],
     }
     arrays: dict[str, Any] = {k: v.numpy() for k, v in sim.arrays().items()}
@@ -80,8 +80,8 @@ def save(sim: Simulation, path: Path) -> Path:
 def _user_forces(sim: Simulation) -> list[tuple[BodyForce, np.ndarray]]:
     """Forces that the user added, and (B,) the bodies that each acts on."""
     own = [row.parametric for row in FORCES.values()]
-    pairs = zip(sim.model.forces.laws, sim.model.forces.acts, strict=True)
-    return [(law, acts) for law, acts in pairs if law not in own]
+    pairs = zip(sim.model.forces.body_forces, sim.model.forces.acts, strict=True)
+    return [(body_force, acts) for body_force, acts in pairs if body_force not in own]
 
 
 def _same_forces(path: Path, scene: Scene, stored: list[dict[str, Any]], given: Sequence[Force]) -> tuple[Force, ...]:
@@ -90,16 +90,20 @@ def _same_forces(path: Path, scene: Scene, stored: list[dict[str, Any]], given: 
     Raises:
         InputError: One is missing, too many, or another function than the checkpoint's.
     """
-    functions = {force.law.name: force for force in given}
+    functions = {force.body_force.name: force for force in given}
     wanted = [entry["name"] for entry in stored]
     if sorted(functions) != sorted(wanted):
         made, now = (", ".join(names) or "none" for names in (wanted, functions))
         raise InputError(f"checkpoint {path} was made with forces: {made}; given: {now}")
     for entry in stored:
-        digest = functions[entry["name"]].law.digest
+        digest = functions[entry["name"]].body_force.digest
         stored_ends.check_same(path, f"force {entry['name']}", digest, entry["digest"])
     return tuple(
-        Force(functions[e["name"]].law, functions[e["name"]].values, tuple(scene.bodies[b].name for b in e["bodies"]))
+        Force(
+            functions[e["name"]].body_force,
+            functions[e["name"]].values,
+            tuple(scene.bodies[b].name for b in e["bodies"]),
+        )
         for e in stored
     )
 

@@ -15,7 +15,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.functions import arguments_of
 from otwarp.kernels.core.types import WorldNow
 from otwarp.kernels.drivers import predicates
-from otwarp.kernels.drivers.episodes import EndLaw
+from otwarp.kernels.drivers.episodes import EndPredicate
 from otwarp.scene.check.numbers import FARTHEST
 from otwarp.simulation.packing.arguments import known_names, numbers, several
 from otwarp.simulation.packing.parameters import Parameter, check_range, expand
@@ -41,13 +41,13 @@ class End:
 
     Attributes:
         name: Of the function.
-        law: The function, and the types of its parameters.
+        predicate: The function, and the types of its parameters.
         values: By name, what was given or is the default; None where somebody must give one.
         ranges: By name, what is allowed, where that is less than `KINDS` of its type.
     """
 
     name: str
-    law: EndLaw = field(repr=False)
+    predicate: EndPredicate = field(repr=False)
     values: Mapping[str, Any]
     ranges: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
 
@@ -66,7 +66,7 @@ class End:
 
     def _allowed(self) -> dict[str, Parameter]:
         """By name, what each parameter may be."""
-        return {n: self.ranges.get(n, KINDS[kind]) for n, kind in zip(self.values, self.law.kinds, strict=True)}
+        return {n: self.ranges.get(n, KINDS[kind]) for n, kind in zip(self.values, self.predicate.kinds, strict=True)}
 
     def rows(self, worlds: int, bodies: int) -> np.ndarray:
         """(1|W, P) its parameters as numbers.
@@ -110,7 +110,7 @@ def end(function: Callable[..., Any]) -> End:
             raise InputError(f"end {name}: argument {p.name} is annotated as {p.annotation!r}; "
                              "allowed: float, int, wp.vec3")  # fmt: skip
     values = {p.name: None if p.default is inspect.Parameter.empty else p.default for p in rest}
-    return End(name, EndLaw(function, tuple(p.annotation for p in rest)), values)
+    return End(name, EndPredicate(function, tuple(p.annotation for p in rest)), values)
 
 
 def check_ends(ends: Any) -> tuple[End, ...]:

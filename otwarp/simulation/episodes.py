@@ -64,7 +64,7 @@ class Episodes(Bound):
         Raises:
             InputError: A parameter of an end is wrong, or nothing can escape.
         """
-        if not model.features.escapes and any(end.law.function is predicates.escaped for end in ends):
+        if not model.features.escapes and any(end.predicate.function is predicates.escaped for end in ends):
             where = model.scene.file or model.scene.root
             raise InputError(f"{where}: end escaped: no trap with a finite reach holds a sphere; allowed: other ends")
         data = model.episode_data[0]
@@ -75,7 +75,7 @@ class Episodes(Bound):
         values = device_array(values, wp.float32, model.place, ndim=2)
         views, device = (model.data, state.data(), readout.data()), model.device
         kernels = kernel_module("drivers.episodes", model.features.precision)
-        settle = kernels.settle_kernel(tuple(end.law for end in ends))
+        settle = kernels.settle_kernel(tuple(end.predicate for end in ends))
         arrays = {name: getattr(data, name) for name in ("done", "step", "number", "living", "count")}
         return cls(
             **arrays,

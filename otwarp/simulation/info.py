@@ -164,9 +164,9 @@ def _optics(model: Model) -> list[dict[str, Any]]:
 def _forces(model: Model) -> list[dict[str, Any]]:
     """One row per force with parameters: these, where it acts, and what it does at most to a body at rest."""
     active, rows = model.forces, []
-    for index, force in enumerate(active.laws):
+    for index, force in enumerate(active.body_forces):
         acting = np.flatnonzero(active.acts[index])
-        values = active.of_law(index)
+        values = active.parameters_of(index)
         rows.append(
             {
                 "name": force.name,

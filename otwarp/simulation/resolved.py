@@ -87,7 +87,7 @@ class ResolvedScene:
         values = optics.keep_laws({**_scene_values(scene), **overrides}, _scene_values(scene))
         near = Neighbours.of(scene, values, optics.escape_distance())
         held = near.held(scene)
-        features = compose(scene, values, optics, device, forces.laws, options, worlds=worlds, part=part)
+        features = compose(scene, values, optics, device, forces.body_forces, options, worlds=worlds, part=part)
         check_flow(scene, values)
         loads = steady_loads(scene, moves, values, features, forces, device)
         gap = np.where(near.within, near.gap, 0.0).max(axis=1, initial=0.0)
@@ -137,8 +137,8 @@ def resting_loads(scene: Scene) -> list[Load]:
     optics = TrapOptics.without_tables(scene)
     scene = optics.resolve(scene)
     values = _scene_values(scene)
-    features = dataclasses.replace(scene_features(scene, values, optics), forces=active.laws)
-    if not active.laws:
+    features = dataclasses.replace(scene_features(scene, values, optics), forces=active.body_forces)
+    if not active.body_forces:
         return stated_loads(scene, values, features)
     return steady_loads(scene, mobilities(scene), values, features, active, wp.get_device("cpu"))
 

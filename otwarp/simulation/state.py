@@ -247,7 +247,7 @@ class Readout(Bound):
         hand_force: (W, 2) vec3, sum over the traps of the left and the right hand [pN].
         contact_force: (W, B) vec3, net contact force, mean over the last step [pN]; (W, 0) without contact.
         contact_load: (W, B) sum of the normal forces [pN].
-        body_force: (W, F, B) vec3, of each force with parameters on each body, as in `model.forces.laws` [pN].
+        body_force: (W, F, B) vec3, of each force with parameters on each body, as in `model.forces.body_forces` [pN].
         body_torque: (W, F, B) vec3, the torques of these forces about the centres of diffusion [pN·µm].
         entries: (W, B) int32, how often each cell has come in again at the inlet; (W, 0) without one.
         escape_step: (W, T) arrival of the first step in which the held sphere was out of the trap's reach, -1 if never;

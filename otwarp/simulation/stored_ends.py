@@ -19,7 +19,7 @@ SHIPPED = {end.name: end for end in (escaped, reached, strayed, timed_out)}
 
 def digest(end: End) -> str:
     """SHA-256 of an end's function, of the functions and constants it uses, and of the types of its parameters."""
-    return digest_of(end.law.function, end.name, end.law.kinds)
+    return digest_of(end.predicate.function, end.name, end.predicate.kinds)
 
 
 def described(ends: Sequence[End] | None) -> list[dict[str, str]] | None:

@@ -24,12 +24,12 @@ class Force:
     bodies that are named alone; `/World/Cells` names all instances of a prim, `/World/Cells[2]` one, which goes first.
 
     Attributes:
-        law: The function, its parameters with their units, and its bounds.
+        body_force: The function, its parameters with their units, and its bounds.
         values: Parameters that were given so far.
         bodies: Names of the bodies it acts on, None for those that its values name, or all.
     """
 
-    law: BodyForce
+    body_force: BodyForce
     values: Mapping[str, Any]
     bodies: tuple[str, ...] | None = None
 
@@ -39,8 +39,8 @@ class Force:
         Raises:
             InputError: A name that is no parameter of it.
         """
-        known_names(f"force {self.law.name}", values, [p.name for p in self.law.parameters])
-        return Force(self.law, {**self.values, **values}, self.bodies)
+        known_names(f"force {self.body_force.name}", values, [p.name for p in self.body_force.parameters])
+        return Force(self.body_force, {**self.values, **values}, self.bodies)
 
 
 def force(*, acts_on: str = "body", slope: Bound | None = None, load: Bound | None = None, **units: str) -> Any:
@@ -95,12 +95,12 @@ def user_parameters(forces: Sequence[Force]) -> dict[str, Parameter]:
     """
     check_forces(forces)
     known: dict[str, Parameter] = {}
-    for law in {f.law.name: f.law for f in forces}.values():
-        for p in law.parameters:
-            name = law.full_name(p.name)
+    for body_force in {f.body_force.name: f.body_force for f in forces}.values():
+        for p in body_force.parameters:
+            name = body_force.full_name(p.name)
             if name in PARAMETERS or name in known:
                 raise InputError(
-                    f"force {law.name}: parameter {p.name} would be called {name}, as another parameter is; "
+                    f"force {body_force.name}: parameter {p.name} would be called {name}, as another parameter is; "
                     "allowed: another name of the function or of its argument"
                 )
             known[name] = Parameter("bodies", width=p.width, unit=p.unit)

@@ -162,11 +162,11 @@ def test_a_run_says_which_forces_acted(device: str, tmp_path: Path) -> None:
     scene = Scene.load(SCENES / "single_bead.usda", duration=0.02)
     options = StepOptions(time_step=0.001, forces=(push(strength=2.0),))
     summary = record_run(scene, tmp_path / "run", device=device, options=options)
-    assert summary["method"]["forces"] == {"push": push.law.digest}
+    assert summary["method"]["forces"] == {"push": push.body_force.digest}
     method = read_run(tmp_path / "run" / "run.nc").method
     assert method is not None
-    assert method.forces == {"push": push.law.digest}
+    assert method.forces == {"push": push.body_force.digest}
     (bead,) = scene.bodies
     authored = dataclasses.replace(bead, forces={"external_force": (1.0, 0.0, 0.0)})
     model = Model.build(dataclasses.replace(scene, bodies=(authored,)), device=device)
-    assert list(Method.of(model).forces.values()) == [law.digest for law in model.forces.laws] != []
+    assert list(Method.of(model).forces.values()) == [force.digest for force in model.forces.body_forces] != []

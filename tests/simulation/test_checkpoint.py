@@ -162,8 +162,8 @@ def test_every_option_of_the_step_is_kept(chosen, tmp_path, device):
         assert getattr(back, name) == getattr(sim.options, name), name
         if name in chosen:
             assert getattr(back, name) == chosen[name] != getattr(StepOptions(), name), name
-    assert [f.law for f in back.forces] == [f.law for f in sim.options.forces]
-    assert [e.law for e in back.ends or ()] == [e.law for e in sim.options.ends or ()]
+    assert [f.body_force for f in back.forces] == [f.body_force for f in sim.options.forces]
+    assert [e.predicate for e in back.ends or ()] == [e.predicate for e in sim.options.ends or ()]
 
 
 def test_options_of_the_step_are_arguments_of_a_simulation():

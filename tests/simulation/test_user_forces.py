@@ -53,7 +53,7 @@ def test_what_is_no_force_is_refused(text: str, units: dict[str, str], words: st
         ([constant(push={"/World/B0": 1.0})], {}, "push of /World/B0 is 1.0; allowed: 3 numbers"),
         ([spring(stiffness=np.nan)], {}, "parameter spring_stiffness has the value nan"),
         ([spring(stiffness=1.0), spring(stiffness=2.0)], {}, "forces has spring twice"),
-        ([constant.law.function], {}, "allowed: functions decorated with otwarp.force"),
+        ([constant.body_force.function], {}, "allowed: functions decorated with otwarp.force"),
         ([spring(stiffness=1.0)], {"spring_push": 1.0}, "parameter 'spring_push' is unknown"),
         ([spring(stiffness=[1.0, 2.0, 3.0])], {}, "spring_stiffness has shape (3,)"),
     ],
@@ -84,7 +84,7 @@ def helper(x: float) -> float:
 def push(body: ot.ForceInput, a: float):
     return wp.vec3(helper(a), 0.0, 0.0)
 
-print(push.law.digest)
+print(push.body_force.digest)
 """
 
 

@@ -18,7 +18,7 @@ FAULTY = wp.constant(-1)
 
 
 @dataclass(frozen=True)
-class EndLaw:
+class EndPredicate:
     """What ends a world's task: a predicate with parameters.
 
     Attributes:
@@ -35,10 +35,10 @@ class EndLaw:
         return sum(3 if kind is wp.vec3 else 1 for kind in self.kinds)
 
 
-def parameters_from(law: EndLaw, first: int) -> str:
+def parameters_from(predicate: EndPredicate, first: int) -> str:
     """The arguments after `now` of a call: what its row of numbers holds from column `first` on."""
     text, column = "", first
-    for kind in law.kinds:
+    for kind in predicate.kinds:
         if kind is wp.vec3:
             text += f", vec3(values[row, {column}], values[row, {column + 1}], values[row, {column + 2}])"
             column += 3
@@ -48,16 +48,16 @@ def parameters_from(law: EndLaw, first: int) -> str:
     return text
 
 
-def end_term(laws: tuple[EndLaw, ...]) -> wp.Function:
-    """`(now, values) -> code`: 1 + the place of the first law that says so in a world, 0 while none does.
+def end_term(predicates: tuple[EndPredicate, ...]) -> wp.Function:
+    """`(now, values) -> code`: 1 + the place of the first predicate that says so in a world, 0 while none does.
 
-    `values` (1|W, P) are the parameters of all laws, one after the other.
+    `values` (1|W, P) are the parameters of all predicates, one after the other.
     """
     lines, first = [], 0
-    for n, law in enumerate(laws):
-        call = f"end_{n}(now{parameters_from(law, first)})"
+    for n, predicate in enumerate(predicates):
+        call = f"end_{n}(now{parameters_from(predicate, first)})"
         lines.insert(0, f"    if {call}:\n        code = {n + 1}\n")
-        first += law.width
+        first += predicate.width
     text = (
         "def end_of(now: WorldNow, values: Values) -> int:\n"
         '    """Code of the first end that a world has come to."""\n'
@@ -69,7 +69,7 @@ def end_term(laws: tuple[EndLaw, ...]) -> wp.Function:
         "vec3": wp.vec3,
         "world_row": world_row,
     }
-    names |= {f"end_{n}": compiled(law.function, PRECISION) for n, law in enumerate(laws)}
+    names |= {f"end_{n}": compiled(predicate.function, PRECISION) for n, predicate in enumerate(predicates)}
     return wp.func(function_from_text("end_of", text, names))
 
 
@@ -83,9 +83,9 @@ def list_living(model: ModelData):
 
 
 @functools.lru_cache(maxsize=64)
-def settle_kernel(laws: tuple[EndLaw, ...]) -> wp.Kernel:
+def settle_kernel(predicates: tuple[EndPredicate, ...]) -> wp.Kernel:
     """Kernel over the places of the list: turn the clocks of the worlds in motion, and tell which have ended."""
-    end_of = end_term(laws)
+    end_of = end_term(predicates)
 
     @wp.kernel(module="unique", enable_backward=False)
     def settle(

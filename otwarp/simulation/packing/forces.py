@@ -28,13 +28,13 @@ class ActiveForces:
     """The forces with parameters per body that a simulation has, and their numbers.
 
     Attributes:
-        laws: The scene's own, then the user's.
+        body_forces: The scene's own, then the user's.
         values: Per parameter, by its full name, (1|W, B) or (1|W, B, 3) in its unit.
         acts: (F, B) whether a force acts on a body.
         overrides: Those of `values` that the user gave.
     """
 
-    laws: tuple[BodyForce, ...]
+    body_forces: tuple[BodyForce, ...]
     values: dict[str, np.ndarray]
     acts: np.ndarray
     overrides: dict[str, np.ndarray]
@@ -51,7 +51,7 @@ class ActiveForces:
         Raises:
             InputError: Two of one name, a prim that is no body, or a parameter without a value.
         """
-        laws, acts, values = [], [], {}
+        body_forces, acts, values = [], [], {}
         authored = scene_values(scene)
         for row in FORCES.values():
             if row.parametric is None:
@@ -61,41 +61,46 @@ class ActiveForces:
             if any(n in given for n in names.values()):
                 acting[:] = True
             if acting.any():
-                laws.append(row.parametric)
+                body_forces.append(row.parametric)
                 acts.append(acting)
                 values |= {name: given.get(name, authored[name]) for name in names.values()}
         overrides: dict[str, np.ndarray] = {}
         for item in forces:
-            if item.law.name in [law.name for law in laws]:
-                raise InputError(f"forces has {item.law.name} twice; allowed: one force of a name")
-            laws.append(item.law)
+            if item.body_force.name in [body_force.name for body_force in body_forces]:
+                raise InputError(f"forces has {item.body_force.name} twice; allowed: one force of a name")
+            body_forces.append(item.body_force)
             found, acting = _values(scene, item, given, worlds)
             acts.append(acting)
             values |= found
             overrides |= found
-        return cls(tuple(laws), values, np.array(acts, dtype=bool).reshape(len(laws), len(scene.bodies)), overrides)
+        return cls(
+            tuple(body_forces),
+            values,
+            np.array(acts, dtype=bool).reshape(len(body_forces), len(scene.bodies)),
+            overrides,
+        )
 
-    def of_law(self, index: int) -> dict[str, np.ndarray]:
+    def parameters_of(self, index: int) -> dict[str, np.ndarray]:
         """Parameters of one force by their own names, (1|W, B) or (1|W, B, 3)."""
-        law = self.laws[index]
-        return {p.name: self.values[law.full_name(p.name)] for p in law.parameters}
+        body_force = self.body_forces[index]
+        return {p.name: self.values[body_force.full_name(p.name)] for p in body_force.parameters}
 
 
 def _values(
     scene: Scene, item: Force, overrides: Mapping[str, np.ndarray], worlds: int
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Expanded parameters of a user's force by full name, and (B,) the bodies it acts on."""
-    law, bodies = item.law, len(scene.bodies)
+    body_force, bodies = item.body_force, len(scene.bodies)
     places = _places(scene)
     named: set[int] | None = None if item.bodies is None else {b for name in item.bodies for b in places.get(name, ())}
     values = {}
-    for p in law.parameters:
+    for p in body_force.parameters:
         given = item.values.get(p.name, p.default)
-        where = f"force {law.name}: parameter {p.name}"
-        if given is None and law.full_name(p.name) in overrides:
+        where = f"force {body_force.name}: parameter {p.name}"
+        if given is None and body_force.full_name(p.name) in overrides:
             given = 0.0
         if given is None:
-            raise InputError(f"{where} has no value; allowed: {law.name}({p.name}=…) [{p.unit}]")
+            raise InputError(f"{where} has no value; allowed: {body_force.name}({p.name}=…) [{p.unit}]")
         if isinstance(given, Mapping):
             unknown = [prim for prim in given if prim not in places]
             if unknown:
@@ -112,7 +117,7 @@ def _values(
             named = chosen if named is None else named | chosen
             given = rows
         spec = Parameter("bodies", width=p.width, unit=p.unit)
-        name = law.full_name(p.name)
+        name = body_force.full_name(p.name)
         if name in overrides:
             values[name] = overrides[name]
         else:
@@ -139,12 +144,12 @@ def pack_forces(
         `ModelData.forces`, and what it refers to by address, to be kept alive; both empty without such forces.
     """
     kind = device.typed(ForceData)
-    if not active.laws:
+    if not active.body_forces:
         return wp.empty(0, dtype=kind, device=device.device), []
     values, layout, first = [np.zeros(0)], [], 0
-    for index, law in enumerate(active.laws):
-        for p in law.parameters:
-            array = active.of_law(index)[p.name]
+    for index, body_force in enumerate(active.body_forces):
+        for p in body_force.parameters:
+            array = active.parameters_of(index)[p.name]
             values.append(array.ravel())
             layout += [first, len(array)]
             first += array.size
@@ -152,7 +157,7 @@ def pack_forces(
     data.value = device_array(np.concatenate(values), wp.float32, device)
     data.layout = device_array([*layout, *active.acts.ravel().astype(int)], wp.int32, device)
     starts, spheres = [], [np.zeros((0, 4))]
-    if any(law.acts_on == "spheres" for law in active.laws):
+    if any(body_force.acts_on == "spheres" for body_force in active.body_forces):
         starts = [0]
         for body, move in zip(scene.bodies, moves, strict=True):
             spheres.append(np.array([[*(np.array(s.offset) - move.reference), s.radius] for s in body.spheres]))

@@ -90,7 +90,7 @@ def _fastest(jacobian: np.ndarray, move: BodyMobility, turn: np.ndarray) -> floa
 def _probed_worlds(values: Mapping[str, np.ndarray], active: ActiveForces, index: int) -> np.ndarray:
     """Worlds whose parameters a measurement looks at."""
     medium = [values["medium_viscosity"], values["medium_temperature"]]
-    rows = [array.reshape(len(array), -1) for array in (*active.of_law(index).values(), *medium)]
+    rows = [array.reshape(len(array), -1) for array in (*active.parameters_of(index).values(), *medium)]
     count = max((len(r) for r in rows), default=1)
     extremes = [k for r in rows if len(r) > 1 for k in (*r.argmin(axis=0)[:4], *r.argmax(axis=0)[:4])]
     spread = np.linspace(0, count - 1, MOST_WORLDS).astype(int)
@@ -122,7 +122,7 @@ class ForceProbe:
         data.body.bound = device_array(reach, wp.float32, place)
         self.data, self.radius = data, reach
         rigid = any(is_rigid(body) for body in scene.bodies)
-        features = Features(forces=active.laws, rigid=rigid, precision="float64")
+        features = Features(forces=active.body_forces, rigid=rigid, precision="float64")
         self.kernel = kernel_module("forces.probe", "float64").make_force_probe(features, index)
 
     def at(

@@ -68,32 +68,32 @@ def steady_loads(
         Bounds per body; of measured forces the largest values that were seen.
     """
     loads = stated_loads(scene, values, features, moves)
-    for index, law in enumerate(active.laws):
+    for index, body_force in enumerate(active.body_forces):
         more = _stated(active, index, moves, scene)
-        if law.slope is None or law.load is None or law.turns:
+        if body_force.slope is None or body_force.load is None or body_force.turns:
             seen = measured_loads(scene, moves, values, active, index, device)
-            more = [_completed(m, s, law) for m, s in zip(more, seen, strict=True)]
+            more = [_completed(m, s, body_force) for m, s in zip(more, seen, strict=True)]
         loads = [a + b if acts else a for a, b, acts in zip(loads, more, active.acts[index], strict=True)]
     return loads
 
 
-def _completed(stated: Load, seen: Load, law: BodyForce) -> Load:
+def _completed(stated: Load, seen: Load, body_force: BodyForce) -> Load:
     """What a force states, and what was measured where it states nothing; nobody states torques of its own."""
     return Load(
-        force=seen.force if law.load is None else stated.force,
-        torque=max(stated.torque, seen.torque) if law.load is None or law.turns else stated.torque,
-        rate=seen.rate if law.slope is None else max(stated.rate, seen.rate * law.turns),
+        force=seen.force if body_force.load is None else stated.force,
+        torque=max(stated.torque, seen.torque) if body_force.load is None or body_force.turns else stated.torque,
+        rate=seen.rate if body_force.slope is None else max(stated.rate, seen.rate * body_force.turns),
     )
 
 
 def _stated(active: ActiveForces, index: int, moves: list[BodyMobility], scene: Scene) -> list[Load]:
     """Loads by what a force states about itself, 0 where it states nothing."""
-    law, bodies = active.laws[index], len(moves)
-    force = _bound(law.load, active.of_law(index), bodies)
-    slope = _bound(law.slope, active.of_law(index), bodies)
+    body_force, bodies = active.body_forces[index], len(moves)
+    force = _bound(body_force.load, active.parameters_of(index), bodies)
+    slope = _bound(body_force.slope, active.parameters_of(index), bodies)
     loads = []
     for b, (body, move) in enumerate(zip(scene.bodies, moves, strict=True)):
-        if law.acts_on == "spheres":
+        if body_force.acts_on == "spheres":
             arms = [float(np.linalg.norm(np.array(s.offset) - move.reference)) for s in body.spheres]
             levers = [_lever(np.array(s.offset) - move.reference) for s in body.spheres]
             give = float(np.linalg.norm(sum(j.T @ j for j in levers) @ move.mobility, 2))

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 import otwarp as ot
-from otwarp.kernels.drivers.episodes import EndLaw, list_living, parameters_from, settle_kernel
+from otwarp.kernels.drivers.episodes import EndPredicate, list_living, parameters_from, settle_kernel
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 
@@ -32,14 +32,14 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
 
 
 def test_parameters_are_read_from_the_columns_in_order():
-    law = EndLaw(abs, (float, wp.vec3, int))
-    assert law.width == 5
+    predicate = EndPredicate(abs, (float, wp.vec3, int))
+    assert predicate.width == 5
     assert (
-        parameters_from(law, 2)
+        parameters_from(predicate, 2)
         == ", (values[row, 2]), vec3(values[row, 3], values[row, 4], values[row, 5]), int(values[row, 6])"
     )
 
 
 def test_equal_ends_share_a_kernel():
-    laws = (ot.escaped.law, ot.timed_out(after=1.0).law)
-    assert settle_kernel(laws) is settle_kernel((ot.escaped.law, ot.timed_out(after=np.ones(3)).law))
+    predicates = (ot.escaped.predicate, ot.timed_out(after=1.0).predicate)
+    assert settle_kernel(predicates) is settle_kernel((ot.escaped.predicate, ot.timed_out(after=np.ones(3)).predicate))

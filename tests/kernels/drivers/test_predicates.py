@@ -11,5 +11,5 @@ from otwarp.kernels.drivers import predicates
 @pytest.mark.parametrize("name", ["escaped", "reached", "strayed", "timed_out"])
 def test_each_is_offered_with_its_parameters(name):
     function, made = getattr(predicates, name), getattr(ot, name)
-    assert made.law.function is function
+    assert made.predicate.function is function
     assert list(made.values) == list(inspect.signature(function).parameters)[1:]

@@ -29,7 +29,7 @@ def test_place_matters_in_a_flow_that_varies_and_to_what_any_flow_turns():
 
 
 def test_a_constant_force_on_spheres_turns_a_body():
-    row = parametric(by_size.law, "", "", local=False)
+    row = parametric(by_size.body_force, "", "", local=False)
     assert not row.is_local(rigid=False)
     assert row.is_local(rigid=True)
 

@@ -11,8 +11,8 @@ from tests.kernels.forces.setups import PUSH, by_size, on_body, on_sphere, scene
 
 
 def test_numbers_lie_one_force_after_the_other():
-    laws = (turning.law, by_size.law, turning.law)
-    assert [first_parameter(laws, n) for n in range(4)] == [0, 1, 2, 3]
+    forces = (turning.body_force, by_size.body_force, turning.body_force)
+    assert [first_parameter(forces, n) for n in range(4)] == [0, 1, 2, 3]
 
 
 def test_a_force_acts_on_the_bodies_that_it_names(device):
