@@ -30,14 +30,12 @@ def info(
     as_json: bool,
 ) -> None:
     """Print the bodies, traps, time scales and chosen step of SCENE, the terms compiled in and left out, and memory."""
-    from otwarp.record.capacity import check_worlds
     from otwarp.scene import Scene
     from otwarp.simulation.info import describe
     from otwarp.simulation.options import StepOptions
 
     loaded = Scene.load(scene)
     chosen = StepOptions(**options)
-    check_worlds(loaded, worlds, device, chosen.precision)
     about = describe(loaded, worlds=worlds, device=device, options=chosen, kernels=kernels)
     if as_json:
         click.echo(json_text(about))

@@ -89,6 +89,8 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", EXIT_SYSTEM)
+    except MemoryError as error:
+        return _fail(f"the memory of this machine does not suffice: {error or 'an allocation failed'}", EXIT_SYSTEM)
     except Stopped as error:
         terminated = isinstance(error.__cause__, Terminated)
         return _fail(*(("terminated", EXIT_TERMINATED) if terminated else ("interrupted", EXIT_INTERRUPTED)))

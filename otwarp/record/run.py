@@ -11,17 +11,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.files import check_place
-from otwarp.record.capacity import check_worlds
 from otwarp.record.method import Method
 from otwarp.record.recorder import FILES, Recorder, check_folder
 from otwarp.scene import Scene
 from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.capacity import check_worlds
 from otwarp.simulation.simulation import Simulation
 from otwarp.simulation.time_step.observables import spelled
+
+COPIES = 3
+"""Frames held on the host at the same time: the one that is read, the last one, and sums for the statistics."""
 
 MOST_STEPS = 1e12
 """A run of more steps is refused: at a microsecond each it takes twelve days."""
@@ -101,7 +105,7 @@ def _started(
     """The simulation at its start, made with `about` and `options`, or as a checkpoint holds it."""
     if resume is not None:
         return Simulation.restore(resume, scene, device=device, threads=threads, forces=options.forces)
-    check_worlds(scene, about["worlds"], device, options.precision)
+    check_worlds(scene, about["worlds"], pick_device(device), options.precision, COPIES)
     return Simulation(scene, device=device, threads=threads, readout=True, **about, **vars(options))
 
 

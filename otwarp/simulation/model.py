@@ -29,6 +29,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import Place
 from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
+from otwarp.simulation.packing.capacity import check_worlds
 from otwarp.simulation.packing.commands import Samples, staged_commands
 from otwarp.simulation.packing.coupling import pack_coupling
 from otwarp.simulation.packing.flow import pack_flow
@@ -142,6 +143,7 @@ class Model:
         _warn_of_oddities(scene, () if scene.judged else (f"{f.prim}: {f.message}" for f in judge(scene)))
         rows = _rows(part, worlds)
         place = pick_device(device)
+        check_worlds(asked, rows.stop - rows.start, place, options.precision)
         known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds, part=part is not None)
         _warn_of_oddities(scene, unusual_parameters(known.overrides))
         own = options.time_step is None and scene.file is not None

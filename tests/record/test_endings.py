@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.record.capacity import check_worlds, frame_bytes, most_worlds
 from otwarp.record.netcdf import NetcdfRecording
 from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
@@ -93,17 +92,6 @@ def test_one_frame_is_drawn_without_a_warning(scene: Scene, tmp_path: Path) -> N
     with recorder(scene, tmp_path / "run", usd_world=None) as out:
         out.write(frame(scene, 0))
     assert (tmp_path / "run" / "figure.png").is_file()
-
-
-def test_worlds_that_do_not_fit_are_refused_before_anything_is_allocated(device: str) -> None:
-    from otwarp.device import pick_device
-
-    scene = Scene.load(BEAD)
-    assert frame_bytes(scene) == 4 * (3 + 4 + 3 + 1 + 3 + 1 + 3 + 1 + 1)
-    most = most_worlds(scene, pick_device(device))
-    check_worlds(scene, most, device)
-    with pytest.raises(InputError, match=rf"worlds is {most + 1}; allowed: 1 … {most}, "):
-        check_worlds(scene, most + 1, device)
 
 
 @pytest.mark.parametrize("name", [".", "absent/end.npz", "out/run.nc", "/proc/end.npz"])

@@ -13,7 +13,6 @@ import xarray as xr
 from pxr import Usd, UsdGeom
 
 import otwarp as ot
-from otwarp.record.capacity import frame_bytes, most_worlds
 from otwarp.record.method import Method
 from otwarp.record.netcdf import check_size
 from otwarp.record.read import read_run
@@ -75,13 +74,8 @@ def test_powers_in_usd_have_the_digits_of_the_run(scene: Scene, tmp_path: Path, 
 
 
 def test_twice_the_digits_take_twice_the_room(scene: Scene, device: str) -> None:
-    from otwarp.device import pick_device
-
     double = dataclasses.replace(METHOD, precision="float64")
-    assert frame_bytes(scene, "float64") == 2 * frame_bytes(scene)
     assert check_size(scene, 3, double) == 2 * check_size(scene, 3, METHOD) == 2 * check_size(scene, 3)
-    most = most_worlds(scene, pick_device(device))
-    assert most_worlds(scene, pick_device(device), "float64") in (most, most // 2)
 
 
 METHOD = Method(

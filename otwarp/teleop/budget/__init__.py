@@ -57,6 +57,9 @@ SEARCHES = 3
 LONGER = 1.02
 """Time step over the former one that makes a lower accuracy worth trying."""
 
+LEAST_SHARE = 1e-9
+"""Of a core, that may be asked for: with less nothing runs in real time."""
+
 Budget = Literal["auto", "off"] | float
 Progress = Callable[[str], None]
 _Candidate = tuple[Thinned, SceneCost]
@@ -93,8 +96,8 @@ def parse_budget(text: str | float) -> Budget:
         share = float(word)
     except ValueError:
         share = math.nan
-    if not 0.0 < share <= 1.0:
-        raise InputError(f"budget is {text!r}; allowed: auto, off, or a share of a core above 0 up to 1")
+    if not LEAST_SHARE <= share <= 1.0:
+        raise InputError(f"budget is {text!r}; allowed: auto, off, or a share of a core from {LEAST_SHARE:g} to 1")
     return share
 
 

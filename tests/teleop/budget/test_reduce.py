@@ -359,7 +359,7 @@ class TestReport:
     def test_budgets_as_typed(self, text, value):
         assert parse_budget(text) == value
 
-    @pytest.mark.parametrize("text", ["", "much", "0", "-1", "1.5", "nan", "inf"])
+    @pytest.mark.parametrize("text", ["", "much", "0", "-1", "1.5", "nan", "inf", "5e-324"])
     def test_bad_budgets_are_one_line(self, text):
         with pytest.raises(InputError, match="budget is") as caught:
             reduce_scene(line_of_cells(1), budget=text, measure=Machine(1.0))
