@@ -298,11 +298,30 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
     return take_step
 
 
+def world_of_thread_term(f: Features) -> wp.Function:
+    """`(model, turn, spread, first_world, first_step) -> (world, step)` of a thread: world -1 if it has none."""
+
+    @wp.func
+    def world_of_thread(model: ModelData, turn: int, spread: int, first_world: int, first_step: wp.int64):
+        """The world of every `spread`-th thread, and the step from which its own clock goes on."""
+        world = int(-1)
+        start = first_step
+        if turn % spread == 0:
+            world = first_world + turn // spread
+        if wp.static(f.episodes):
+            if world >= 0:
+                world = living_world(model, world)
+            if world >= 0:
+                start = own_step(model, world, first_step)
+        return world, start
+
+    return world_of_thread
+
+
 def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     """One thread per world, bodies in local arrays for all `steps`."""
-    take_step = take_step_term(f, stages)
-    load_bodies, store_bodies = load_bodies_term(f), store_bodies_term(f)
-    list_in = list_in_term(f)
+    take_step, world_of = take_step_term(f, stages), world_of_thread_term(f)
+    list_in, load_bodies, store_bodies = list_in_term(f), load_bodies_term(f), store_bodies_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def world_step(
@@ -315,16 +334,10 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
         contacts differ. `shared_row` is the row of the scratch that these worlds use in turn, or −1: each has its own.
         """
         turn = wp.tid()
-        if turn % spread != 0:
+        world, start = world_of(model, turn, spread, first_world, first_step)
+        if world < 0:
             return
-        world = first_world + turn // spread
         row = wp.where(shared_row < 0, turn // spread, shared_row)
-        start = first_step
-        if wp.static(f.episodes):
-            world = living_world(model, world)
-            if world < 0:
-                return
-            start = own_step(model, world, first_step)
         position = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
         rotation = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.quat)
         linear = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
