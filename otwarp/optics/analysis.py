@@ -77,10 +77,14 @@ def axial_equilibria(
 
 @functools.lru_cache(maxsize=64)
 def trap_properties(beam: Beam, sphere: Particle, *, device: str | None = None) -> TrapProperties:
-    """Equilibrium, stiffness, escape force and depth of a trap; `device` as in `force`.
+    """Equilibrium [µm], stiffness [pN/µm], escape force [pN] and depth [pN·µm] of a trap, see `TrapProperties`.
+
+    Args:
+        beam, sphere: What pulls at what; the results are those at the beam's own power.
+        device: Where forces are evaluated; see `force`.
 
     Raises:
-        InputError: The beam does not hold this sphere along its axis.
+        InputError: The beam does not hold this sphere along its axis, or pushes it out across it.
     """
     along = axial_equilibria(beam, sphere, device=device)
     # a point that pulls back along the axis may push out across it

@@ -121,7 +121,7 @@ class ForceTable:
 
     @property
     def layers(self) -> int:
-        """1, 2 or 3."""
+        """Azimuthal components that a node has, as `layer_count` of the beam: 1, 2 or 3."""
         return self.levels[0].node.shape[2]
 
     def cut(self, reach: float) -> ForceTable:

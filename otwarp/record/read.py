@@ -65,6 +65,13 @@ class Run:
 def read_run(file: Path, world: int = 0) -> Run:
     """Read one world of `run.nc`.
 
+    Args:
+        file: The netCDF file of a recorded run.
+        world: Which of its recorded worlds, counted from 0.
+
+    Returns:
+        Its frames, every n-th where there are more than `MOST_POINTS`.
+
     Raises:
         InputError: No such file, or no such world or frame in it.
     """

@@ -32,7 +32,11 @@ class StepOptions:
     ends: tuple[End, ...] | None = None
 
     def of(self, scene: Scene) -> Scene:
-        """The scene with those of its own settings replaced that are chosen here."""
+        """The scene with its time step [s], integrator and noise replaced by those that are chosen here.
+
+        Raises:
+            InputError: The time step is no number.
+        """
         chosen = {"time_step": self.time_step, "integrator": self.integrator, "noise": self.noise}
         given = {name: value for name, value in chosen.items() if value is not None}
         if "time_step" in given:

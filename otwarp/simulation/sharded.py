@@ -159,15 +159,31 @@ class ShardedSimulation:
         return self.shards[0].time
 
     def step(self, steps: int = 1) -> None:
-        """Take `steps` time steps on all devices at once; see `Simulation.step`."""
+        """Take `steps` time steps (a whole number ≥ 0) on all devices at once.
+
+        Raises:
+            InputError, SimulationError: As `Simulation.step`, from the first device that has one.
+        """
         self._each(lambda s, _: s.step(steps))
 
     def run(self, duration: float) -> None:
-        """Simulate `duration` seconds on all devices at once, to the nearest whole step."""
+        """Simulate `duration` seconds (≥ 0) on all devices at once, to the nearest whole step.
+
+        Raises:
+            InputError, SimulationError: As `step`.
+        """
         self._each(lambda s, _: s.run(duration))
 
     def set_state(self, **poses: Any) -> None:
-        """Put the bodies elsewhere; arguments as for `Simulation.set_state`."""
+        """Put the bodies elsewhere.
+
+        Args:
+            poses: `position`, (B, 3) for all worlds or (W, B, 3) [µm], and `orientation`, (B, 4) or (W, B, 4), where W
+                counts the worlds of all devices; what is not given stays.
+
+        Raises:
+            InputError: As `Simulation.set_state`.
+        """
         given = {name: values for name, values in poses.items() if values is not None}
         self._each(lambda s, part: s.set_state(**{n: self._rows(n, v, part) for n, v in given.items()}))
 

@@ -376,7 +376,7 @@ class Simulation:
         return device_bytes(self.model, self.state, self.control, self._readout)
 
     def save(self, path: str | Path) -> Path:
-        """Write a checkpoint from which `Simulation.restore` continues bit for bit; see `checkpoint.save`."""
+        """Write a checkpoint (`.npz`) from which `restore` continues bit for bit; errors as `checkpoint.save`."""
         from otwarp.simulation.checkpoint import save
 
         return save(self, Path(path))
@@ -392,7 +392,7 @@ class Simulation:
         forces: Sequence[Force] = (),
         ends: Sequence[End] | None = None,
     ) -> Simulation:
-        """Continue from a checkpoint; see `checkpoint.restore`."""
+        """Continue from a checkpoint, in another process if need be; arguments and errors as `checkpoint.restore`."""
         from otwarp.simulation.checkpoint import restore
 
         return restore(cls, Path(path), scene, device=device, threads=threads, forces=forces, ends=ends)

@@ -82,7 +82,7 @@ class State(Bound):
         )
 
     def data(self) -> Annotated[Any, StateData]:
-        """The kernels' view."""
+        """The same arrays as the struct that kernels take, in the precision of the model."""
         data = typed(StateData, precision_of(self.position))()
         data.position, data.orientation, data.trap_position = self.position, self.orientation, self.trap_position
         data.image = self.image
@@ -192,7 +192,12 @@ class Control(Bound):
         return given, bits
 
     def write(self, given: Mapping[str, np.ndarray], bits: np.ndarray) -> None:
-        """Write what was accepted."""
+        """Write what `accept` has checked: a part of `set`, for whoever commands several simulations or none.
+
+        Args:
+            given: Arrays (1|W, T, …) by the names of the arrays here.
+            bits: (T,) int32 for `follow`, of length 0 to leave it.
+        """
         for name, values in given.items():
             if len(values) > getattr(self, name).shape[0]:
                 self.widen(name)
@@ -203,7 +208,10 @@ class Control(Bound):
         self.writes += 1
 
     def widen(self, name: str) -> None:
-        """Give `trap_position` or `trap_power` a row for every world."""
+        """Give `trap_position` or `trap_power` a row for every world, (1, T) → (W, T); `layout` counts that.
+
+        The array is another one then: what had bound the old one, such as a captured graph, must be made anew.
+        """
         old = getattr(self, name)
         rows = np.broadcast_to(old.numpy(), (self.model.worlds, *old.numpy().shape[1:]))
         vars(self)[name] = device_array(rows, old.dtype, self.model.device, ndim=2)
@@ -228,7 +236,7 @@ class Control(Bound):
         return np.where(animated, bits, 0).astype(np.int32)
 
     def data(self) -> Annotated[Any, ControlData]:
-        """The kernels' view."""
+        """The same arrays as the struct that kernels take; made anew after `widen`, which replaces one."""
         data = self.model.place.typed(ControlData)()
         data.trap_position, data.trap_power, data.follow = self.trap_position, self.trap_power, self.follow
         return data
@@ -300,14 +308,14 @@ class Readout(Bound):
         )
 
     def data(self) -> Annotated[Any, ReadoutData]:
-        """What the step writes."""
+        """Those of the arrays that the step writes, as the struct that kernels take."""
         data = typed(ReadoutData, precision_of(self.trap_force))()
         for name in ("contact_force", "contact_load", "entries", "escape_step", "fault", "fault_step", "fault_count"):
             setattr(data, name, getattr(self, name))
         return data
 
     def trap_data(self) -> Annotated[Any, TrapReadoutData]:
-        """What the trap readout writes."""
+        """Those of the arrays that a measurement writes, as the struct that kernels take."""
         data = typed(TrapReadoutData, precision_of(self.trap_force))()
         data.position, data.power, data.force = self.trap_position, self.trap_power, self.trap_force
         data.distance, data.sphere_force, data.hand_force = self.trap_distance, self.sphere_force, self.hand_force
