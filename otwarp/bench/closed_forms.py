@@ -15,7 +15,7 @@ POISSON_RATIO = 0.4
 
 
 def drag(radius: float, viscosity: float) -> float:
-    """Stokes friction 6πηr [pN·s/µm]."""
+    """Stokes friction 6πηr [pN·s/µm] of a sphere of radius r [µm] in a liquid of viscosity η [Pa·s]."""
     return 6.0 * math.pi * viscosity * radius
 
 

@@ -62,7 +62,7 @@ class Machine:
         return "cuda" if self.accelerator else "cpu"
 
     def about(self, *, fast_math: bool = False) -> dict[str, Any]:
-        """What `otwarp.bench.findings.Findings` says of it."""
+        """The fields of `otwarp.bench.findings.Findings` that are about the machine, for JSON."""
         hardware = self.name() + (", fast math" if fast_math else "")
         return {"kind": self.kind, "hardware": hardware, "machine": self.data()}
 
@@ -77,7 +77,7 @@ class Machine:
         return ", ".join(parts)
 
     def data(self) -> dict[str, object]:
-        """For JSON."""
+        """All fields as plain data, for JSON."""
         return asdict(self)
 
 

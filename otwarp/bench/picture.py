@@ -27,12 +27,12 @@ def pyplot() -> Any:
 
 
 def line_of(number: int) -> str:
-    """Line style of a run."""
+    """Line style of the n-th of the runs that share a panel, counted from 0; styles repeat."""
     return LINES[number % len(LINES)]
 
 
 def fill_of(number: int, colour: str) -> str:
-    """Fill of the markers of a run whose edges have that colour."""
+    """Fill of the markers of the n-th run, whose edges have that colour: filled for the first run alone."""
     return colour if number == 0 else "white"
 
 

@@ -50,7 +50,7 @@ def bead(
     collides: bool = False,
     trapped: bool = True,
 ) -> Body:
-    """A lone sphere."""
+    """A lone sphere of one radius [µm] at a place [µm], with Young's modulus `modulus` [Pa]."""
     sphere = Sphere(prim=f"/World/{name}/sphere", radius=radius, collides=collides, trapped=trapped)
     material = Material(youngs_modulus=modulus, poisson_ratio=POISSON_RATIO)
     return Body(prim=f"/World/{name}", position=place, spheres=(sphere,), material=material)

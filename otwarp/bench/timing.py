@@ -31,7 +31,7 @@ class Quartiles:
 
     @classmethod
     def of(cls, samples: list[float]) -> Quartiles:
-        """Summarise at least one sample."""
+        """Median and quartiles of at least one sample, linear between the samples."""
         low, median, high = np.percentile(samples, [25.0, 50.0, 75.0])
         return cls(float(median), float(low), float(high))
 

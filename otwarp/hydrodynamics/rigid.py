@@ -49,7 +49,7 @@ def assemble(
     error: float = float("nan"),
     blobs: int = 0,
 ) -> BodyMobility:
-    """`BodyMobility` from its independent parts."""
+    """`BodyMobility` from its independent parts, see there: inverse and Cholesky factor follow."""
     return BodyMobility(
         reference=reference,
         mobility=mobility,

@@ -56,7 +56,7 @@ class Curves:
     force: dict[str, dict[str, np.ndarray]]
 
     def residual(self, model: str, direction: str) -> np.ndarray:
-        """(n,) model less exact [pN]."""
+        """(n,) force of a model less the exact one [pN] at `distance`, along a direction of `force`."""
         return self.force[model][direction] - self.force["exact"][direction]
 
     def rmse(self, model: str, directions: tuple[str, ...]) -> float:

@@ -68,7 +68,7 @@ class Method:
         return cls(**values, forces=json.loads(attributes.get("forces", "{}")))
 
     def facts(self) -> dict[str, Any]:
-        """As a summary says it."""
+        """All fields as plain data, as a summary says them; `forces` only where there are any."""
         said = dataclasses.asdict(self)
         return said if self.forces else {k: v for k, v in said.items() if k != "forces"}
 

@@ -228,7 +228,7 @@ def quaternion(a: Matrix) -> Quat:
 
 
 def product(p: Quat, q: Quat) -> Quat:
-    """p·q: first q, then p."""
+    """p·q, of quaternions (x, y, z, w): the rotation q, then p."""
     (a, b, c, d), (x, y, z, w) = p, q
     return (
         d * x + a * w + b * z - c * y,

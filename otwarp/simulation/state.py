@@ -283,7 +283,7 @@ class Readout(Bound):
 
     @classmethod
     def empty(cls, model: Model) -> Readout:
-        """Nothing measured yet."""
+        """Arrays of the shapes above, with nothing measured yet: zeros, and −1 for escapes."""
         w, f, d = model.worlds, model.features, model.device
         real, vec3 = model.place.typed(wp.float32), model.place.typed(wp.vec3)
         bodies = len(model.scene.bodies)

@@ -145,7 +145,7 @@ class SessionMonitor:
         self._limit = np.array([body.warning_force for body in scene.bodies])
 
     def warnings(self, frame: Frame, hands: tuple[HandFrame, ...], pace: PaceNow) -> tuple[str, ...]:
-        """All that hold at present."""
+        """One line for each warning that holds at present: of traps, contacts, hands, what lags, and the pace."""
         lags = self._lags(frame, hands)
         return (*self._traps(frame), *self._contacts(frame), *self._hands(hands), *lags, *self._pace(pace))
 

@@ -96,7 +96,7 @@ class IntegratorsBench(BeadFindings):
     FORMAT = "otwarp bench integrators"
 
     def group(self, name: str) -> list[Line]:
-        """The lines of a group."""
+        """The lines of a group, in the order of the measurement; none for an unknown name."""
         return [line for line in self.lines if line.group == name]
 
     def line(self, name: str) -> Line:

@@ -30,7 +30,7 @@ class TimedWorkload:
         self.cores: list[float] = []
 
     def sample(self) -> float:
-        """Seconds per unit of work."""
+        """Seconds per unit of work: by the wall clock on a GPU or with threads, else of the process."""
         taken = elapsed(partial(self.ready.step, self.steps), self.device)
         self.cores.append(taken.cpu / taken.wall)
         spent = taken.wall if self.work.wall or not self.device.is_cpu else taken.cpu

@@ -89,7 +89,7 @@ class Setting:
         return "cpu" if self.device.is_cpu else "cuda"
 
     def count(self, usual: int) -> int:
-        """Worlds of a workload."""
+        """Worlds of a workload that usually has `usual`: scaled by `scale`, at least 1."""
         return max(1, round(self.scale * usual))
 
 

@@ -20,16 +20,16 @@ class GapDistribution:
 
     @property
     def mean(self) -> float:
-        """⟨g⟩ [µm]."""
+        """Mean gap ⟨g⟩ [µm]."""
         return float(self.chance @ self.gap)
 
     @property
     def spread(self) -> float:
-        """Standard deviation [µm]."""
+        """Standard deviation of the gap [µm]."""
         return float(np.sqrt(self.chance @ (self.gap - self.mean) ** 2))
 
     def below(self, gap: float) -> float:
-        """Chance of a smaller gap."""
+        """Chance of a gap smaller than `gap` [µm]."""
         return float(self.chance[self.gap < gap].sum())
 
 

@@ -81,7 +81,7 @@ class StabilityBench(Findings):
         return tuple((g.name, c) for g in self.grids for c in g.cells if c.verdict is CellVerdict.WRONG)
 
     def json(self) -> dict[str, Any]:
-        """Plain data."""
+        """All grids and the machine as plain data, for JSON."""
         return {
             "format": self.FORMAT,
             "version": self.VERSION,

@@ -54,7 +54,7 @@ def legend(bench: StabilityBench) -> list[str]:
 
 
 def plain(bench: StabilityBench) -> str:
-    """Everything for a terminal."""
+    """All grids as text for a terminal, a letter for each cell, and the legend."""
     lines: list[str] = []
     for grid in bench.grids:
         rows = [head(grid), *letters(grid)]

@@ -39,7 +39,7 @@ ELEMENTS = ((-4.0, 1.0), (-2.0, 0.4), (0.0, 0.0), (2.0, 0.4), (4.0, 1.0))
 
 
 def shift(place: Vec3, x: float = 0.0, z: float = 0.0) -> Vec3:
-    """A point beside another."""
+    """A point beside another [µm], `x` and `z` further along these axes."""
     return (place[0] + x, place[1], place[2] + z)
 
 

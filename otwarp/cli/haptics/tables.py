@@ -52,7 +52,7 @@ def grant_table(grants: Sequence[Advised]) -> Table:
 
 
 def latency_table(latency: ServoLatency) -> Table:
-    """Times in the servo process."""
+    """Times in the servo process [µs]: from a sample, and from a published state, to the force that knows of it."""
     title = f"Latency in the servo process [µs], {latency.device}, {latency.cycles} cycles, {latency.late} dropped"
     table = _table(title, "from", "to", *PERCENTILES, right=PERCENTILES)
     table.add_row("sample of the hand", "force to the device", *micro(latency.sample))
@@ -61,7 +61,7 @@ def latency_table(latency: ServoLatency) -> Table:
 
 
 def cost_table(costs: Sequence[CallCost]) -> Table:
-    """Costs of calls."""
+    """What one call of each function costs [µs], by percentiles."""
     table = _table("Cost of one call [µs]", "call", *PERCENTILES, right=PERCENTILES)
     for cost in costs:
         table.add_row(cost.what, *micro(cost.time))
@@ -79,7 +79,7 @@ def width_table(found: Sequence[Width]) -> Table:
 
 
 def limit_table(found: Sequence[FeltLimit]) -> Table:
-    """What is limited and why."""
+    """Limits of what an operator feels, each with the reason."""
     table = _table("What is limited, and why (the Touch's preset)", "what", "to", "why")
     for one in found:
         table.add_row(one.what, one.value, one.why)

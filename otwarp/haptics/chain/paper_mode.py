@@ -152,7 +152,7 @@ class PaperRenderer:
         self._gain = self.node.gain = gain
 
     def reset(self) -> None:
-        """Take hold anew."""
+        """A node as at its start, and no robot: the next state that is published chooses one."""
         self.node, self._robot = self._restarted(), -1
 
     def state(self) -> list[Any]:

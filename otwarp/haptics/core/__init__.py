@@ -283,7 +283,7 @@ def scene_to_list(scene: SceneFrame) -> list[Any]:
 
 
 def scene_from_list(data: Any) -> SceneFrame:
-    """The state that `scene_to_list` wrote."""
+    """The state that `scene_to_list` wrote, also after JSON has made lists of its tuples, bit for bit."""
     beat, time, spheres, traps, contact = data
     balls = tuple(SphereFrame(as_tuples(position), body) for position, body in spheres)
     return SceneFrame(beat, time, balls, tuple(TrapFrame(n, as_tuples(p), power) for n, p, power in traps), contact)

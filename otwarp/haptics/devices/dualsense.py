@@ -166,7 +166,7 @@ def _pad(sticks: tuple[int, int, int, int], pull: tuple[int, int], bits: tuple[i
 
 
 def encode_usb(feel: Feel) -> bytes:
-    """The output report by USB."""
+    """The output report by USB: its number, then what to do."""
     return bytes((USB_OUTPUT,)) + _common(feel)
 
 

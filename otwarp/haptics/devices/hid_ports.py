@@ -56,7 +56,7 @@ def address_of(found: HidFound) -> str:
 
 
 def found_at(address: str) -> HidFound:
-    """The device of `address_of`."""
+    """The device that `address_of` wrote as text; for the guardian, in a process of its own."""
     fields = json.loads(address)
     return HidFound(**fields | {"usages": tuple(tuple(usage) for usage in fields["usages"])})
 

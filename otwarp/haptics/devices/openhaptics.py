@@ -61,7 +61,7 @@ class Served:
         self.begun.set()
 
     def end(self) -> None:
-        """Leave was taken of it."""
+        """It has had its last frame: whoever waits for its begin or end goes on."""
         self.phase = "off"
         self.begun.set()
         self.ended.set()

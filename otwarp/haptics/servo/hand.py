@@ -149,7 +149,7 @@ class Hand:
         self._say("")
 
     def disarm(self, message: str = "", action: int = DISARMED) -> None:
-        """Let the force fall."""
+        """Let the force fall to zero by the safety's ramp; a `message` says why in the status of a present device."""
         self._rendering.disarm(action)
         if message and self.status.present:
             self.status = replace(self.status, message=message)

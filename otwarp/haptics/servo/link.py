@@ -215,7 +215,7 @@ def cut(text: str, size: int) -> bytes:
 
 
 def text_of(data: bytes) -> str:
-    """The line that `cut` made."""
+    """The line that `cut` made, without the zeros behind it and without half a character at its end."""
     return data.rstrip(b"\0").decode(errors="ignore")
 
 

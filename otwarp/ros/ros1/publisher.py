@@ -79,7 +79,7 @@ class SubscriberLink:
             )
 
     def end(self) -> None:
-        """Hang up."""
+        """Hang up: what waits is dropped, and the thread ends."""
         with self._wake:
             self._ended = True
             self._waiting.clear()

@@ -103,7 +103,7 @@ class Source:
         return schema in self.applied(prim)
 
     def applied(self, prim: Usd.Prim) -> list[str]:
-        """Names of the applied schemas."""
+        """Names of the API schemas that are applied to a prim; looked up once."""
         path = prim.GetPath()
         if path not in self._applied:
             self._applied[path] = applied_schemas(prim)

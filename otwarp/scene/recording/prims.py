@@ -160,11 +160,11 @@ class BodyPoses:
         ]
 
     def author(self, layer: Sdf.Layer) -> None:
-        """Author the op orders."""
+        """Author the order of translation and rotation for every body, in a layer that does not change."""
         self._placed.author(layer)
 
     def samples(self, frame: Frame, world: int) -> Iterator[Any]:
-        """Translations and orientations."""
+        """Translation, then orientation of body after body in a frame, as the layer has them."""
         places = self._placed.place(frame.position[world, self._index])
         turns = self._placed.turn(frame.orientation[world, self._index])
         for place, turn in zip(places, turns, strict=True):
@@ -191,7 +191,7 @@ class Traps:
             attribute(layer, path.AppendProperty(ORIENT), Sdf.ValueTypeNames.Quatd, quatd(turn))
 
     def samples(self, frame: Frame, world: int) -> Iterator[Any]:
-        """Translations and powers [W]."""
+        """Translation, then power [W] of trap after trap in a frame, as the layer has them."""
         places = self._placed.place(frame.trap_position[world])
         digits = 7 if frame.trap_power.dtype == np.float32 else 15
         for place, power in zip(places, frame.trap_power[world], strict=True):

@@ -105,7 +105,7 @@ class Attribute:
 
     @cached_property
     def interval(self) -> Range:
-        """The range, as numbers."""
+        """The range of allowed values, as numbers in the unit that files have."""
         return Range(self.range)
 
     @property

@@ -94,7 +94,7 @@ def _union(elements: tuple[tuple[Vec3, Vec3, float], ...], cells: int = 96) -> t
 
 
 def weight(scene: Scene, body: Body) -> float:
-    """Weight minus buoyancy [pN]."""
+    """Weight minus buoyancy [pN] of what a body's parts fill together."""
     return (body.density - scene.medium.density) * union_volume(body)[0] * STANDARD_GRAVITY
 
 

@@ -79,7 +79,7 @@ class CoupledRates:
 
 
 def closest_norms(scene: Scene, moves: list[BodyMobility], bodies: Sequence[int]) -> np.ndarray:
-    """(n, n) `CoupledRates.closest` of bodies."""
+    """(n, n) `CoupledRates.closest` of the bodies with these indices, zero on the diagonal."""
     radius = np.array([coupling_radius(moves[b]) for b in bodies])
     lone = np.array([len(scene.bodies[b].spheres) == 1 and bool(scene.bodies[b].colliding) for b in bodies])
     closest = np.zeros((len(bodies), len(bodies)))

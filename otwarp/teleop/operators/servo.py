@@ -44,7 +44,7 @@ class ServoLike(Protocol):
     """What the loop asks of a servo; `ServoProcess`, or a double on a virtual clock."""
 
     def start(self) -> ServoStatus:
-        """Open the devices and run."""
+        """Open the devices and run the chains; what it reports of the start."""
         ...
 
     def publish(self, scene: SceneFrame) -> None:

@@ -392,7 +392,7 @@ def placed(triangles: Triangles, matrix: np.ndarray) -> Triangles:
 
 
 def merged(many: list[Triangles]) -> Triangles:
-    """Several solids as one."""
+    """Several solids as one: their vertices one after the other, faces renumbered."""
     shift = np.cumsum([0] + [len(points) for points, _ in many])
     return (
         np.concatenate([points for points, _ in many]),

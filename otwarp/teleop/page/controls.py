@@ -304,5 +304,5 @@ def _assign(handle: Any, name: str, value: object) -> None:
 
 
 def gizmo_position(event: Any) -> Vec3:
-    """Where a transform control is."""
+    """Where the transform control of an event of viser is now [µm]."""
     return vec3(event.target.position)

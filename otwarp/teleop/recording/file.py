@@ -128,7 +128,7 @@ class RecordingFile:
         self._write("/scene/markers", MARKERS, time, drawn)
 
     def text(self, topic: str, time: int, text: str) -> None:
-        """A line, or JSON."""
+        """Write a text (a line, or JSON) as `std_msgs/String` on a topic, at a time [ns]."""
         self._write(topic, TEXT, time, pack_text(text))
 
     def cycles(self, hand: str, time: int, lost: int, records: bytes) -> None:
@@ -179,12 +179,12 @@ class RecordingFile:
         shutil.rmtree(self.part)
 
     def discard(self) -> None:
-        """Leave nothing."""
+        """End without a file: what was written so far is removed."""
         self._writer.abort()
         shutil.rmtree(self.part)
 
     def abort(self) -> None:
-        """Leave what there is as it is."""
+        """End without completing the file: what was written so far stays as it is."""
         self._writer.abort()
 
     def _write(self, topic: str, kind: str, time: int, data: bytes | memoryview) -> None:

@@ -118,7 +118,7 @@ def horner(function: Callable[[np.ndarray], np.ndarray], low: float, high: float
 
 
 def noise() -> str:
-    """`NOISE` with its polynomials."""
+    """C text of the noise: `NOISE` with the coefficients of its polynomials for logarithm, sine and cosine."""
 
     def sine(t: np.ndarray) -> np.ndarray:
         x = np.sqrt(np.maximum(t, 1e-30))
