@@ -80,12 +80,6 @@ def kernel_of(f: Features, blocks: int) -> Any:
     return wp.kernel(module="unique", enable_backward=False, **how)
 
 
-@wp.func
-def no_world(model: ModelData, world: int) -> bool:
-    """Whether a place stands for no world."""
-    return world < 0
-
-
 def place_term(f: Features) -> wp.Function:
     """`(model, readout, place, clock, ahead) -> (world, step)` that a thread takes: world -1 if it takes none."""
     world_of, step_of = world_term(f), start_term(f)

@@ -21,7 +21,6 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.hydrodynamics.walls import sphere_dynamics
 from otwarp.kernels.hydrodynamics.walls_rigid import turning_dynamics
-from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 
 
 def body_constants_term(f: Features) -> wp.Function:
@@ -162,20 +161,3 @@ def body_dynamics(f: Features) -> tuple[wp.Function, Dynamics]:
 def as_move(v: vec6) -> Move:
     """A twist as a `Move`: displacement [µm] and rotation vector [rad]."""
     return Move(linear_part(v), angular_part(v))
-
-
-def free_move_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, b, pose, step, time) -> Move` of a whole step without contact."""
-    constants_of, dynamics = body_dynamics(f)
-    move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
-
-    @wp.func
-    def free_move(
-        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, step: wp.int64,
-        time: wp.float64,
-    ) -> Move:  # fmt: skip
-        """Move of body b [µm, rad] in one step by all but contacts."""
-        constants = constants_of(model, control, world, b)
-        return as_move(move_freely(model, control, state, constants, world, b, pose, step, time))
-
-    return free_move

@@ -8,7 +8,8 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData
-from otwarp.kernels.integrate.body import free_move_term
+from otwarp.kernels.integrate.body import as_move, body_dynamics
+from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.model import Model
@@ -56,7 +57,9 @@ def model(device) -> Model:
 
 def make_probe(model: Model) -> wp.Kernel:
     # the form that does not expect its noise from a block
-    free_move = free_move_term(dataclasses.replace(model.features, lanes=False))
+    f = dataclasses.replace(model.features, lanes=False)
+    constants_of, dynamics = body_dynamics(f)
+    move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe(
@@ -74,7 +77,8 @@ def make_probe(model: Model) -> wp.Kernel:
         i = wp.tid()
         time = wp.float64(step[i]) * model.time_step
         pose = Pose(position[i], rotation[i])
-        move = free_move(model, control, state, world[i], body[i], pose, step[i], time)
+        constants = constants_of(model, control, world[i], body[i])
+        move = as_move(move_freely(model, control, state, constants, world[i], body[i], pose, step[i], time))
         linear[i] = move.linear
         angular[i] = move.angular
 

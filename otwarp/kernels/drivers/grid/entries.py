@@ -64,7 +64,7 @@ def response_term(f: Features) -> wp.Function:
 
     @wp.func
     def whole_response(entry: EntryData, n: int) -> Move:
-        """Translation [µm/pN] and rotation [rad/pN]."""
+        """Translation [µm/pN] and rotation [rad/pN] of the body per unit force at the contact, along its normal."""
         return Move(point_of(entry.part[LINEAR, n]), point_of(entry.part[ANGULAR, n]))
 
     @wp.func
