@@ -90,7 +90,7 @@ class CarryRoom:
 
 @wp.func
 def list_of(whole: wp.array(dtype=Contact)) -> ContactList:
-    """A list of whole records."""
+    """A list of contacts, each kept as one whole record with the units of `Contact`."""
     no = ContactList()
     return ContactList(whole, no.pair, no.face, no.law, no.path, no.depth, no.arm_a, no.arm_b, no.ridge, no.drift)
 

@@ -322,7 +322,7 @@ def test_a_part_of_a_scene_is_not_judged_again(stage_file: StageFile, device: st
     scene = dataclasses.replace(stage_file.load(*CASES["temperature in °C"][0], text=GOOD), judged=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Model.build(scene, device=device)
+        assert Model.build(scene, device=device).authored is scene
 
 
 def test_a_simulation_says_it_once(stage_file: StageFile, device: str) -> None:
