@@ -70,7 +70,7 @@ class Command:
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
 
-    def expect_soon(self, condition: Callable[[], Any], what: str) -> None:
+    def until(self, condition: Callable[[], Any], what: str) -> None:
         """Wait for something that the command must bring about."""
         end = time.monotonic() + PATIENCE
         while not condition():
