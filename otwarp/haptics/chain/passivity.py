@@ -46,6 +46,10 @@ LONGEST = 0.1
 """Longest hold that is foreseen [s]: by then the guardian of the servo has sent zero. What a longer one may have taken
 is not counted, for nobody knows what was held."""
 
+HELD = 0.02
+"""Longest time between two cycles in which a force is surely held [s]: after it the drivers of some devices let it
+fall, and the guardian sends zero (`devices.exchange`, `servo.guard`)."""
+
 DEEPEST = 10.0
 """Largest debt [J]: 3 N along 3 m in one hold; an absurd position must not leave infinity behind."""
 
@@ -101,9 +105,9 @@ class Passivity:
     """
 
     __slots__ = (
-        "_age", "_anchor", "_changed", "_clock", "_config", "_error", "_floor", "_force", "_hand", "_impulse", "_jerky",
-        "_most", "_past", "_period", "_quantum", "_recent", "_since", "_span", "_stake", "_stood", "_velocity", "_way",
-        "energy", "hold",
+        "_age", "_anchor", "_changed", "_clock", "_config", "_error", "_floor", "_force", "_gap", "_hand", "_impulse",
+        "_jerky", "_most", "_past", "_period", "_quantum", "_recent", "_since", "_span", "_stake", "_stood",
+        "_velocity", "_way", "energy", "hold",
     )  # fmt: skip
 
     def __init__(self, config: PassivityConfig, period: float, quantum: float = 0.0) -> None:
@@ -112,7 +116,7 @@ class Passivity:
         self._hand: Vec3 | None = None
         self._anchor = self._velocity = self._force = self._impulse = self._stood = ZERO
         self._changed = self._most = self._way = 0.0
-        self._span, self._since, self._age = period, 0.0, 0.0
+        self._span, self._since, self._age, self._gap = period, 0.0, 0.0, 0.0
         self._jerky = self._clock = self._past = self._recent = 0.0
         self.energy, self._floor, self._stake = 0.0, -config.reserve, config.reserve
         self.hold = max(period, config.hold)
@@ -127,6 +131,7 @@ class Passivity:
         """
         self._age = age = self._age + elapsed
         self._since += elapsed
+        self._gap = max(self._gap, elapsed)
         self._jerky -= elapsed
         self._clock += elapsed
         if self._changed or not known:
@@ -151,8 +156,10 @@ class Passivity:
             hidden, self._changed = self._changed * self._detour(min(age, self.hold)), 0.0
         self._impulse = ZERO
         work = fx * (x - u) + fy * (y - v) + fz * (z - w)
-        if age > LONGEST and work < 0.0:
+        if work < 0.0 and (age > LONGEST or self._gap > HELD):
+            # what may have fallen meanwhile has not surely won anything
             work = 0.0
+        self._gap = 0.0
         self._hand = (x, y, z)
         # together no more than there was room for
         self._pay(max(work, min(work + hidden, self._most)))
@@ -303,14 +310,17 @@ class Passivity:
         held = [self._hand, self.energy, self._floor, self._stake, self._force, self._age]
         moves = [self._anchor, self._velocity, self._span, self._since]
         times = [self._jerky, self._clock, self._past, self._recent, self.hold]
-        return [*held, *moves, *times, self._impulse, self._changed, self._most, self._stood, self._way]
+        return [*held, *moves, *times, self._impulse, self._changed, self._most, self._stood, self._way, self._gap]
 
     def restore(self, state: Sequence[Any]) -> None:
-        """Go on from a `state`; earlier versions recorded the first two of it, and then all but the last five."""
+        """Go on from a `state`; earlier versions recorded the first two of it, then all but the last six, then all but
+        the last."""
         self._hand, self.energy, *rest = as_tuples(state)
         if rest:
             self._floor, self._stake, self._force, self._age, *rest = rest
             self._anchor, self._velocity, self._span, self._since, *rest = rest
             self._jerky, self._clock, self._past, self._recent, self.hold, *rest = rest
         if rest:
-            self._impulse, self._changed, self._most, self._stood, self._way = rest
+            self._impulse, self._changed, self._most, self._stood, self._way, *rest = rest
+        if rest:
+            (self._gap,) = rest

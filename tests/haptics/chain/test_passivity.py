@@ -6,8 +6,9 @@ import math
 
 import pytest
 
-from otwarp.haptics.chain.passivity import Passivity, stiffest
+from otwarp.haptics.chain.passivity import HELD, LONGEST, Passivity, stiffest
 from otwarp.haptics.core.config import PassivityConfig
+from otwarp.haptics.devices import exchange
 from tests.haptics.setups import PERIOD, drive, energy_of, hand_config, make_chain, scene_at
 
 RESERVE = PassivityConfig().reserve
@@ -108,3 +109,28 @@ def test_a_slow_spring_is_rendered_as_it_is_up_to_the_stiffness_that_is_stated(h
 
     assert lost(0.97 * most) == 0.0
     assert lost(1.2 * most) > 0.0
+
+
+def test_what_a_driver_lets_fall_wins_nothing():
+    """A late servo's force falls at the driver (`exchange.share`). A hand that presses on only then works against less
+    than the servo's last force; counted in full, it would take the difference back, 0.3 mJ here."""
+    passivity = Passivity(PassivityConfig(hold=LONGEST), PERIOD)
+    passivity.observe(0.0, 0.0, 0.0, PERIOD)
+    late, press = 0.095, 0.02
+    assert HELD == exchange.HOLD and late < exchange.GONE
+    x = taken = 0.0
+
+    def sent() -> float:
+        force = passivity.bound((1.0, 0.0, 0.0))
+        passivity.send(force)
+        return force[0]
+
+    for _ in range(20):
+        x -= 0.5 * press
+        taken -= sent() * exchange.share(late - 0.5 * press) * 0.5 * press
+        passivity.observe(x, 0.0, 0.0, late)
+        for _ in range(round(press / PERIOD)):
+            x += 0.5 * PERIOD
+            taken += sent() * 0.5 * PERIOD
+            passivity.observe(x, 0.0, 0.0, PERIOD)
+    assert taken <= PassivityConfig().reserve

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, target
 from hypothesis import strategies as st
 
-from otwarp.haptics.chain.passivity import LONGEST, MEMORY, REFILL
+from otwarp.haptics.chain.passivity import HELD, LONGEST, MEMORY, REFILL
 from otwarp.haptics.core.config import TOUCH_QUANTUM, PassivityConfig
 from tests.haptics.chain.adversary import DEFAULT, PERIOD, Attack, Grip, Loss, Path, lose, spring_chain
 
@@ -145,10 +145,10 @@ def test_motion_made_to_defeat_it(stiffness, moves):
 def test_a_new_chain_takes_over_what_is_owed():
     """And the longest hold; not what is in store."""
     chain, heir = spring_chain(1000.0, DEFAULT), spring_chain(1000.0, DEFAULT)
-    for passivity, way in ((chain.passivity, 0.05), (heir.passivity, -0.05)):
+    for passivity, way, gap in ((chain.passivity, 0.05, 0.03), (heir.passivity, -0.05, HELD)):
         passivity.observe(0.0, 0.0, 0.0, PERIOD)
         passivity.send((1.0, 0.0, 0.0))
-        passivity.observe(way, 0.0, 0.0, 0.03)
+        passivity.observe(way, 0.0, 0.0, gap)
     assert chain.account[0] == chain.passivity.energy < -0.04
     assert heir.passivity.energy > 0.04 and heir.account[0] == 0.0
     fresh = spring_chain(1000.0, DEFAULT)
