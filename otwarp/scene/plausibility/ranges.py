@@ -44,7 +44,7 @@ WATER = 0.00089
 """Viscosity of water at 25 °C [Pa·s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class UsualRange:
     """A kind of number.
 
@@ -52,16 +52,16 @@ class UsualRange:
         low, high: Usual values, in internal units; 0 and infinite ones are never odd.
         dimension: Key of `otwarp.units.FROM_SI`.
         values: Finds them.
-        geometry: Whether they are authored in stage units.
         parameters: Names of the parameters of `Simulation` that are such numbers.
+        geometry: Whether they are authored in stage units.
     """
 
     low: float
     high: float
     dimension: str
     values: Values
-    geometry: bool = False
     parameters: tuple[str, ...] = ()
+    geometry: bool = False
 
     def odd(self, value: float) -> bool:
         """Whether a value is neither usual nor one that stands for none."""
@@ -168,96 +168,39 @@ def _weighs(scene: Scene) -> bool:
 
 
 ROWS: tuple[UsualRange, ...] = (
+    UsualRange(2e-4, 0.1, "viscosity", _scene("ot:medium:viscosity", "medium.viscosity"), ("medium_viscosity",)),
     UsualRange(
-        low=2e-4,
-        high=0.1,
-        dimension="viscosity",
-        values=_scene("ot:medium:viscosity", "medium.viscosity"),
-        parameters=("medium_viscosity",),
+        250.0, 400.0, "temperature", _scene("ot:medium:temperature", "medium.temperature"), ("medium_temperature",)
     ),
+    UsualRange(0.1, 1e5, "rate", _scene("framesPerSecond", "settings.frames_per_second")),
+    UsualRange(0.01, 500.0, "length", _radii, geometry=True),
+    UsualRange(1e-3, 3e3, "power", _trap("ot:trap:power", lambda t: float(t.power.values.max())), ("trap_power",)),
+    UsualRange(0.3, 2.5, "length", _trap("ot:trap:wavelength", lambda t: t.wavelength)),
+    UsualRange(0.01, 1e4, "speed", _trap("ot:trap:speedLimit", lambda t: t.speed_limit), ("trap_speed_limit",)),
+    UsualRange(0.01, 1e3, "length", _trap("ot:trap:reach", lambda t: t.reach)),
+    UsualRange(1e-4, 1e4, "stiffness", _law("stiffness")),
+    UsualRange(1e-3, 1e3, "length", _law("threshold"), ("trap_threshold", "trap_axial_threshold")),
+    UsualRange(1e-2, 1e3, "length", _law("cutoff"), ("trap_cutoff", "trap_axial_cutoff")),
+    UsualRange(1e-2, 1e3, "length", _law("radius")),
+    UsualRange(10.0, 2e12, "pressure", _body("ot:{}:youngsModulus", lambda b: b.material.youngs_modulus)),
+    UsualRange(0.0, 0.2e6, "surface_energy", _body("ot:{}:adhesion", lambda b: b.material.adhesion)),
+    UsualRange(1e-3, 1e6, "force", _body("ot:{}:warningForce", lambda b: b.warning_force)),
+    UsualRange(1e-10, 3e-8, "density", _body("ot:{}:density", lambda b: b.density, _weighs)),
+    UsualRange(1e-3, 1e4, "speed", _flow("ot:flow:speed", "speed", *kinds_with(strength="speed")), ("flow_speed",)),
     UsualRange(
-        low=250.0,
-        high=400.0,
-        dimension="temperature",
-        values=_scene("ot:medium:temperature", "medium.temperature"),
-        parameters=("medium_temperature",),
+        1e-4,
+        1e5,
+        "rate",
+        _flow("ot:flow:shearRate", "shear_rate", *kinds_with(strength="shear_rate")),
+        ("flow_shear_rate",),
     ),
-    UsualRange(low=0.1, high=1e5, dimension="rate", values=_scene("framesPerSecond", "settings.frames_per_second")),
-    UsualRange(low=0.01, high=500.0, dimension="length", values=_radii, geometry=True),
-    UsualRange(
-        low=1e-3,
-        high=3e3,
-        dimension="power",
-        values=_trap("ot:trap:power", lambda t: float(t.power.values.max())),
-        parameters=("trap_power",),
-    ),
-    UsualRange(low=0.3, high=2.5, dimension="length", values=_trap("ot:trap:wavelength", lambda t: t.wavelength)),
-    UsualRange(
-        low=0.01,
-        high=1e4,
-        dimension="speed",
-        values=_trap("ot:trap:speedLimit", lambda t: t.speed_limit),
-        parameters=("trap_speed_limit",),
-    ),
-    UsualRange(low=0.01, high=1e3, dimension="length", values=_trap("ot:trap:reach", lambda t: t.reach)),
-    UsualRange(low=1e-4, high=1e4, dimension="stiffness", values=_law("stiffness")),
-    UsualRange(
-        low=1e-3,
-        high=1e3,
-        dimension="length",
-        values=_law("threshold"),
-        parameters=("trap_threshold", "trap_axial_threshold"),
-    ),
-    UsualRange(
-        low=1e-2, high=1e3, dimension="length", values=_law("cutoff"), parameters=("trap_cutoff", "trap_axial_cutoff")
-    ),
-    UsualRange(low=1e-2, high=1e3, dimension="length", values=_law("radius")),
-    UsualRange(
-        low=10.0,
-        high=2e12,
-        dimension="pressure",
-        values=_body("ot:{}:youngsModulus", lambda b: b.material.youngs_modulus),
-    ),
-    UsualRange(
-        low=0.0, high=0.2e6, dimension="surface_energy", values=_body("ot:{}:adhesion", lambda b: b.material.adhesion)
-    ),
-    UsualRange(low=1e-3, high=1e6, dimension="force", values=_body("ot:{}:warningForce", lambda b: b.warning_force)),
-    UsualRange(low=1e-10, high=3e-8, dimension="density", values=_body("ot:{}:density", lambda b: b.density, _weighs)),
-    UsualRange(
-        low=1e-3,
-        high=1e4,
-        dimension="speed",
-        values=_flow("ot:flow:speed", "speed", *kinds_with(strength="speed")),
-        parameters=("flow_speed",),
-    ),
-    UsualRange(
-        low=1e-4,
-        high=1e5,
-        dimension="rate",
-        values=_flow("ot:flow:shearRate", "shear_rate", *kinds_with(strength="shear_rate")),
-        parameters=("flow_shear_rate",),
-    ),
-    UsualRange(
-        low=0.5,
-        high=1e5,
-        dimension="length",
-        values=_flow("ot:flow:halfHeight", "half_height", *kinds_with(length="half_height")),
-    ),
-    UsualRange(
-        low=0.5,
-        high=1e5,
-        dimension="length",
-        values=_flow("ot:flow:halfWidth", "half_width", *kinds_with(length="half_width")),
-    ),
-    UsualRange(low=1e-3, high=100.0, dimension="length", values=_one("ot:camera:pixelSize", "camera", "pixel_size")),
-    UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:tolerance", "goal", "tolerance")),
-    UsualRange(low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:lostDistance", "goal", "lost_distance")),
-    UsualRange(
-        low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:cellLostDistance", "goal", "cell_lost_distance")
-    ),
-    UsualRange(
-        low=1e-2, high=1e4, dimension="length", values=_one("ot:goal:distanceWarning", "goal", "distance_warning")
-    ),
+    UsualRange(0.5, 1e5, "length", _flow("ot:flow:halfHeight", "half_height", *kinds_with(length="half_height"))),
+    UsualRange(0.5, 1e5, "length", _flow("ot:flow:halfWidth", "half_width", *kinds_with(length="half_width"))),
+    UsualRange(1e-3, 100.0, "length", _one("ot:camera:pixelSize", "camera", "pixel_size")),
+    UsualRange(1e-2, 1e4, "length", _one("ot:goal:tolerance", "goal", "tolerance")),
+    UsualRange(1e-2, 1e4, "length", _one("ot:goal:lostDistance", "goal", "lost_distance")),
+    UsualRange(1e-2, 1e4, "length", _one("ot:goal:cellLostDistance", "goal", "cell_lost_distance")),
+    UsualRange(1e-2, 1e4, "length", _one("ot:goal:distanceWarning", "goal", "distance_warning")),
 )
 """What is looked at."""
 
