@@ -32,7 +32,7 @@ STIFFNESS = 20.0
 PLACE: Vec3 = (3.0, 5.0, 7.0)
 
 ELEMENTS = ((-4.0, 1.0), (-2.0, 0.4), (0.0, 0.0), (2.0, 0.4), (4.0, 1.0))
-"""(x, z) of the five spheres of the robot [µm]."""
+"""(x, z) of the five spheres of the robot [µm]: a shallow U."""
 
 HELD = (0, 2, 4)
 """Those that its traps hold."""

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.bench.scenes import ELEMENTS, PLACE
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Material, Obstacle, Scene, Settings, Sphere, Track, Trap, Vec3
 
 RADIUS = 1.5
-PLACE: Vec3 = (3.0, 5.0, 7.0)
 LONG = 1e4
 """Time samples last this long [s]: no measurement outruns them."""
 KEYS = 256
@@ -34,8 +34,6 @@ _BUSY: dict[str, Any] = {"axial": AXIAL, "moving": True, "cutoff": 3.0}
 EULER = "eulerMaruyama"
 STILL = Settings(brownian=False)
 THERMAL = Settings(brownian=True)
-ELEMENTS = ((-4.0, 1.0), (-2.0, 0.4), (0.0, 0.0), (2.0, 0.4), (4.0, 1.0))
-"""(x, z) of the five spheres of the robot: a shallow U."""
 
 
 def shift(place: Vec3, x: float = 0.0, z: float = 0.0) -> Vec3:
