@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.features import world_threads
+from otwarp.kernels.core.features import world_block, world_threads
 from otwarp.kernels.drivers.grid.soft import fill_slots
 from otwarp.kernels.drivers.grid.turns import TURNS
 from otwarp.simulation.compilation import load_kernels, usable_cores
@@ -35,7 +35,8 @@ class BlockStepper:
         self.push = allocate_push(model)
         self.layout, self.launches = -1, list[RecordedLaunch]()
         cpu = model.device.is_cpu
-        self.block = 1 if cpu else world_threads(model.features.bodies)
+        self.lanes = 1 if cpu else world_threads(model.features.bodies)
+        self.block = 1 if cpu else world_block(model.features.bodies)
         self.chunks = min(parts.threads or usable_cores(), model.worlds) if cpu else 1
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
         load_kernels([self.kernel, *([fill_slots] if model.features.lanes else []), *parts.beside], model.device)
@@ -53,7 +54,7 @@ class BlockStepper:
         control = self.parts.control
         if self.layout != control.layout:
             views = [self.model.data, control.data(), self.parts.state.data(), self.parts.readout.data()]
-            views += [self.scratch, self.push, self.block]
+            views += [self.scratch, self.push, self.lanes]
             # one for each thread, which changes its arguments
             self.launches = [
                 RecordedLaunch(self.kernel, self.model.device, views, block_dim=self.block) for _ in range(self.chunks)
@@ -74,7 +75,7 @@ class BlockStepper:
             chunk, (begin, end) = part
             count = min(at_once, last - start)
             this = (begin, wp.int64(start), count, wp.int64(last), TURNS)
-            self.launches[chunk]((end - begin, self.block), *this)
+            self.launches[chunk]((end - begin, self.lanes), *this)
 
         for start in range(first_step, last, at_once):
             if self.pool is None:

@@ -57,6 +57,21 @@ def choose_skin(model: Model) -> float:
     return float(np.clip(SPREADS * spread, SKIN_RANGE[0] * mean, SKIN_RANGE[1] * mean))
 
 
+def largest_wander(model: Model) -> float:
+    """Largest variance of the thermal motion of one element against another in a step [µm²]: `wander_of` of two."""
+    if not model.features.brownian:
+        return 0.0
+    body = model.data.body
+    shape, turns, bound = (a.numpy() for a in (body.shape, body.rigid, body.bound))
+    mobility = body.translation.numpy()[shape].astype(float)
+    if np.any(turns):
+        own = np.diagonal(body.mobility.numpy(), axis1=1, axis2=2).astype(float)[shape]
+        mobility = np.where(turns, own[:, :3].max(axis=1) + own[:, 3:].max(axis=1) * bound**2, mobility)
+    medium = model.data.medium
+    energy = medium.thermal_energy.numpy().max() / medium.viscosity.numpy().min()
+    return float(2.0 * 2.0 * energy * model.time_step * mobility.max())
+
+
 def choose_cells(
     extent: np.ndarray, edge: ArrayLike, elements: int, worlds: int, period: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[int, int, int]:
@@ -100,6 +115,7 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
         # gaps that the free moves of a step may close
         sticky = contact.adhesion.numpy() > 0.0
         data.adhesion = float(contact.adhesion_range.numpy()[sticky].max(initial=0.0))
+        data.wander = largest_wander(model)
         data.reach = data.adhesion + (0.0 if f.soft_contacts else 0.5 * data.skin)
         edge = CELL_EDGE * (2.0 * float(sizes.max()) + data.reach + data.skin)
         extent = np.ptp(state.position.numpy()[0].astype(float), axis=0)
@@ -178,15 +194,15 @@ def allocate_entries(model: Model, elements: int) -> Annotated[Any, EntryData]:
     data = EntryData()
     own = w if shares_entries(f) else 0
     room = own * elements * MAX_BODY_CONTACTS
-    for name, size in (("count", own * elements), ("begin", own * elements), ("total", own)):
-        setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
-    data.body = empty(room, wp.vec2i, device)
+    data.total = wp.zeros(own, dtype=wp.int32, device=device)
+    for name in ("pair", "body"):
+        setattr(data, name, empty(room, wp.vec2i, device))
     data.part = empty((parts(f), room), wp.vec4, device)
     for name in ("load", "ahead", "free", "row_sum"):
         setattr(data, name, empty(room, wp.float32, device))
-    data.share = empty(room, wp.vec2, device)
-    data.mark = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
-    data.stir = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
+    data.link = empty((own * f.bodies, MAX_BODY_CONTACTS), wp.int32, device)
+    data.links = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
+    data.weight = wp.zeros((own, 2), dtype=wp.int64, device=device)
     return data
 
 

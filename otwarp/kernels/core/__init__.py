@@ -4,6 +4,7 @@ In: nothing of the other rooms. Out:
 
     types (open it first), table_data, exact_data   the structs that kernels read and write
     packed                                          a point with the number that belongs to it
+    contiguous                                      elements of arrays without strides
     features, dynamics                              what a scene needs; what an integrator is composed from
     medium, noise, random, rotation, roots          arithmetic of the liquid, of thermal noise, of turns
     keyframes, worlds                               samples in time; worlds with clocks of their own

@@ -33,16 +33,22 @@ BODY_BLOCKS = 8
 GRID_WORLD_BODIES = 512
 """Bodies, and what collides of them, up to which a block of threads steps a world of the grid driver by itself."""
 
-WORLD_THREADS = 128
-"""Threads of such a block at most: a multiprocessor goes through several worlds at a time."""
+WORLD_THREADS = 256
+"""Threads that share out such a world at most, and of a block: of small worlds it holds several."""
 
-WORLD_BLOCKS = 4
+WORLD_BLOCKS = 2
 """Such blocks that a multiprocessor is to hold: 128 registers a thread."""
 
 
 def world_threads(bodies: int) -> int:
-    """Threads of a block that steps a world of so many bodies."""
+    """Threads that share out a world of so many bodies: whole warps."""
     return min(WORLD_THREADS, 32 * ((bodies + 31) // 32))
+
+
+def world_block(bodies: int) -> int:
+    """Threads of a block of such worlds."""
+    threads = world_threads(bodies)
+    return threads * (WORLD_THREADS // threads)
 
 
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
@@ -148,7 +154,7 @@ class Features:
         """How Warp compiles the step."""
         block = TURNING_BLOCK if self.driver == "solo" and self.rigid else BLOCK
         if self.by_world:
-            block = world_threads(self.bodies)
+            block = world_block(self.bodies)
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property

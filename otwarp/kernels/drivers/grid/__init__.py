@@ -9,7 +9,8 @@ neighbours     who is near whom, from cells (`cells`); on CPUs slots by vectors 
 reach          what a step may bring to touch
 lists          the contacts of each body in a step
 contacts       their forces in sweeps over all at once; on CPUs one after the other (`turns`)
-entries        contacts of a world that the threads of a block share out, and sweeps over them (`entry_sweeps`)
+entries        contacts of a world that a team of threads (`teams`) shares out; which are solved (`entry_search`), and
+               sweeps over them (`entry_sweeps`)
 soft           the whole step where contacts are soft: forces as they are at its start
 inlets         cells that have left come in again
 """

@@ -15,6 +15,7 @@ class NeighbourData:
     edge: wp.vec3  # of a cell [µm]
     skin: float  # extra distance up to which neighbours are listed [µm]
     adhesion: float  # longest range of adhesion [µm]
+    wander: float  # largest variance of the thermal motion of one element against another in a step [µm²]
     reach: float  # gap up to which elements may feel each other in a step [µm]
     elements: int  # E
     key: wp.array(dtype=wp.int32)  # (2·W·E) cell of each element, then sorted; the second half is the sort's
@@ -75,18 +76,17 @@ class Link:
 class EntryData:
     """Contacts of worlds whose threads share them out; N = W·E·MAX_BODY_CONTACTS is room for all, see `entries`."""
 
-    count: wp.array(dtype=wp.int32)  # (W·E) entries of each element
-    begin: wp.array(dtype=wp.int32)  # (W·E) its first one
     total: wp.array(dtype=wp.int32)  # (W) entries of each world
-    body: wp.array(dtype=wp.vec2i)  # (N) the body and its partner, -1 an obstacle; until made element and partner
-    part: wp.array2d(dtype=wp.vec4)  # (5 or 9, N) what does not change in a step, four numbers at a time
+    pair: wp.array(dtype=wp.vec2i)  # (N) the elements of each, or one and an `obstacle_name`
+    body: wp.array(dtype=wp.vec2i)  # (N) their bodies, -1 an obstacle
+    part: wp.array2d(dtype=wp.vec4)  # (5 or 11, N) what does not change in a step, four numbers at a time
     load: wp.array(dtype=wp.float32)  # (N) λ [pN]
     ahead: wp.array(dtype=wp.float32)  # (N) force from which the next sweep starts [pN]
     free: wp.array(dtype=wp.float32)  # (N) opening of the gap by the free moves [µm]
-    row_sum: wp.array(dtype=wp.float32)  # (N) larger row sum of the two partners, ≥ 1
-    share: wp.array(dtype=wp.vec2)  # (N) parts of the sums that scale the first guess [pN·µm]
-    mark: wp.array2d(dtype=wp.int32)  # (W, B) twice the last sweep that changed an entry; 1 more if it was not settled
-    stir: wp.array2d(dtype=wp.int32)  # (W, B) last sweep in which an entry of the body was not settled
+    row_sum: wp.array(dtype=wp.float32)  # (N) row sum of G over its diagonal, ≥ 1
+    link: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) entries of each body
+    links: wp.array2d(dtype=wp.int32)  # (W, B) how many of them are solved
+    weight: wp.array2d(dtype=wp.int64)  # (W, 2) sums that scale the first guess, see `weigh`
 
 
 @wp.struct

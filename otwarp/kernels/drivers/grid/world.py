@@ -9,29 +9,21 @@ a CPU a block is one thread, and several of them share out the worlds.
 
 import warp as wp
 
-from otwarp.kernels.core.features import MAX_BODY_CONTACTS, WORLD_BLOCKS, Features, world_threads
+from otwarp.kernels.core.features import WORLD_BLOCKS, Features, world_block
 from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, shares_entries
-from otwarp.kernels.drivers.grid.entries import look_around_term, make_entry_term
+from otwarp.kernels.drivers.grid.entry_search import look_around_term
 from otwarp.kernels.drivers.grid.entry_sweeps import report, settle_entries_term
 from otwarp.kernels.drivers.grid.inlets import let_bodies_in_term
 from otwarp.kernels.drivers.grid.lists import find_term
 from otwarp.kernels.drivers.grid.move import correct_term, two_stages
 from otwarp.kernels.drivers.grid.neighbours import check_term, list_term, lists_made, refer_term
 from otwarp.kernels.drivers.grid.step import advance_term, commit_term
+from otwarp.kernels.drivers.grid.teams import Lane, meet, seat_of
 from otwarp.kernels.drivers.grid.turns import settle_term
 from otwarp.kernels.drivers.world import keep_together
 from otwarp.kernels.optics.trap_wrench import move_trap_term
-
-
-@wp.struct
-class Lane:
-    """What a thread is to a world: `lanes` of them, this one the `lane`-th, share out its bodies."""
-
-    world: int
-    lane: int
-    lanes: int
 
 
 def renew_lists_term(f: Features) -> wp.Function:
@@ -46,7 +38,7 @@ def renew_lists_term(f: Features) -> wp.Function:
         if grid.near.stale[me.world] != 0:
             for i in range(first + me.lane, last, me.lanes):
                 refer(model, state, grid, me.world, i)
-            keep_together()
+            meet(me)
             for i in range(first + me.lane, last, me.lanes):
                 p = grid.near.reference[i]
                 radius = radius_of(model.contact.sphere[i - first])
@@ -60,34 +52,29 @@ def renew_lists_term(f: Features) -> wp.Function:
 def contact_terms(f: Features) -> tuple[wp.Function, wp.Function]:
     """`(model, state, readout, grid, push, me)` finds the contacts of a world in a step.
 
-    And `(model, readout, grid, push, me, again, turns)` solves them for their forces: one after the other on a CPU
-    where that is enough, else all at once, shared out.
+    And `(model, state, readout, grid, push, me, again, turns)` solves them for their forces: one after the other on a
+    CPU where that is enough, else all at once, shared out.
     """
     if f.in_turn:
         return _turn_terms(f)
-    look_around, make_entry, settle_entries = look_around_term(f), make_entry_term(f), settle_entries_term(f)
+    look_around, settle_entries = look_around_term(f), settle_entries_term(f)
 
     @wp.func
     def find_entries(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane
     ):
-        """Element by element what is near, then contact by contact."""
+        """Element by element what may be met."""
         for e in range(me.lane, grid.near.elements, me.lanes):
-            look_around(model, state, readout, grid, me.world, e)
-        keep_together()
-        first = me.world * grid.near.elements * wp.static(MAX_BODY_CONTACTS)
-        for n in range(first + me.lane, first + grid.entry.total[me.world], me.lanes):
-            make_entry(model, state, readout, grid, me.world, n)
-        for a in range(me.lane, model.bodies, me.lanes):
-            grid.count[me.world, a] = 0
+            look_around(model, state, readout, grid, push, me.world, e)
 
     @wp.func
     def settle(
-        model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int, turns: int
-    ):
-        """Sweep over the entries where any is to be solved."""
-        if grid.touching[me.world] != 0:
-            settle_entries(model, readout, grid, push, me.world, me.lane, me.lanes, again)
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int,
+        turns: int,
+    ):  # fmt: skip
+        """Sweep over the entries where there are any."""
+        if grid.entry.total[me.world] != 0:
+            settle_entries(model, state, readout, grid, push, me, again)
         if grid.clock[me.world] + wp.int64(1) == grid.until[me.world]:
             for a in range(me.lane, model.bodies, me.lanes):
                 report(model, readout, grid, me.world, a)
@@ -107,8 +94,9 @@ def _turn_terms(f: Features) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def settle_alone(
-        model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int, turns: int
-    ):
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, me: Lane, again: int,
+        turns: int,
+    ):  # fmt: skip
         """Round after round where any is to be solved."""
         if grid.touching[me.world] != 0:
             settle_world(model, readout, grid, push, me.world, again, turns)
@@ -144,7 +132,7 @@ def stages_term(f: Features) -> wp.Function:
                     correct_body(model, control, state, grid, push, me.world, b)
             keep_together()
             if wp.static(f.contacts):
-                settle(model, readout, grid, push, me, stage, turns)
+                settle(model, state, readout, grid, push, me, stage, turns)
 
     return take_stages
 
@@ -160,9 +148,13 @@ def finish_term(f: Features) -> wp.Function:
         me: Lane,
     ):  # fmt: skip
         """Commit the moves of all bodies, let lost cells in, and turn the clock to the next step [1]."""
+        keep_together()
         for b in range(me.lane, model.bodies, me.lanes):
             commit_body(model, control, state, readout, grid, push, me.world, b)
-        keep_together()
+            if wp.static(shares_entries(f)):
+                grid.count[me.world, b] = 0
+                grid.entry.links[me.world, b] = 0
+        meet(me)
         if me.lane == 0:
             if wp.static(f.inlet):
                 if grid.outside[me.world] != 0:
@@ -211,7 +203,7 @@ def steps_term(f: Features) -> wp.Function:
 def make_world_of_many_step(f: Features) -> wp.Kernel:
     """Kernel over (world, lane): many steps of a world of many bodies."""
     take_steps = steps_term(f)
-    bounds = (world_threads(f.bodies), WORLD_BLOCKS)
+    bounds = (world_block(f.bodies), WORLD_BLOCKS)
     how = {"grid_stride": False, "launch_bounds": bounds, "module_options": f.module_options}
 
     @wp.kernel(module="unique", enable_backward=False, **how)
@@ -221,11 +213,11 @@ def make_world_of_many_step(f: Features) -> wp.Kernel:
     ):  # fmt: skip
         """Take `steps` steps from `first_step`, of a call that ends at `last_step`, in the worlds from `first_world`.
 
-        A world is gone through by `lanes` threads, all of one block; contacts in `turns` rounds at most where they take
-        turns.
+        A world is gone through by `lanes` threads, all of one block, which may hold several worlds; contacts in `turns`
+        rounds at most where they take turns.
         """
         row, lane = wp.tid()
-        me = Lane(first_world + row, lane, lanes)
+        me = Lane(first_world + row, lane, lanes, seat_of(lanes))
         take_steps(model, control, state, readout, grid, push, me, first_step, steps, last_step, turns)
 
     return world_of_many

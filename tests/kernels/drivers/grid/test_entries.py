@@ -39,11 +39,12 @@ def a_contact(rng: np.random.Generator, *, whole: bool) -> Contact:
         setattr(c, name, float(rng.uniform(0.1, 1.0)))
     c.load = c.force = float(rng.uniform(0.1, 1.0))
     c.drift, c.ridge = wp.vec3(*rng.normal(size=3)), wp.vec3(*rng.normal(size=3))
-    c.response_a = Move()
+    c.response_a, c.response_b = Move(), Move()
     c.response_a.linear = wp.vec3(*rng.normal(size=3)) if whole else 0.3 * c.normal
+    c.response_b.linear = wp.vec3(*rng.normal(size=3)) if whole else (0.3 - c.give) * c.normal
     if whole:
         c.arm_a, c.arm_b = wp.vec3(*rng.normal(size=3)), wp.vec3(*rng.normal(size=3))
-        c.response_a.angular = wp.vec3(*rng.normal(size=3))
+        c.response_a.angular, c.response_b.angular = wp.vec3(*rng.normal(size=3)), wp.vec3(*rng.normal(size=3))
     return c
 
 
@@ -63,5 +64,6 @@ def test_what_is_stored_is_read(rigid, device):
     fields = ("a", "b", "normal", "arm_a", "arm_b", "drift", "ridge", "load", "force", *SCALARS)
     for name in fields:
         np.testing.assert_array_equal(got[name], wanted[name], err_msg=name)
-    for part in ("linear", "angular"):
-        np.testing.assert_allclose(got["response_a"][part], wanted["response_a"][part], atol=1e-6)
+    for body in ("response_a", "response_b"):
+        for part in ("linear", "angular"):
+            np.testing.assert_allclose(got[body][part], wanted[body][part], atol=1e-6, err_msg=body)

@@ -1,10 +1,12 @@
-"""Sweeps over shared entries: those of launches for all worlds, where islands settle at different times."""
+"""Sweeps over shared entries: those of launches for all worlds, where each body has a list."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from otwarp.kernels.drivers.grid.entry_sweeps import WEIGHTS
 from otwarp.simulation.block_stepper import BlockStepper
+from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.crowds import crowd, jumbled
 from tests.simulation.setups import harmonic, neutral
@@ -18,6 +20,11 @@ def squeezed_rows(device: str) -> dict[str, np.ndarray]:
     traps = (harmonic("T0", (0.4, 0, 0), cutoff=1.0), harmonic("T1", (9.595, 0, 0), cutoff=1.0))
     sim = Simulation(still((*row, *pairs), 1e-3, traps), device=device, allow_large_step=True)
     sim.step(3)
+    return ended(sim)
+
+
+def ended(sim: Simulation) -> dict[str, np.ndarray]:
+    """Places [µm] and contact readout [pN]."""
     return {
         "place": sim.state.position.numpy(),
         "force": sim.readout.contact_force.numpy(),
@@ -25,8 +32,8 @@ def squeezed_rows(device: str) -> dict[str, np.ndarray]:
     }
 
 
-def test_islands_that_have_settled_sleep(monkeypatch, device):
-    """With the same forces as sweeps over everything, to what these leave: 1e-6 µm of a gap."""
+def test_shared_entries_have_the_forces_of_lists_by_body(monkeypatch, device):
+    """To what sweeps leave: 1e-6 µm of a gap."""
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     shared = squeezed_rows(device)
@@ -38,12 +45,17 @@ def test_islands_that_have_settled_sleep(monkeypatch, device):
         np.testing.assert_allclose(shared[name], swept[name], atol=5e-3 * swept["load"].max(), err_msg=name)
 
 
-def test_the_first_guess_is_weighed_by_what_there_is(monkeypatch, device):
-    """Seventy bodies fill 35 of the 64 chunks whose sums scale the guess, two in each."""
+def test_the_first_guess_is_weighed_as_from_lists_by_body(monkeypatch, device):
+    """Numerator and denominator of its scale, of seventy bodies."""
     monkeypatch.setattr("otwarp.simulation.time_step.softness.EXPLICIT_PRODUCT", 0.0)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
-    sim = Simulation(crowd(jumbled(70, 1.8)), device=device, allow_large_step=True)
-    sim.step()
-    assert isinstance(sim._stepper, BlockStepper)
-    share = sim._stepper.scratch.share.numpy()[0]
-    assert np.any(share[:35]) and not np.any(share[35:])
+    scene = crowd(jumbled(70, 1.8))
+    shared = Simulation(scene, device=device, allow_large_step=True)
+    monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", 0)
+    swept = Simulation(scene, device=device, allow_large_step=True)
+    for sim, stepper in ((shared, BlockStepper), (swept, GridStepper)):
+        assert isinstance(sim._stepper, stepper)
+        sim.step()
+    weight = shared._stepper.scratch.entry.weight.numpy()[0] / WEIGHTS
+    np.testing.assert_allclose(weight, swept._stepper.scratch.share.numpy()[0].sum(axis=0), rtol=1e-4)
+    assert weight[1] > 0.0

@@ -12,7 +12,8 @@ import warp as wp
 
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData
-from otwarp.kernels.drivers.grid.world import Lane, steps_term
+from otwarp.kernels.drivers.grid.teams import Lane
+from otwarp.kernels.drivers.grid.world import steps_term
 from otwarp.scene import Scene
 from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.grid_stepper import GridStepper
@@ -98,6 +99,30 @@ def all_together():
     meet(1)
 
 
+@wp.func
+def team_together(me: Lane):
+    """In place of the barrier of a team."""
+    meet(1)
+
+
+@wp.func_native("static int heard = 0; if (what == 0) heard |= said; if (what == 2) heard = 0; return heard;")
+def hear(what: int, said: int) -> int:
+    """Add (0), read (1) or forget (2) what the threads have said; one of them runs at a time."""
+    ...
+
+
+@wp.func
+def any_together(me: Lane, said: int) -> int:
+    """In place of the vote of a team."""
+    hear(0, said)
+    meet(1)
+    found = hear(1, 0)
+    meet(1)
+    hear(2, 0)
+    meet(1)
+    return found
+
+
 def one_lane(sim: Simulation) -> wp.Kernel:
     """Kernel that goes through the steps of the world of a simulation as one of `LANES`."""
     take_steps = steps_term(sim.model.features)
@@ -109,7 +134,7 @@ def one_lane(sim: Simulation) -> wp.Kernel:
     ):  # fmt: skip
         """Take `steps` steps from step 0."""
         meet(0)
-        me = Lane(0, lane, LANES)
+        me = Lane(0, lane, LANES, 0)
         take_steps(model, control, state, readout, grid, push, me, wp.int64(0), steps, wp.int64(steps), 1)
         meet(2)
 
@@ -124,8 +149,10 @@ def test_threads_of_a_block_go_in_any_order_between_barriers(monkeypatch, device
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     whole, shared = (Simulation(with_robot(), seed=4, device=device) for _ in range(2))
     whole.step(STEPS)
+    monkeypatch.setattr("otwarp.kernels.drivers.grid.world.keep_together", all_together)
     for room in ("world", "entry_sweeps"):
-        monkeypatch.setattr(f"otwarp.kernels.drivers.grid.{room}.keep_together", all_together)
+        monkeypatch.setattr(f"otwarp.kernels.drivers.grid.{room}.meet", team_together)
+    monkeypatch.setattr("otwarp.kernels.drivers.grid.entry_sweeps.any_of", any_together)
     kernel = one_lane(shared)
     stepper: Any = shared._stepper
     control, state, readout = (part.data() for part in (shared.control, shared.state, stepper.parts.readout))
