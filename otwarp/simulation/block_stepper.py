@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -61,24 +62,26 @@ class BlockStepper:
             ]
             self.layout = control.layout
 
+    def _launch(self, chunk: int, span: tuple[int, int], first_step: int, steps: int, last_step: int) -> None:
+        """Steps of the worlds in a span of places, by one thread of a CPU or all of a GPU."""
+        this = (span[0], wp.int64(first_step), steps, wp.int64(last_step), TURNS)
+        self.launches[chunk]((span[1] - span[0], self.lanes), *this)
+
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
-        """Take `steps` steps from `first_step`, in all worlds."""
+        """Take `steps` steps from `first_step` in the first `worlds` worlds, or of the list of those in motion."""
         self._look()
-        edges = np.linspace(0, self.model.worlds, self.chunks + 1).astype(int).tolist()
-        spans = list(enumerate(itertools.pairwise(edges)))
+        worlds = self.model.worlds if worlds is None else worlds
+        # threads record nothing into the graph that another one captures
+        pool = None if self.model.device.is_capturing else self.pool
+        edges = np.linspace(0, worlds, (min(self.chunks, worlds) if pool else 1) + 1).astype(int).tolist()
+        spans = list(itertools.pairwise(edges))
         last = first_step + steps
-        most = max(edges[1] if self.model.device.is_cpu else 1, 1) * self.model.features.bodies
+        most = (edges[1] if self.model.device.is_cpu else 1) * self.model.features.bodies
         at_once = max(1, BODY_STEPS_PER_LAUNCH // most)
-
-        def launch(part: tuple[int, tuple[int, int]], start: int) -> None:
-            """Steps from `start` on of the worlds of one thread of a CPU, or of all on a GPU."""
-            chunk, (begin, end) = part
-            count = min(at_once, last - start)
-            this = (begin, wp.int64(start), count, wp.int64(last), TURNS)
-            self.launches[chunk]((end - begin, self.lanes), *this)
-
         for start in range(first_step, last, at_once):
-            if self.pool is None:
-                launch(spans[0], start)
+            count = min(at_once, last - start)
+            if pool is None:
+                self._launch(0, spans[0], start, count, last)
             else:
-                list(self.pool.map(launch, spans, itertools.repeat(start)))
+                step = partial(self._launch, first_step=start, steps=count, last_step=last)
+                list(pool.map(step, itertools.count(), spans))

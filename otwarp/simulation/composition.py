@@ -59,10 +59,10 @@ def compose(
     _check_rods(scene, f)
     hydrodynamic_walls(scene)  # no body starts behind one
     _check_precision(scene, f, options.precision, fast_math=options.fast_math)
-    if options.ends is not None and f.driver == "grid":
+    if options.ends is not None and f.driver == "grid" and not fits_a_block(scene):
         raise InputError(
             f"{scene.file or scene.root}: ends is given; allowed: none in a scene of {f.bodies} bodies {_why_grid(f)}, "
-            f"any in scenes of up to {MAX_WORLD_BODIES}"
+            f"any in scenes of up to {GRID_WORLD_BODIES} bodies and elements that collide"
         )
     f = dataclasses.replace(
         f,

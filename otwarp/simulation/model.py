@@ -269,6 +269,11 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device,
     how = {"brownian": features.brownian, "precision": features.precision}
     warn_of_lost_motion(scene, moves, values, known.loads, time_step, **how)
     space = body_space(scene, moves, values, features, time_step)
+    if features.episodes and soft:
+        raise InputError(
+            f"{scene.file or scene.root}: ends is given; allowed: none in a scene of {features.bodies} bodies whose "
+            f"contacts are explicit at time steps of {time_step:.4g} s, as they are soft"
+        )
     by_world = features.driver == "grid" and not soft and fits_a_block(scene)
     solved = {"soft_contacts": soft, "in_turn": in_turn, "body_space": space, "by_world": by_world}
     features = dataclasses.replace(features, **solved)

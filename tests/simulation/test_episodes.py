@@ -11,7 +11,7 @@ import warp as wp
 import otwarp as ot
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene, harmonic, line
-from tests.simulation.test_determinism import touching_scene
+from tests.simulation.test_determinism import crowd_scene, touching_scene
 
 WORLDS = 8
 ENDED = [1, 4, 5]
@@ -23,7 +23,7 @@ def lossy_scene():
     return dataclasses.replace(bead_scene(), traps=(harmonic("Trap", cutoff=0.03),))
 
 
-SCENES = {"solo": lossy_scene, "world": touching_scene}
+SCENES = {"solo": lossy_scene, "world": touching_scene, "grid": crowd_scene}
 
 
 @pytest.fixture(params=list(SCENES), scope="module")

@@ -3,8 +3,8 @@
 Where all worlds go on for the whole run there is none of this: a thread's place is its world, a launch has one first
 step, and a world's noise goes by its index. With episodes (`Features.episodes`) the worlds in motion stand in a list,
 so that those which have ended cost nothing, each has a clock, and noise goes by the number of the trial that a world
-runs: trial n is the same in whatever world, part or launch it runs, bit for bit. Scenes of the grid driver have no
-episodes, but parts, whose noise goes by the index among all worlds.
+runs: trial n is the same in whatever world, part or launch it runs, bit for bit. In the grid driver, worlds of which a
+block of threads has each to itself have episodes; without them, noise in its parts goes by the index among all worlds.
 """
 
 import warp as wp
@@ -81,9 +81,9 @@ def start_term(f: Features) -> wp.Function:
 
 def number_term(f: Features) -> wp.Function:
     """`(model, world) -> int` by which the noise of a world goes."""
-    if f.driver == "grid":
-        return part_number
-    return trial_number if f.episodes else world_itself
+    if f.episodes:
+        return trial_number
+    return part_number if f.driver == "grid" else world_itself
 
 
 def time_term(f: Features) -> wp.Function:

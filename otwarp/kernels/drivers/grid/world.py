@@ -12,6 +12,7 @@ import warp as wp
 from otwarp.kernels.core.features import WORLD_BLOCKS, Features, world_block
 from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
+from otwarp.kernels.core.worlds import start_term, world_term
 from otwarp.kernels.drivers.grid.data import GridData, PushData, shares_entries
 from otwarp.kernels.drivers.grid.entry_search import look_around_term
 from otwarp.kernels.drivers.grid.entry_sweeps import report, settle_entries_term
@@ -201,8 +202,8 @@ def steps_term(f: Features) -> wp.Function:
 
 
 def make_world_of_many_step(f: Features) -> wp.Kernel:
-    """Kernel over (world, lane): many steps of a world of many bodies."""
-    take_steps = steps_term(f)
+    """Kernel over (world, lane): many steps of a world of many bodies; with episodes, of one in motion."""
+    take_steps, world_at, start_of = steps_term(f), world_term(f), start_term(f)
     bounds = (world_block(f.bodies), WORLD_BLOCKS)
     how = {"grid_stride": False, "launch_bounds": bounds, "module_options": f.module_options}
 
@@ -217,7 +218,11 @@ def make_world_of_many_step(f: Features) -> wp.Kernel:
         rounds at most where they take turns.
         """
         row, lane = wp.tid()
-        me = Lane(first_world + row, lane, lanes, seat_of(lanes))
-        take_steps(model, control, state, readout, grid, push, me, first_step, steps, last_step, turns)
+        world = world_at(model, first_world + row)
+        if world < 0:
+            return
+        me = Lane(world, lane, lanes, seat_of(lanes))
+        start, end = start_of(model, world, first_step), start_of(model, world, last_step)
+        take_steps(model, control, state, readout, grid, push, me, start, steps, end, turns)
 
     return world_of_many
