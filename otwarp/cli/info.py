@@ -176,7 +176,7 @@ def _scales_table(about: dict[str, Any]) -> Table:
         ("integrator", scales["integrator"] + (f"  ({why})" if (why := about["integrator_reason"]) else "")),
         ("noise", about["noise"]),
         *((f"estimated error of {OBSERVABLES[name]}", _error(e, scales)) for name, e in scales["errors"].items()),
-        ("steps of the run", f"{about['steps']:,}"),
+        ("steps of the run", f"{about['steps']:,}" if about["steps"] is not None else "more than there are numbers"),
     ):
         table.add_row(name, value)
     return table

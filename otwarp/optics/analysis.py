@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from otwarp.errors import InputError
 from otwarp.optics.beam import Beam
+from otwarp.optics.exact import checked_points
 from otwarp.optics.field import force
 from otwarp.optics.mie import Particle
 
@@ -64,6 +65,7 @@ def axial_equilibria(
     """
     span = reach or max(4.0, 2.0 * sphere.radius)
     spacing = min(0.05, 0.1 * beam.wavelength)
+    checked_points(beam, sphere, np.array([[0.0, 0.0, beam.focus_shift + span]]))
     z = beam.focus_shift + np.arange(-span, span + spacing, spacing)
     q = force(beam, sphere, np.stack([0 * z, 0 * z, z], axis=1), device=device)[:, 2]
 

@@ -53,6 +53,10 @@ def checked_points(beam: Beam, sphere: Particle, points: np.ndarray) -> tuple[np
     Raises:
         InputError: Points of the wrong shape, not finite or too far away, or a sphere too large to converge.
     """
+    size = beam.wavenumber * sphere.radius
+    if size > LARGEST_SIZE:
+        limit = LARGEST_SIZE / beam.wavenumber
+        raise InputError(f"sphere radius is {sphere.radius:g} µm; allowed: up to {limit:.3g} µm at this wavelength")
     places = np.asarray(points, dtype=float)
     if places.ndim != 2 or places.shape[1] != 3:
         raise InputError(f"points have shape {places.shape}; allowed: (n, 3)")
@@ -64,10 +68,6 @@ def checked_points(beam: Beam, sphere: Particle, points: np.ndarray) -> tuple[np
         row = int(np.argmax(distance))
         limit = FARTHEST / beam.wavenumber
         raise InputError(f"point {row} is {distance[row]:.4g} µm from the focus; allowed: up to {limit:.4g} µm")
-    size = beam.wavenumber * sphere.radius
-    if size > LARGEST_SIZE:
-        limit = LARGEST_SIZE / beam.wavenumber
-        raise InputError(f"sphere radius is {sphere.radius:g} µm; allowed: up to {limit:.3g} µm at this wavelength")
     return places, highest_order(size)
 
 

@@ -114,12 +114,47 @@ def test_run_refuses(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str
     arguments, words = CASES[name]
     out = tmp_path / "out"
     code = main(["run", *arguments(tmp_path), "--out", str(out)])
-    error = capfd.readouterr().err
+    *said, error = capfd.readouterr().err.splitlines()
     assert code == 2
-    assert error.count("\n") == 1 and error.startswith("otwarp: ")
+    # with an empty cache
+    assert error.startswith("otwarp: ") and all(line.startswith("otwarp: compil") for line in said)
     for word in words:
         assert word in error
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", BEAD, "--worlds", f"{2**40}"], "which fit into the memory of this machine"),
+        (["info", BEAD, "--worlds", f"{10**30}"], "which fit into the memory of this machine"),
+        (
+            ["bench", "integrators", "--rounds", "1", "--worlds", f"{2**40}"],
+            "which fit into the memory of this machine",
+        ),
+        (["run", BEAD, "--record-worlds", f"{2**40}"], "allowed: 1 to 1"),
+        (["run", BEAD, "--duration", "1e300"], "allowed: up to 1e+12 steps"),
+        (["run", BEAD, "--time-step", "5e-324"], "allowed: up to 1e+12 steps"),
+        (["bench", "forces", "--model", "harmonic", "--rounds", "1", "--radius", "1e300"], "allowed: up to"),
+        (["teleop", BEAD, "--no-page", "--budget", "5e-324"], "a share of a core from"),
+    ],
+    ids=lambda v: " ".join(v[2:]) if isinstance(v, list) else None,
+)
+def test_absurd_sizes_are_one_line(
+    arguments: list[str], words: str, device: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path / "out")] if arguments[0] == "run" else []
+    assert main([*arguments, "--device", device, *out]) == 2
+    *said, error = capfd.readouterr().err.splitlines()
+    assert error.startswith("otwarp: ") and words in error
+    # steps that rounding falsifies are warned of first, and an empty cache is told
+    assert all(line.startswith(("otwarp: warning: ", "otwarp: compil")) for line in said)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_steps_that_no_number_holds_are_told(device: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", BEAD, "--time-step", "5e-324", "--device", device]) == 0
+    assert "more than there are numbers" in capfd.readouterr().out
 
 
 def test_run_refuses_a_folder_it_cannot_write(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -137,10 +172,11 @@ def test_run_refuses_a_folder_it_cannot_write(tmp_path: Path, capfd: pytest.Capt
     [
         (OSError(28, "No space left on device", "run.nc"), "run.nc: No space left on device"),
         (OSError("trajectory.usdc: could not be written"), "trajectory.usdc: could not be written"),
+        (MemoryError("24 GiB"), "the memory of this machine does not suffice: 24 GiB"),
     ],
 )
-def test_a_full_disk_is_one_line(
-    error: OSError, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+def test_a_full_disk_or_memory_is_one_line(
+    error: Exception, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def full(*_: object, **__: object) -> None:
         raise error
