@@ -25,7 +25,7 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
 
     def compose(*args, **kwargs) -> Features:
         features = composed(*args, **kwargs)
-        return dataclasses.replace(features, phased=composition._takes_phases(features))
+        return dataclasses.replace(features, phased=composition._takes_phases(features), cached=False)
 
     patch.setattr(resolved, "compose", compose)
     patch.setattr(composition, "_takes_lanes", lambda *about: False)

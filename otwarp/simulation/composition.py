@@ -76,7 +76,10 @@ def compose(
     lanes = device.is_cpu and f.precision == "float32" and _takes_lanes(f)
     # what a few worlds cannot fill costs one world 15 % of its speed
     vectors = lanes and worlds >= GROUP and go_together(f)
-    return dataclasses.replace(f, lanes=lanes, vectors=vectors, phased=device.is_cuda and _takes_phases(f))
+    cached = device.is_cpu and f.driver == "world" and not f.coupling
+    return dataclasses.replace(
+        f, lanes=lanes, vectors=vectors, cached=cached, phased=device.is_cuda and _takes_phases(f)
+    )
 
 
 def _check_rods(scene: Scene, f: Features) -> None:

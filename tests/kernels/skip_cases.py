@@ -258,6 +258,12 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(BASE, lanes=True),
         ("step_together", "same_bits", "lay_out"),
     ),
+    "contacts in local arrays": (dataclasses.replace(EVERYTHING, keeps=True), EVERYTHING, ("list_of",)),
+    "constants for a launch": (
+        dataclasses.replace(EVERYTHING, cached=True),
+        EVERYTHING,
+        ("keep_constants", "kept_of_any"),
+    ),
     "three-point noise": (dataclasses.replace(BASE, noise="threePoint"), BASE, ("three_point", "three_weak")),
     "uniform noise": (dataclasses.replace(BASE, noise="uniform"), BASE, ("uniform_deviate", "three_weak")),
     "Gaussian noise": (BASE, dataclasses.replace(BASE, noise="uniform"), ("gaussian_pair", "squared_radius")),

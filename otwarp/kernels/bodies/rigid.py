@@ -15,7 +15,8 @@ from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
 from otwarp.kernels.core.worlds import number_term
-from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kept_noise
+from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kick_at
+from otwarp.kernels.forces.table import active_forces
 from otwarp.kernels.forces.total import body_stiffness_total, body_total
 from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
 
@@ -149,12 +150,9 @@ def rigid_noise_term(f: Features) -> wp.Function:
     number = number_term(f)
 
     @wp.func
-    def from_columns(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
-        """Thermal move [µm, rad] with ξ from a block of deviates, in the vector registers of a CPU."""
-        turn = rotation_matrix(pose.rotation)
-        kick = kept_noise(body.kept, turn, body.deviates, step)
-        w = angular_part(kick)
-        return twist(turned_along(linear_part(kick), w), w)
+    def from_block(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
+        """Thermal move [µm, rad] from a block of them in the body's frame, in the vector registers of a CPU."""
+        return kick_at(body.kicks, rotation_matrix(pose.rotation), step)
 
     @wp.func
     def noise(model: ModelData, body: RigidConstants, world: int, b: int, pose: Pose, step: wp.int64) -> vec6:
@@ -167,11 +165,11 @@ def rigid_noise_term(f: Features) -> wp.Function:
             v = lower_product(body.translation_root, first)
             w = body.coupling_root * first + lower_product(body.rotation_root, second)
             turn = rotation_matrix(pose.rotation)
-            w = turn * w
-            kick = twist(turned_along(turn * v, w), w)
+            # turned in the body's frame: nothing then waits for where the body is
+            kick = twist(turn * turned_along(v, w), turn * w)
         return kick
 
-    return from_columns if f.brownian and f.lanes else noise
+    return from_block if f.brownian and f.lanes else noise
 
 
 def rigid_stiffness_term(f: Features) -> wp.Function:
@@ -192,6 +190,7 @@ def rigid_stiffness_term(f: Features) -> wp.Function:
 def rigid_dynamics(f: Features) -> Dynamics:
     """Drift M (F, T) dt + flow and noise of a rigid body."""
     wrench = body_total(f)
+    forced = bool(active_forces(f))
     flow_velocity = flow_velocity_term(f) if f.flow else None
     mobility = mobility_term(f)
 
@@ -201,8 +200,10 @@ def rigid_dynamics(f: Features) -> Dynamics:
         time: wp.float64,
     ) -> vec6:  # fmt: skip
         """M (F, T) dt + flow [µm, rad] in world axes, (F, T) the sum over `FORCES`."""
-        load = wrench(model, control, state, body, world, b, pose, time)
-        move = mobility(body, pose, twist(load.force, load.torque))
+        move = vec6()
+        if wp.static(forced):
+            load = wrench(model, control, state, body, world, b, pose, time)
+            move = mobility(body, pose, twist(load.force, load.torque))
         if wp.static(f.flow is not None):
             move += wp.float32(model.time_step) * flow_velocity(model, world, b, pose)
         return move

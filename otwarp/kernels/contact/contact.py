@@ -181,8 +181,8 @@ def anticipate(c: Contact, opening: float) -> Contact:
 
 
 @wp.func
-def law_error(c: Contact, overlap: float) -> float:
-    """How far from F(δ) the load of a contact that ends at `overlap` is, as an error of its gap [µm].
+def law_error(c: Contact, overlap: float, enough: float) -> float:
+    """How far from F(δ) the load of a contact that ends at `overlap` is, as an error of its gap [µm]; 0 up to `enough`.
 
     The lesser of what the missing force would move, and of how far the overlap is from that of the load: for a stiff
     contact the first is rounding of coordinates times its stiffness, for a soft one the second means little.
@@ -192,11 +192,13 @@ def law_error(c: Contact, overlap: float) -> float:
         root = wp.sqrt(wp.max(overlap, 0.0))
         excess = wp.max(c.load - c.floor, 0.0)
         missing = wp.abs(c.hardness * root * root * root - excess) * c.give
-        error = wp.max(overlap, 0.0)
-        if excess > 0.0:
-            error = wp.abs(overlap - wp.pow(excess / c.hardness, 2.0 / 3.0))
-        error = wp.min(error, missing / (1.0 + 1.5 * c.hardness * root * c.give))
-    return error
+        error = missing / (1.0 + 1.5 * c.hardness * root * c.give)
+        if error > enough:
+            apart = wp.max(overlap, 0.0)
+            if excess > 0.0:
+                apart = wp.abs(overlap - wp.pow(excess / c.hardness, 2.0 / 3.0))
+            error = wp.min(error, apart)
+    return wp.where(error > enough, error, 0.0)
 
 
 @wp.func

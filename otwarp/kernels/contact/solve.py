@@ -267,11 +267,9 @@ def follow_law(
                 if missed > 0.0:
                     contacts[i] = path_tangent(c, apart)
             elif end > 0.0 or c.load > c.floor:
-                missed = law_error(c, end)
-                if missed > LAW_TOLERANCE * c.radius:
+                missed = law_error(c, end, LAW_TOLERANCE * c.radius)
+                if missed > 0.0:
                     contacts[i] = tangent_at(c, end)
-                else:
-                    missed = 0.0
             worst = wp.max(worst, missed)
     return worst
 

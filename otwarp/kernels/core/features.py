@@ -101,6 +101,8 @@ class Features:
         keeps: GPU form of the `world` driver for many worlds of few contacts that are solved for their forces: they lie
             in local arrays, which are read faster, and which a GPU reserves for as many threads as it can hold.
         phased: GPU form of the `world` driver for bodies that turn and touch: a kernel for each stage of a step.
+        cached: CPU form of the `world` driver: a thread has a cache to itself, so that constants of the bodies are read
+            once a launch and not once a stage, and few contacts are solved for their forces.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
         vectors: In `lanes` of lone spheres, there are worlds enough to step equal ones in a processor's vectors.
@@ -141,6 +143,7 @@ class Features:
     in_turn: bool = False
     keeps: bool = False
     phased: bool = False
+    cached: bool = False
     lanes: bool = False
     vectors: bool = False
 

@@ -129,7 +129,7 @@ class RigidConstants:
     reaches: wp.vec4  # squared distance up to which they act [µm²]
     # of the `lanes` form
     kept: wp.uint64  # address of what `rigid_block` lays out
-    deviates: wp.uint64  # where in a block of noise the deviates of step 0 would be
+    kicks: wp.uint64  # where in a block of thermal moves, in the body's frame, that of step 0 would be
 
 
 @wp.struct

@@ -123,13 +123,40 @@ _MOBILITY = """
     return as_twist(out(v));
 """
 
-_NOISE = """
-    const float* columns = (const float*)address + 48;
-    const float* from = (const float*)(deviates + 4ull * (unsigned long long)step);
+_KICKS = """
+    typedef float floats16 __attribute__((ext_vector_type(16)));
+    const float* m = (const float*)address + 48;
+    float* block = buffer.data + at;
+    floats16 x[6], v[3], w[3];
+    __builtin_memcpy(x, block, sizeof(x));
+    for (int row = 0; row < 3; ++row) {
+        v[row] = (m[row] * x[0] + m[row + 8] * x[1] + m[row + 16] * x[2])
+            + (m[row + 24] * x[3] + m[row + 32] * x[4] + m[row + 40] * x[5]);
+        w[row] = (m[row + 4] * x[0] + m[row + 12] * x[1] + m[row + 20] * x[2])
+            + (m[row + 28] * x[3] + m[row + 36] * x[4] + m[row + 44] * x[5]);
+    }
+    // `turned_along`, operation by operation
+    floats16 c[3], across[3];
+    for (int i = 0; i < 3; ++i)
+        c[i] = part * w[i];
+    floats16 share = 2.0f / (1.0f + (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]));
+    for (int i = 0, j = 1, k = 2; i < 3; ++i, j = (j + 1) % 3, k = (k + 1) % 3)
+        across[i] = share * (c[j] * v[k] - c[k] * v[j]);
+    for (int i = 0, j = 1, k = 2; i < 3; ++i, j = (j + 1) % 3, k = (k + 1) % 3)
+        v[i] = v[i] + across[i] + (c[j] * across[k] - c[k] * across[j]);
+    __builtin_memcpy(block, v, sizeof(v));
+    __builtin_memcpy(block + 48, w, sizeof(w));
+"""
+
+_KICK = """
+    const float* from = (const float*)(kicks + 4ull * (unsigned long long)step);
+    const float* columns = from;
     BODY
-    floats8 v = (column(0) * from[0] + column(1) * from[16] + column(2) * from[32])
-        + (column(3) * from[48] + column(4) * from[64] + column(5) * from[80]);
-    return as_twist(out(v));
+    auto pair = [&](int i) {
+        floats8 linear = from[i], angular = from[i + 48];
+        return __builtin_shufflevector(linear, angular, 0, 1, 2, 3, 12, 13, 14, 15);
+    };
+    return as_twist(first * pair(0) + second * pair(16) + third * pair(32));
 """
 
 
@@ -139,7 +166,16 @@ def kept_mobility_product(address: wp.uint64, turn: wp.mat33, load: vec6) -> vec
     ...
 
 
-@wp.func_native((VECTORS + _NOISE).replace("BODY", _OUT))
-def kept_noise(address: wp.uint64, turn: wp.mat33, deviates: wp.uint64, step: wp.int64) -> vec6:
-    """Thermal move √(2 k_B T dt) L ξ [µm, rad] in world axes, with the deviates of a step, as `six_at`."""
+@wp.func_native(VECTORS + _KICKS)
+def make_kicks(buffer: wp.array(dtype=wp.float32), at: int, address: wp.uint64, part: wp.float32):
+    """Thermal moves √(2 k_B T dt) L ξ [µm, rad] in the body's frame in place of a block of deviates ξ from `at` on.
+
+    Displacements are turned along by `part` as in `rotational_noise`.
+    """
+    ...
+
+
+@wp.func_native((VECTORS + _KICK).replace("BODY", _OUT))
+def kick_at(kicks: wp.uint64, turn: wp.mat33, step: wp.int64) -> vec6:
+    """Thermal move of a step [µm, rad] in world axes, from a block that begins as `six_at` has it."""
     ...

@@ -1,6 +1,6 @@
 """Lanes that are alike: the physics of a lone sphere in `GROUP` worlds at once, in a CPU's vector registers.
 
-Where a sphere has the same constants in all worlds of a thread, these differ in places and noise alone. The compiler
+Where a sphere has the same constants in all worlds of a thread, these differ in places and noise, if any. The compiler
 makes vector code of a loop over them, as wide as the processor's registers, from the same functions of one sphere that
 every other form calls: results have the same bits. What a vector cannot do, a fault or a look at a sphere that may
 escape, ends the attempt, and the steps are taken again one sphere at a time.
@@ -14,7 +14,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.cpu.noise_block import address_of, before_step, worlds_block_term
-from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, monitors_in_lane
+from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, draws_blocks, monitors_in_lane
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.optics.traps import TABLE_KEY, trap_term
 
@@ -30,7 +30,7 @@ def go_together(f: Features) -> bool:
     kept = f.rigid or f.periodic or f.inlet or f.walls or f.episodes or (f.escapes and not monitors_in_lane(f))
     looked_up = not f.still_traps or any(trap_term(name).key >= TABLE_KEY for name in f.trap_models)
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
-    return f.bodies == 1 and f.brownian and not (kept or looked_up or ahead)
+    return f.bodies == 1 and not (kept or looked_up or ahead)
 
 
 @wp.func_native("""
@@ -154,7 +154,7 @@ def step_together_term(f: Features) -> wp.Function:
     `room` holds `ROOM` floats. False if a sphere had a fault, has stopped, or may escape: the lanes are as they were.
     """
     move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
-    draw = worlds_block_term(f.noise)
+    draw = worlds_block_term(f.noise) if draws_blocks(f) else None
     monitors = monitors_in_lane(f)
     lay_out, put_back = exchange_terms(monitors)
 
@@ -166,7 +166,8 @@ def step_together_term(f: Features) -> wp.Function:
         """Move the spheres of the worlds from `world` on [µm]; 0 if that does not count. A loop without branches."""
         fine = int(1)
         time = wp.float64(step) * model.time_step
-        draw(room, 0, model.seed, step, world)
+        if wp.static(draw is not None):
+            draw(room, 0, model.seed, step, world)
         # as all of them are: a branch less, without which this is no vector code
         bead.trapped = 1
         g = int(0)
@@ -176,7 +177,8 @@ def step_together_term(f: Features) -> wp.Function:
                 fine = wp.min(fine, calm(room, 0, g, here, bead.first_anchor))
             if wp.static(monitors > 1):
                 fine = wp.min(fine, calm(room, 1, g, here, bead.second_anchor))
-            bead.deviates = before_step(address_of(room, g), step)
+            if wp.static(draw is not None):
+                bead.deviates = before_step(address_of(room, g), step)
             moved = here + move_freely(model, control, state, bead, world + g, 0, here, step, time)
             fine = wp.where(finite(moved), fine, 0)
             put_at(room, g, moved)

@@ -6,6 +6,7 @@ What a rigid body's step multiplies by is laid out for vector registers at the s
 import warp as wp
 
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
+from otwarp.kernels.bodies.rotational_noise import PART
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
@@ -21,7 +22,7 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
-from otwarp.kernels.cpu.rigid_block import KEPT, keep
+from otwarp.kernels.cpu.rigid_block import KEPT, keep, make_kicks
 from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.integrate.body import body_dynamics
@@ -60,9 +61,10 @@ def deviates_term(f: Features) -> wp.Function:
         model: ModelData, body: RigidConstants, buffer: wp.array(dtype=wp.float32), at: int, first: wp.int64,
         world: int, b: int,
     ) -> RigidConstants:  # fmt: skip
-        """The constants with the address of a freshly drawn block of six deviates per step."""
+        """The constants with the address of a fresh block of kicks."""
         draw_six(buffer, at, model.seed, first, number(model, world), b)
-        body.deviates = before_step(address_of(buffer, at), first)
+        make_kicks(buffer, at, body.kept, PART)
+        body.kicks = before_step(address_of(buffer, at), first)
         return body
 
     @wp.func
@@ -70,10 +72,9 @@ def deviates_term(f: Features) -> wp.Function:
         model: ModelData, body: BodyConstants, buffer: wp.array(dtype=wp.float32), at: int, first: wp.int64, world: int,
         b: int,
     ) -> BodyConstants:  # fmt: skip
-        """The constants with the address of a fresh block: six deviates per step for a rigid body, else three."""
+        """The constants with the address of a fresh block: kicks of a rigid body, else three deviates per step."""
         if body.turns != 0:
-            draw_six(buffer, at, model.seed, first, number(model, world), b)
-            body.rigid.deviates = before_step(address_of(buffer, at), first)
+            body.rigid = of_rigid(model, body.rigid, buffer, at, first, world, b)
         else:
             draw_three(buffer, at, model.seed, first, number(model, world), b)
             body.bead.deviates = before_step(address_of(buffer, at), first)

@@ -12,7 +12,7 @@ from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.rotation import rotate_by
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, vec6
+from otwarp.kernels.core.types import BodyConstants, ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.inlets import let_all_in_term
 from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
@@ -22,6 +22,8 @@ from otwarp.kernels.drivers.world_room import (
     ContactRoom,
     SolveRoom,
     WorldScratch,
+    constants_term,
+    keep_constants_term,
     list_in_term,
     list_of,
     load_bodies_term,
@@ -142,7 +144,7 @@ def move_traps_term(f: Features) -> wp.Function:
 
 def predict_body_term(f: Features) -> wp.Function:
     """`(model, control, state, world, b, body, step, time)`: the integrator's first stage of body b by itself."""
-    constants_of, dynamics = body_dynamics(f)
+    constants_of, dynamics = constants_term(f), body_dynamics(f)[1]
     predict = INTEGRATORS[f.integrator].predict(dynamics)
 
     @wp.func
@@ -151,7 +153,7 @@ def predict_body_term(f: Features) -> wp.Function:
         time: wp.float64,
     ):  # fmt: skip
         """Write its free move and its drift [µm, rad]."""
-        constants = constants_of(model, control, world, b)
+        constants = constants_of(model, control, world, b, body)
         pose = Pose(body.position[b], body.rotation[b])
         move, now = predict(model, control, state, constants, world, b, pose, step, time)
         body.free[b] = move
@@ -185,7 +187,7 @@ def correct_body_term(f: Features) -> wp.Function | None:
     scheme = INTEGRATORS[f.integrator]
     if scheme.correct is None:
         return None
-    constants_of, dynamics = body_dynamics(f)
+    constants_of, dynamics = constants_term(f), body_dynamics(f)[1]
     correct = scheme.correct(dynamics)
 
     @wp.func
@@ -194,7 +196,7 @@ def correct_body_term(f: Features) -> wp.Function | None:
         time: wp.float64,
     ):  # fmt: skip
         """Write its free move [µm, rad] as it is by both stages."""
-        constants = constants_of(model, control, world, b)
+        constants = constants_of(model, control, world, b, body)
         pose = Pose(body.position[b], body.rotation[b])
         moved = twist(body.linear[b], body.angular[b])
         more = correct(model, control, state, constants, world, b, pose, body.drift[b], moved, step, time)
@@ -322,6 +324,7 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     """One thread per world, bodies in local arrays for all `steps`."""
     take_step, world_of = take_step_term(f, stages), world_of_thread_term(f)
     list_in, load_bodies, store_bodies = list_in_term(f), load_bodies_term(f), store_bodies_term(f)
+    keep_constants = keep_constants_term(f) if f.cached else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def world_step(
@@ -344,7 +347,12 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
         angular = wp.zeros(shape=(wp.static(f.bodies),), dtype=wp.vec3)
         free = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
         drift = wp.zeros(shape=(wp.static(f.bodies),), dtype=vec6)
-        body = BodyRoom(position, rotation, linear, angular, free, drift)
+        body = BodyRoom()
+        body = BodyRoom(position, rotation, linear, angular, free, drift, body.constants)
+        if wp.static(f.cached):
+            constants = wp.zeros(shape=(wp.static(f.bodies),), dtype=BodyConstants)
+            body = BodyRoom(position, rotation, linear, angular, free, drift, constants)
+            keep_constants(model, control, world, body)
         carry = CarryRoom()
         if wp.static(f.coupling):
             pair = wp.zeros(shape=(wp.static(block_count(f.bodies)),), dtype=wp.mat33)

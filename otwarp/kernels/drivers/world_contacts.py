@@ -7,6 +7,7 @@ from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, open_gaps_ter
 from otwarp.kernels.contact.contact import UNSETTLED
 from otwarp.kernels.contact.contact_list import ContactList, solved_term
 from otwarp.kernels.contact.detect import pair_contacts_term, wall_contacts_term, wall_poses_term
+from otwarp.kernels.contact.few_solve import FEW, solve_few_term
 from otwarp.kernels.contact.point_solve import MANY, MAX_POINTS, partners_term, solve_points_term
 from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
@@ -122,11 +123,13 @@ def solve_in_space_term(f: Features) -> wp.Function:
 def solve_moves_term(f: Features) -> wp.Function:
     """`(model, world, listed, count, body, again, moved) -> float`: solve contacts for what they move.
 
-    For what they move one point of each body, where they all run through such.
+    For what they move one point of each body, where they all run through such; on CPUs a few for their forces.
     """
-    few = f.bodies <= MAX_POINTS
-    partners_of, solve_points = (partners_term(f), solve_points_term(f)) if few else (None, None)
-    solve_bodies = solve_in_space_term(f) if f.rigid or not few else None
+    solve_few = solve_few_term(f, FEW) if f.cached else None
+    many = not f.cached or f.max_contacts > FEW
+    points = many and f.bodies <= MAX_POINTS
+    partners_of, solve_points = (partners_term(f), solve_points_term(f)) if points else (None, None)
+    solve_bodies = solve_in_space_term(f) if many and (f.rigid or not points) else None
 
     @wp.func
     def solve_moves(
@@ -136,7 +139,10 @@ def solve_moves_term(f: Features) -> wp.Function:
         """How far forces out of balance would move a body [µm]; `moved` is kept between the stages."""
         error = float(0.0)
         partners = int(MANY)
-        if wp.static(few):
+        if wp.static(solve_few is not None):
+            if count <= FEW:
+                return solve_few(model, world, listed, count, body.rotation, again, body.linear, body.angular)
+        if wp.static(points):
             partners = partners_of(model, listed, count)
             if partners != MANY:
                 error = solve_points(

@@ -10,7 +10,8 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, has_ridges
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import StateData, vec6
+from otwarp.kernels.core.types import BodyConstants, ControlData, ModelData, StateData, vec6
+from otwarp.kernels.integrate.body import body_dynamics
 
 
 @wp.struct
@@ -23,6 +24,7 @@ class BodyRoom:
     angular: wp.array(dtype=wp.vec3)  # [rad]
     free: wp.array(dtype=vec6)  # move without contacts, as predicted
     drift: wp.array(dtype=vec6)  # its drift at the start of the step; then what contacts take from it
+    constants: wp.array(dtype=BodyConstants)  # as read once, where they are kept
 
 
 @wp.struct
@@ -149,6 +151,45 @@ def solve_room_in(scratch: WorldScratch, row: int) -> SolveRoom:
         scratch.matrix[row], scratch.gap[row], scratch.right[row], scratch.pivot[row], scratch.order[row],
         scratch.on[row],
     )  # fmt: skip
+
+
+def constants_term(f: Features) -> wp.Function:
+    """`(model, control, world, b, body: BodyRoom)` → the constants of body b, as `body_dynamics` takes them."""
+    constants_of, _ = body_dynamics(f)
+
+    @wp.func
+    def kept_of_any(model: ModelData, control: ControlData, world: int, b: int, body: BodyRoom):
+        """Those that `keep_constants_term` has read [units of `BodyConstants`]."""
+        return body.constants[b]
+
+    @wp.func
+    def kept_of_rigid(model: ModelData, control: ControlData, world: int, b: int, body: BodyRoom):
+        """Those that `keep_constants_term` has read [units of `RigidConstants`]."""
+        return body.constants[b].rigid
+
+    @wp.func
+    def read(model: ModelData, control: ControlData, world: int, b: int, body: BodyRoom):
+        """Read anew: registers of a GPU are worth more."""
+        return constants_of(model, control, world, b)
+
+    return (kept_of_any if f.spheres else kept_of_rigid) if f.cached else read
+
+
+def keep_constants_term(f: Features) -> wp.Function:
+    """`(model, control, world, body: BodyRoom)`: read the constants that `constants_term` finds."""
+    constants_of, _ = body_dynamics(f)
+
+    @wp.func
+    def keep_constants(model: ModelData, control: ControlData, world: int, body: BodyRoom):
+        """Constants of all bodies, of which a scene of rigid bodies alone has the rigid half."""
+        bodies = int(wp.static(f.bodies))
+        for b in range(bodies):
+            if wp.static(f.spheres):
+                body.constants[b] = constants_of(model, control, world, b)
+            else:
+                body.constants[b].rigid = constants_of(model, control, world, b)
+
+    return keep_constants
 
 
 def load_bodies_term(f: Features) -> wp.Function:

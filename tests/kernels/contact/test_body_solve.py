@@ -141,9 +141,9 @@ class Problem:
         return wp.array(host, dtype=Contact, device=device)
 
     def solve(
-        self, device: str, *, again: bool = False, kernel: wp.Kernel = probe_bodies
+        self, device: str, *, again: bool = False, kernel: wp.Kernel = probe_bodies, more: tuple[bool, ...] = ()
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Loads (n,), moves (2, bodies, 3) by the contacts, and the error told."""
+        """Loads (n,), moves (2, bodies, 3) by the contacts, and the error told; `more` goes to the kernel."""
         model = ModelData()
         model.time_step = 1e-3
         model.medium.viscosity = device_array([1e-3 / self.scale], wp.float32, device)
@@ -155,7 +155,7 @@ class Problem:
         moves = [device_array(v, wp.vec3, device) for v in self.free]
         load, error = (wp.zeros(n, dtype=float, device=device) for n in (COUNT, 1))
         poses = [device_array(self.position, wp.vec3, device), device_array(self.rotation, wp.quat, device)]
-        inputs = [model, *poses, self.contacts(device), *moves, again, empty_list(COUNT, device), load, error]
+        inputs = [model, *poses, self.contacts(device), *moves, again, *more, empty_list(COUNT, device), load, error]
         wp.launch(kernel, dim=1, inputs=inputs, device=device)
         found = np.stack([m.numpy() for m in moves]).astype(float) - self.free
         return load.numpy().astype(float), found, float(error.numpy()[0])
@@ -171,12 +171,14 @@ def test_loads_obey_law_and_motion(hardness, again, device):
     assert pressed_contacts(PARTNERS, probe_bodies, hardness, again, device) > 40
 
 
-def pressed_contacts(partners: np.ndarray, kernel: wp.Kernel, hardness: float, again: bool, device: str) -> int:
+def pressed_contacts(
+    partners: np.ndarray, kernel: wp.Kernel, hardness: float, again: bool, device: str, more: tuple[bool, ...] = ()
+) -> int:
     """How many contacts of 12 random steps are pressed, all of which obey law and motion."""
     pressed = 0
     for seed in range(12):
         problem = Problem(seed, hardness, partners)
-        load, moved, error = problem.solve(device, again=again, kernel=kernel)
+        load, moved, error = problem.solve(device, again=again, kernel=kernel, more=more)
         assert error == 0.0
         rows, mobility = problem.rows(), problem.mobility()
         motion = mobility @ rows.T @ load

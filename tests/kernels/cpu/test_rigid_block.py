@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from otwarp.kernels.bodies.rotational_noise import PART
 from otwarp.kernels.core.types import vec6
-from otwarp.kernels.cpu.rigid_block import KEPT, keep, kept_mobility_product, kept_noise
+from otwarp.kernels.cpu.rigid_block import KEPT, keep, kept_mobility_product, kick_at, make_kicks
 from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import evaluate, on_device, quaternions
 from tests.reference.rotations import matrix
+
+PART_OF_TURN = 0.5**1.5
+"""Half of 1/√2, see `rotational_noise`."""
 
 ROUNDING = 2e-6
 """float32 sums of some dozen products of order 1."""
@@ -39,11 +43,19 @@ def probe(
     )  # fmt: skip
     rotation = wp.quat_to_matrix(turn[i])
     move[i] = kept_mobility_product(at, rotation, load[i])
-    noise[i] = kept_noise(at, rotation, wp.uint64(deviates.ptr), wp.int64(i))
+    if i == 0:
+        make_kicks(deviates, 0, at, PART)
+    noise[i] = kick_at(wp.uint64(deviates.ptr), rotation, wp.int64(i))
+
+
+def cayley(c: np.ndarray) -> np.ndarray:
+    """The rotation (1 − [c]×)⁻¹ (1 + [c]×)."""
+    cross = np.cross(np.eye(3), c)
+    return np.linalg.solve(np.eye(3) - cross, np.eye(3) + cross)
 
 
 def test_products_are_those_of_numpy(device):
-    """M times a wrench and the factor times deviates, both turned with the body."""
+    """M times a wrench and the factor times deviates, turned along, both turned with the body."""
     rng, n = np.random.default_rng(0), 16
     root = np.tril(rng.normal(size=(6, 6)))
     mobility = root @ root.T
@@ -67,4 +79,6 @@ def test_products_are_those_of_numpy(device):
     for i in range(n):
         whole = np.kron(np.eye(2), matrix(turn[i].astype(float)))
         np.testing.assert_allclose(move[i], whole @ mobility @ whole.T @ load[i], atol=10 * ROUNDING * mobility.max())
-        np.testing.assert_allclose(noise[i], whole @ root @ deviates[:, i], atol=10 * ROUNDING)
+        kick = root @ deviates[:, i]
+        kick[:3] = cayley(PART_OF_TURN * kick[3:]) @ kick[:3]
+        np.testing.assert_allclose(noise[i], whole @ kick, atol=10 * ROUNDING)

@@ -72,6 +72,9 @@ SCENES = {
     "rigid": scene(dimer(PLACES[0], "a"), traps=3),
     "mixed": scene(dimer(PLACES[0], "a"), bead(PLACES[1], "b"), bead(PLACES[2], "c"), traps=3),
     "free": Scene(bodies=(bead(PLACES[0], "a"),)),
+    "still": Scene(
+        bodies=(bead((3.1, 5.0, 7.0), "a"),), traps=(trap(PLACES[0], "t"),), settings=Settings(brownian=False)
+    ),
 }
 
 ALONE = [name for name in SCENES if name not in ("rigid", "mixed")]

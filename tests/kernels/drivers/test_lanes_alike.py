@@ -20,7 +20,9 @@ def cpu(device):
         pytest.skip("the form for CPUs")
 
 
-@pytest.mark.parametrize("features", [{}, ALIKE, {**ALIKE, "trap_models": ("piecewise_split",)}, {"gravity": True}])
+@pytest.mark.parametrize(
+    "features", [{}, ALIKE, {**ALIKE, "trap_models": ("piecewise_split",)}, {"gravity": True}, {"brownian": False}]
+)
 def test_a_sphere_that_keeps_its_place_alone_may_share(features):
     assert go_together(Features(**features))
 
@@ -29,7 +31,6 @@ def test_a_sphere_that_keeps_its_place_alone_may_share(features):
     "more",
     [
         {"bodies": 2},
-        {"brownian": False},
         {"rigid": True},
         {"walls": 1},
         {"periodic": True},

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import StateData, vec6
+from otwarp.kernels.core.types import BodyConstants, StateData, vec6
 from otwarp.kernels.drivers.world_room import BodyRoom, load_bodies_term, store_bodies_term
 from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import quaternions
@@ -24,7 +24,8 @@ def shift(state: StateData, way: wp.vec3, turn: wp.quat):
     angular = wp.zeros(shape=(BODIES,), dtype=wp.vec3)
     free = wp.zeros(shape=(BODIES,), dtype=vec6)
     drift = wp.zeros(shape=(BODIES,), dtype=vec6)
-    room = BodyRoom(position, rotation, linear, angular, free, drift)
+    constants = wp.zeros(shape=(1,), dtype=BodyConstants)
+    room = BodyRoom(position, rotation, linear, angular, free, drift, constants)
     _load(state, world, room)
     for b in range(BODIES):
         room.position[b] = room.position[b] + way
