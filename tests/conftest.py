@@ -20,6 +20,7 @@ THOROUGH = (
     "bench/",
     "benchmarks/",
     "cli/test_bench.py",
+    "cli/test_killed.py",
     "cli/test_warnings.py",
     "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
