@@ -28,6 +28,9 @@ JONES: dict[str, tuple[complex, complex]] = {
 }
 """Jones vectors by name; `circular` is E = Re[(x̂ + iŷ) exp(i(kz − ωt))]: positive helicity, spin along +z."""
 
+LEAST_APERTURE = 1e-3
+"""Numerical aperture of a focus of a third of a millimetre, which traps nothing."""
+
 LEAST_FILLING, MOST_FILLING = 0.01, 100.0
 """Fillings between a beam that uses a hundredth of the aperture and one as good as uniform."""
 
@@ -102,6 +105,10 @@ class Beam:
                 raise InputError(f"beam {name} is {value:g}; allowed: {sign} {low:g}")
         if not 0.1 <= self.wavelength <= 20.0:
             raise InputError(f"beam wavelength is {self.wavelength:g} µm; allowed: 0.1 to 20")
+        if self.numerical_aperture < LEAST_APERTURE:
+            raise InputError(
+                f"beam numerical_aperture is {self.numerical_aperture:g}; allowed: {LEAST_APERTURE:g} or more"
+            )
         if not LEAST_FILLING <= self.filling <= MOST_FILLING:
             raise InputError(f"beam filling is {self.filling:g}; allowed: {LEAST_FILLING:g} to {MOST_FILLING:g}")
         if abs(self.charge) > MOST_CHARGE:

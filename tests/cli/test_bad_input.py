@@ -137,6 +137,7 @@ def test_run_refuses(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str
         (["run", BEAD, "--time-step", "5e-324"], "allowed: up to 1e+12 steps"),
         (["bench", "forces", "--model", "harmonic", "--rounds", "1", "--radius", "1e300"], "allowed: up to"),
         (["teleop", BEAD, "--no-page", "--budget", "5e-324"], "a share of a core from"),
+        (["forces", "--radius", "0.5", "--curves", "--na", "1e-300"], "numerical_aperture is 1e-300; allowed: 0.001"),
     ],
     ids=lambda v: " ".join(v[2:]) if isinstance(v, list) else None,
 )
