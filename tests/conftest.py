@@ -34,6 +34,7 @@ THOROUGH = (
     "kernels/drivers/test_lanes_rigid.py",
     "kernels/drivers/grid/test_neighbours.py",
     "kernels/drivers/grid/test_soft.py",
+    "kernels/drivers/test_world_moves.py",
     "kernels/drivers/test_world_phases.py",
     "kernels/test_step.py",
     "optics/test_table.py",

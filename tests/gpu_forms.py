@@ -13,13 +13,13 @@ import pytest
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation import composition, model, resolved
-from otwarp.simulation.world_scratch import keeps_contacts
+from otwarp.simulation.world_scratch import keeps_contacts, team_for
 
 
 def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     """Bodies one by one instead of in lanes, contacts in sweeps instead of in turns, the world driver in phases.
 
-    A bead before an obstacle has its contacts in local arrays, as in many worlds.
+    A bead before an obstacle has its contacts in local arrays, as in many worlds; phases have teams, as in few.
     """
     composed = resolved.compose
 
@@ -32,3 +32,4 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(model, "takes_turns", lambda *about: False)
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=1)
     patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))
+    patch.setattr(model, "team_for", lambda f, worlds, device: team_for(f, 1, gpu))

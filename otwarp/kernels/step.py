@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import warp as wp
 
@@ -55,8 +55,9 @@ class Step:
 @functools.lru_cache(maxsize=64)
 def make_step(features: Features) -> Step:
     """Compose the step of a scene. Equal feature sets share their kernels."""
-    readout = make_trap_readout(features) if features.trap_models else ()
-    forces = make_force_readout(features) if features.forces else None
+    one_by_one = replace(features, team=1)
+    readout = make_trap_readout(one_by_one) if features.trap_models else ()
+    forces = make_force_readout(one_by_one) if features.forces else None
     measured = {"readout": readout, "forces": forces}
     # these have no float64 instance, and Warp would let them read its structs as their own
     assert features.precision == "float32" or not (features.lanes or features.driver == "grid")

@@ -45,7 +45,7 @@ from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
 from otwarp.simulation.time_step.softness import soft_contacts, takes_turns
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
-from otwarp.simulation.world_scratch import keeps_contacts, largest_launch
+from otwarp.simulation.world_scratch import keeps_contacts, largest_launch, team_for
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -277,7 +277,8 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device,
     by_world = features.driver == "grid" and not soft and fits_a_block(scene)
     solved = {"soft_contacts": soft, "in_turn": in_turn, "body_space": space, "by_world": by_world}
     features = dataclasses.replace(features, **solved)
-    return dataclasses.replace(features, keeps=keeps_contacts(features, worlds, device))
+    forms = {"keeps": keeps_contacts(features, worlds, device), "team": team_for(features, worlds, device)}
+    return dataclasses.replace(features, **forms)
 
 
 def _pack(

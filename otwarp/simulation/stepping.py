@@ -128,6 +128,7 @@ class PhasedStepper:
         self.phases, self.model = step.phases, model
         self.state, self.control, self.readout = parts.state, parts.control, parts.readout
         self.bodies = step.features.bodies
+        self.team = step.features.team if model.device.is_cuda else 1
         self.scratch = allocate_world(step.features, model.worlds, model.place)
         self.clock = wp.zeros(1, dtype=wp.int64, device=model.device)
         load_kernels([*step.phases.all, tick, *parts.beside], model.device)
@@ -141,18 +142,21 @@ class PhasedStepper:
 
     def _take_steps(self, steps: int) -> None:
         """Launch steps from where the clock stands, and turn it on."""
-        phases, worlds, each = self.phases, self.model.worlds, (self.bodies, self.model.worlds)
+        phases, worlds = self.phases, self.model.worlds
+        team = worlds * self.team
+        each = (self.bodies, team)
+        settling = team if phases.settled_together else worlds
         data, state, readout = self.model.data, self.state.data(), self.readout.data()
         free = (data, self.control.data(), state, readout, self.scratch, self.clock)
         touch = (data, state, readout, self.scratch, self.clock)
         for ahead in range(steps):
             self._launch(phases.predict, each, *free, ahead)
-            self._launch(phases.find, worlds, *free, ahead)
-            self._launch(phases.settle, worlds, *touch, ahead, 0)
+            self._launch(phases.find, team, *free, ahead)
+            self._launch(phases.settle, settling, *touch, ahead, 0)
             if phases.correct is not None:
                 self._launch(phases.correct, each, *free, ahead)
-                self._launch(phases.settle, worlds, *touch, ahead, 1)
-            self._launch(phases.finish, worlds, *free, ahead)
+                self._launch(phases.settle, settling, *touch, ahead, 1)
+            self._launch(phases.finish, team, *free, ahead)
         self._launch(tick, 1, self.clock, steps)
 
     def _capture(self, steps: int) -> wp.Graph:

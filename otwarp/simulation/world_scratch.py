@@ -9,11 +9,15 @@ import warp as wp
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
 from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_threads
+from otwarp.kernels.core.team import LARGEST
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
 
 THREADS_PER_MULTIPROCESSOR = 256
 """Threads up to which worlds are spread over a GPU: what its registers have room for."""
+
+TEAM_THREADS = {LARGEST: 128, 8: 384}
+"""Threads of teams of each size that a multiprocessor is to have at most; beyond, smaller teams take less time."""
 
 WARP = 32
 """Threads that go together on a GPU."""
@@ -33,10 +37,19 @@ def keeps_contacts(f: Features, worlds: int, device: wp.Device) -> bool:
     return listed and f.max_contacts <= KEPT_CONTACTS and device.is_cuda and spread_of(worlds, device) == 1
 
 
+def team_for(f: Features, worlds: int, device: wp.Device) -> int:
+    """Threads that share out a world in phases: the more, the fewer worlds; one where rods collide, and on a CPU."""
+    if f.phased and not f.rods and device.is_cuda:
+        for size, threads in TEAM_THREADS.items():
+            if size * worlds <= threads * device.sm_count:
+                return size
+    return 1
+
+
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
     """Threads of the largest launch over the traps or bodies of `worlds` worlds, of any driver or readout."""
     block = world_threads(f.bodies) if f.by_world else 1
-    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), block)
+    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), block, f.team * f.bodies)
 
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:

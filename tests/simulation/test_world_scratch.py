@@ -7,7 +7,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation.packing.arrays import Place
-from otwarp.simulation.world_scratch import allocate_world, keeps_contacts, spread_of
+from otwarp.simulation.world_scratch import allocate_world, keeps_contacts, spread_of, team_for
 
 GPU = SimpleNamespace(is_cuda=True, sm_count=132)
 
@@ -16,6 +16,15 @@ def test_few_worlds_are_spread():
     """Up to one thread of a warp, while a GPU has room for as many threads; never on a CPU."""
     assert [spread_of(worlds, GPU) for worlds in (1, 1_024, 2_048, 16_384, 131_072)] == [32, 32, 16, 2, 1]
     assert spread_of(1, wp.get_device("cpu")) == 1
+
+
+def test_few_worlds_have_teams():
+    """In phases, larger ones the fewer worlds there are; none where rods collide, in one kernel, and on a CPU."""
+    f = Features(driver="world", bodies=3, pairs=True, rigid=True, phased=True)
+    assert [team_for(f, worlds, GPU) for worlds in (1, 1_024, 4_096, 16_384)] == [16, 16, 8, 1]
+    for other in (dataclasses.replace(f, rods=True), dataclasses.replace(f, phased=False)):
+        assert team_for(other, 1, GPU) == 1
+    assert team_for(f, 1, wp.get_device("cpu")) == 1
 
 
 def test_many_worlds_of_few_contacts_keep_them():

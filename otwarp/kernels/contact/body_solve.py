@@ -30,6 +30,7 @@ from otwarp.kernels.core.packed import beside, point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.rounding import PRECISION
+from otwarp.kernels.core.team import ALONE, Team, team_of
 from otwarp.kernels.core.types import ModelData, Move, vec6
 
 ROUNDS = wp.constant(24)
@@ -43,6 +44,9 @@ BALANCED = wp.constant(1.0e-10 if PRECISION == "float64" else 1.0e-5)
 
 MAX_NODES = 24
 """Nodes of a world up to which its contacts may be solved so: a row's blocks are bits of a word."""
+
+MAX_POINTS = 4
+"""Bodies of a world up to which its contacts may be solved as in `point_solve`: its matrix is written out."""
 
 SOFT = 10.0
 """Largest κ = 1.5·K·√δ·give, at an overlap of a hundredth of the effective radius, of a contact that counts as soft.
@@ -67,6 +71,11 @@ class SpaceRoom:
 def nodes_of(f: Features) -> int:
     """Nodes that the bodies of a scene have at most."""
     return (2 if f.rigid else 1) * f.bodies
+
+
+def settling_team(f: Features) -> Team:
+    """Who solves the contacts of a world: several threads where `point_solve` may, else one."""
+    return team_of(f) if f.body_space and f.bodies <= MAX_POINTS else ALONE
 
 
 def turning_term(f: Features) -> wp.Function:
@@ -300,7 +309,8 @@ def gather_term(f: Features) -> wp.Function:
 
 def open_gaps_term(f: Features) -> wp.Function:
     """`(listed, count, again, linear, angular, free, drift)`: how far gaps open without contact forces."""
-    face = face_term(f)
+    face, team = face_term(f), settling_team(f)
+    size_of, lane_of = team.size, team.lane
 
     @wp.func
     def open_gaps(
@@ -311,7 +321,7 @@ def open_gaps_term(f: Features) -> wp.Function:
 
         These are the noise in the first stage, and whole moves in the second, where contacts that push are lifted, too.
         """
-        for i in range(count):
+        for i in range(lane_of(), count, size_of()):
             c = face(listed, i)
             other = wp.max(c.b, 0)
             opening = opening_of(c, Move(linear[c.a], angular[c.a]), Move(linear[other], angular[other]))

@@ -10,6 +10,7 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import beside, curvature_of, point_of
+from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ReadoutData
 
 NO_RIDGE = ("plane", "mesh", "sphere")
@@ -70,6 +71,18 @@ def put_term(f: Features) -> wp.Function:
         return count + 1
 
     return put
+
+
+def counted_term(f: Features) -> wp.Function:
+    """`(votes, count) -> count`: a list's length once every thread that has voted has put its contact behind it."""
+    size_of = team_of(f).size
+
+    @wp.func
+    def counted(votes: int, count: int) -> int:
+        """The new count, no more than there is room for."""
+        return wp.min(count + count_below(votes, size_of()), wp.static(f.max_contacts))
+
+    return counted
 
 
 @wp.struct

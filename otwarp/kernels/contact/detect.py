@@ -9,36 +9,32 @@ radius in one step can be stopped by what lies beside its path.
 import warp as wp
 
 from otwarp.kernels.contact.contact import (
-    NO_CONTACT,
     Contact,
     along,
     hardest,
     pair_law,
     pair_reach,
 )
-from otwarp.kernels.contact.contact_list import ContactList, put_term
-from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relative_radius_term
-from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
-from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.contact_list import ContactList, counted_term, put_term
+from otwarp.kernels.contact.curvature import beside_rod
+from otwarp.kernels.contact.excursion import excursion_term
 from otwarp.kernels.contact.response import give_term, response_term
 from otwarp.kernels.contact.segments import (
     MERGE,
     Segment,
     nearest_t,
-    obstacle_slope_term,
-    pieces_of,
     place_on,
     segment_slope,
     valley_counts,
     valley_t,
     valley_term,
 )
-from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drift, obstacle_travel, opening_of
+from otwarp.kernels.contact.travel import closing_of, free_travel, opening_of
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
-from otwarp.kernels.core.packed import curvature_of, distance_of, point_of, radius_of
-from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.packed import point_of, radius_of
+from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
 
@@ -109,42 +105,6 @@ def touch_term(f: Features) -> wp.Function:
     return touch
 
 
-def touch_wall_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, pose, wall, later, arm, radius, local, hit, step) -> Contact` with an obstacle."""
-    new_contact = new_contact_term(f)
-    relative_radius = relative_radius_term(f.obstacles)
-    path_bend = path_bend_term(f.obstacles)
-
-    @wp.func
-    def touch_wall(
-        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, wall: Pose, later: Pose,
-        arm: wp.vec3, radius: float, local: wp.vec3, hit: wp.vec4, step: wp.int64,
-    ) -> Contact:  # fmt: skip
-        """Normal, overlap and effective radius before an obstacle; a fault where they overlap too far.
-
-        `local` is the sphere's centre in the obstacle's frame [µm], `hit` the normal there and the distance [µm].
-        """
-        overlap = radius - distance_of(hit)
-        if overlap > OVERLAP_LIMIT * radius:
-            raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-        outward = point_of(hit)
-        normal = wp.quat_rotate(wall.rotation, outward)
-        relative = relative_radius(model.obstacles, o, local, outward, radius)
-        c = new_contact(model, world, a, NO_CONTACT, pose, wall, arm, wp.vec3(0.0), normal, relative, overlap)
-        bend = path_bend(model.obstacles, o, local, outward, radius)
-        c.curvature = curvature_of(bend)
-        c.ridge = wp.quat_rotate(wall.rotation, point_of(bend))
-        if wp.static(f.moving_obstacles):
-            # of the centre of curvature, which does not move where a ball turns about itself
-            below = distance_of(hit)
-            if c.curvature > 0.0:
-                below += 1.0 / c.curvature - radius
-            c.drift = obstacle_drift(wall, later, local - below * outward)
-        return c
-
-    return touch_wall
-
-
 def element_term(f: Features) -> wp.Function:
     """`(contact, i, pose) -> Segment`: element i of a body relative to its reference point, world axes."""
 
@@ -161,54 +121,67 @@ def element_term(f: Features) -> wp.Function:
 
 
 def element_pair_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj, reach, …)`.
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, wanted, reach, …)`.
 
-    Elements i and j of bodies a and b; the new count. `reach` [µm]: gap within which a contact is listed whether or not
-    the moves close it.
+    Elements i and j of bodies a and b, others in each thread of the team, if they are `wanted`; the new count. `reach`
+    [µm]: gap within which a contact is listed whether or not the moves close it.
     """
+    team = team_of(f)
+    votes_of, lane_of = team.votes, team.lane
     touch = touch_term(f)
-    put = put_term(f)
+    put, counted = put_term(f), counted_term(f)
     excursion = excursion_term(f)
     valley = valley_term(segment_slope) if f.rods else None
 
     @wp.func
     def element_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
-        move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, ri: float, rj: float, reach: float,
+        move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, wanted: bool, reach: float,
         listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points."""
+        """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points.
+
+        Where there are rods, a team is one thread.
+        """
+        ri = radius_of(model.contact.sphere[i])
+        rj = radius_of(model.contact.sphere[j])
         between = pose_a.position - pose_b.position
         if wp.static(not f.rods):
-            way = between + rod_a.centre - rod_b.centre
-            if wp.length(way) < ri + rj + reach + closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way):
+            near = bool(wanted)
+            if near:
+                way = between + rod_a.centre - rod_b.centre
+                closing = closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way)
+                near = wp.length(way) < ri + rj + reach + closing
+            votes = votes_of(near)
+            if near:
                 c = touch(
                     model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step
                 )  # fmt: skip
                 c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
-                count = put(readout, world, listed, count, c, step)
+                put(readout, world, listed, count + count_below(votes, lane_of()), c, step)
+            count = counted(votes, count)
         else:
             # all relative to the reference point of a, so that a place far from the origin costs no digits
             other = Segment(rod_b.centre - between, rod_b.half)
             apart = wp.length(rod_a.centre - other.centre) - wp.length(rod_a.half) - wp.length(other.half)
             ahead = free_travel(model, a, move_a) + free_travel(model, b, move_b)
-            if apart < ri + rj + reach + ahead:
+            if wanted and apart < ri + rj + reach + ahead:
                 single = wp.length_sq(rod_a.half) == 0.0 or wp.length_sq(rod_b.half) == 0.0
                 v = valley(model.obstacles, 0, other, rod_a, 0, 1, 0.0)
                 merge = MERGE * ri / wp.max(wp.length(rod_a.half), 1.0e-30)
                 for choice in range(3):
                     t = valley_t(v, choice)
-                    wanted = valley_counts(v, choice, merge)
+                    counts = valley_counts(v, choice, merge)
                     if single:
                         t = nearest_t(rod_a, other.centre)
-                        wanted = choice == 1
-                    if wanted:
+                        counts = choice == 1
+                    if counts:
                         point = place_on(rod_a, t)
-                        near = place_on(other, nearest_t(other, point))
-                        closing = closing_of(move_a, move_b, point, near + between, point - near)
-                        if wp.length(point - near) < ri + rj + reach + closing:
+                        facing = place_on(other, nearest_t(other, point))
+                        closing = closing_of(move_a, move_b, point, facing + between, point - facing)
+                        if wp.length(point - facing) < ri + rj + reach + closing:
                             c = touch(
-                                model, readout, world, a, b, pose_a, pose_b, point, near + between, ri, rj, step
+                                model, readout, world, a, b, pose_a, pose_b, point, facing + between, ri, rj, step
                             )  # fmt: skip
                             c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
                             c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
@@ -218,157 +191,62 @@ def element_pair_term(f: Features) -> wp.Function:
     return element_pair
 
 
-def pair_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, pushed, listed, count, step) -> count`.
+def pair_reach_term(f: Features) -> wp.Function:
+    """`(model, a, b, pose_a, pose_b, move_a, move_b, pushed) -> reach`, as `pair_contacts_term` takes it."""
 
-    The moves are the free ones of this step; `pushed` [µm]: how much nearer other contacts may push the bodies.
+    @wp.func
+    def reach_of_pair(
+        model: ModelData, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move, move_b: Move, pushed: float
+    ) -> float:  # fmt: skip
+        """Gap [µm] within which contacts are listed whether or not the moves close it; −1 for bodies too far apart."""
+        reach = pair_reach(model.contact, a, b) + pushed
+        far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
+        apart = wp.length(pose_a.position - pose_b.position)
+        return wp.where(apart < model.body.bound[a] + model.body.bound[b] + far, reach, -1.0)
+
+    return reach_of_pair
+
+
+def pair_contacts_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, reach, listed, count, step) -> count`.
+
+    The moves are the free ones of this step. The threads of a team take other elements each, of the body that has more
+    than one.
     """
+    team = team_of(f)
+    votes_of, lane_of, size_of = team.votes, team.lane, team.size
     element = element_term(f)
     element_pair = element_pair_term(f)
 
     @wp.func
     def pair_contacts(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move,
-        move_b: Move, pushed: float, listed: ContactList, count: int, step: wp.int64,
+        move_b: Move, reach: float, listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """New count; tests bounding spheres, then element against body, then element against element."""
-        reach = pair_reach(model.contact, a, b) + pushed
+        """New count; tests element against body, then element against element."""
         far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
         between = pose_a.position - pose_b.position
-        if wp.length(between) < model.body.bound[a] + model.body.bound[b] + far:
-            for i in range(model.contact.start[a], model.contact.start[a + 1]):
-                rod_a = element(model, i, pose_a.rotation)
-                ri = radius_of(model.contact.sphere[i])
-                # one element against the bounding sphere of b, before its elements one by one
-                size = ri
-                if wp.static(f.rods):
-                    size += wp.length(rod_a.half)
-                if wp.length(between + rod_a.centre) < size + model.body.bound[b] + far:
-                    for j in range(model.contact.start[b], model.contact.start[b + 1]):
-                        rod_b = element(model, j, pose_b.rotation)
-                        rj = radius_of(model.contact.sphere[j])
-                        count = element_pair(
-                            model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b, ri, rj,
-                            reach, listed, count, step,
-                        )  # fmt: skip
+        last_a = model.contact.start[a + 1] - 1
+        last_b = model.contact.start[b + 1] - 1
+        several = last_b > model.contact.start[b]
+        lane_a = wp.where(several, 0, lane_of())
+        lane_b = wp.where(several, lane_of(), 0)
+        for first_a in range(model.contact.start[a], last_a + 1, wp.where(several, 1, size_of())):
+            i = wp.min(first_a + lane_a, last_a)
+            rod_a = element(model, i, pose_a.rotation)
+            # one element against the bounding sphere of b, before its elements one by one
+            size = radius_of(model.contact.sphere[i])
+            if wp.static(f.rods):
+                size += wp.length(rod_a.half)
+            near = first_a + lane_a <= last_a and wp.length(between + rod_a.centre) < size + model.body.bound[b] + far
+            if votes_of(near) != 0:
+                for first_b in range(model.contact.start[b], last_b + 1, wp.where(several, size_of(), 1)):
+                    j = wp.min(first_b + lane_b, last_b)
+                    rod_b = element(model, j, pose_b.rotation)
+                    count = element_pair(
+                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b,
+                        near and first_b + lane_b <= last_b, reach, listed, count, step,
+                    )  # fmt: skip
         return count
 
     return pair_contacts
-
-
-def element_wall_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step) -> count`.
-
-    Element i of body a against obstacle o; `reach` [µm]: gap up to which its own move need not close it.
-    """
-    touch_wall = touch_wall_term(f)
-    put = put_term(f)
-    excursion = excursion_term(f)
-    element = element_term(f)
-    distance_to = distance_term(f.obstacles)
-    valley = valley_term(obstacle_slope_term(distance_to)) if f.rods else None
-
-    @wp.func
-    def element_wall(
-        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
-        pose: Pose, move: Move, wall: Pose, later: Pose, reach: float,
-        listed: ContactList, count: int, step: wp.int64,
-    ) -> int:  # fmt: skip
-        """A sphere at its centre; a rod at the valley of its distance to the obstacle, piece by piece."""
-        rod = element(model, i, pose.rotation)
-        radius = radius_of(model.contact.sphere[i])
-        local = wp.quat_rotate_inv(wall.rotation, pose.position + rod.centre - wall.position)
-        half = float(0.0)
-        if wp.static(f.rods):
-            half = wp.length(rod.half)
-        far = radius + half + reach + free_travel(model, a, move)
-        still = Move(wp.vec3(0.0), wp.vec3(0.0))
-        hit = distance_to(model.obstacles, o, local, far)
-        if distance_of(hit) < far:
-            if half == 0.0:
-                way = wp.quat_rotate(wall.rotation, point_of(hit))
-                if distance_of(hit) < radius + reach + closing_of(move, still, rod.centre, rod.centre, way):
-                    c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
-                    c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
-                    count = put(readout, world, listed, count, c, step)
-            elif wp.static(f.rods):
-                inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
-                far += half  # so that a mesh answers everywhere along the rod
-                merge = MERGE * radius / half
-                pieces = pieces_of(model.obstacles, o)
-                for piece in range(pieces):
-                    v = valley(model.obstacles, o, inside, inside, piece, pieces, far)
-                    for choice in range(3):
-                        if valley_counts(v, choice, merge):
-                            t = valley_t(v, choice)
-                            point = place_on(inside, t)
-                            arm = place_on(rod, t)
-                            hit = distance_to(model.obstacles, o, point, far)
-                            way = wp.quat_rotate(wall.rotation, point_of(hit))
-                            if distance_of(hit) < radius + reach + closing_of(move, still, arm, arm, way):
-                                c = touch_wall(
-                                    model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
-                                )  # fmt: skip
-                                c = beside_rod(c, rod.half)
-                                c = excursion(
-                                    model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
-                                )  # fmt: skip
-                                count = put(readout, world, listed, count, c, step)
-        return count
-
-    return element_wall
-
-
-def wall_poses_term(f: Features) -> wp.Function:
-    """`(model, o, time) -> (wall, later)`: pose of obstacle o now and at the end of the step from `time`."""
-    pose_at = moving_pose if f.moving_obstacles else still_pose
-
-    @wp.func
-    def wall_poses(model: ModelData, o: int, time: wp.float64) -> tuple[Pose, Pose]:
-        """Poses [µm], equal for an obstacle of one key, which stays: no second search for it."""
-        wall = pose_at(model.obstacles, o, time)
-        later = wall
-        if wp.static(f.moving_obstacles):
-            if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
-                later = pose_at(model.obstacles, o, time + model.time_step)
-        return wall, later
-
-    return wall_poses
-
-
-def wall_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, pose, move, wall, later, pushed, listed, count, step) -> count`.
-
-    Body a and obstacle o. `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body
-    on top of it.
-    """
-    element_wall = element_wall_term(f)
-    distance_to = distance_term(f.obstacles)
-
-    @wp.func
-    def wall_contacts(
-        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, move: Move, wall: Pose,
-        later: Pose, pushed: float, listed: ContactList, count: int, step: wp.int64,
-    ) -> int:  # fmt: skip
-        """New count; tests the bounding sphere, then the true shape, then element by element."""
-        travel = free_travel(model, a, move)
-        if wp.static(f.periodic):
-            pose.position += image_shift(model.period, pose.position - wall.position)
-        reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
-        centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
-        if wp.static(f.moving_obstacles):
-            if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
-                reach += obstacle_travel(wall, later, wp.length(centre) + model.body.bound[a])
-        bound = model.body.bound[a] + reach + travel
-        near = wp.length(centre) < bound + model.obstacles.bound[o]
-        if near:
-            # the body's bounding sphere against the true shape, before its elements one by one
-            near = distance_of(distance_to(model.obstacles, o, centre, bound)) < bound
-        if near:
-            for i in range(model.contact.start[a], model.contact.start[a + 1]):
-                count = element_wall(
-                    model, readout, world, a, o, i, pose, move, wall, later, reach, listed, count, step
-                )  # fmt: skip
-        return count
-
-    return wall_contacts

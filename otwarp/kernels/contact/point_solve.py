@@ -11,20 +11,18 @@ from typing import Any
 import warp as wp
 
 from otwarp.kernels.contact.blocks import inverse_root
-from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, turning_term
+from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, settling_team, turning_term
 from otwarp.kernels.contact.contact import rigid_response
 from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of, opened_by
-from otwarp.kernels.contact.implicit_law import line_of
+from otwarp.kernels.contact.implicit_law import Line, line_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.roots import reciprocal_root
 from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.team import ALONE, first_of
 from otwarp.kernels.core.types import ModelData, mat66
-
-MAX_POINTS = 4
-"""Bodies of a world up to which its contacts may be solved so: their matrix is written out block by block."""
 
 _BITS = wp.constant(4)
 """Bits in which a partner is kept."""
@@ -38,7 +36,8 @@ MANY = wp.constant(-1)
 
 def partners_term(f: Features) -> wp.Function:
     """`(model, listed, count) -> int`: the lone sphere that each rigid body touches, or `MANY`."""
-    turning = turning_term(f)
+    turning, team = turning_term(f), settling_team(f)
+    size_of, lane_of, bits_of, votes_of = team.size, team.lane, team.bits, team.votes
 
     @wp.func
     def joined(partners: int, b: int, other: int) -> int:
@@ -50,22 +49,39 @@ def partners_term(f: Features) -> wp.Function:
         return result
 
     @wp.func
+    def own_partners(model: ModelData, listed: ContactList, count: int) -> int:
+        """The partners by every so many contacts, those of one thread of the team."""
+        partners = int(0)
+        for i in range(lane_of(), count, size_of()):
+            pair = listed.pair[i]
+            a = pair[0]
+            b = pair[1]
+            if turning(model, a):
+                if b < 0 or turning(model, wp.max(b, 0)):
+                    return MANY
+                partners = joined(partners, a, b)
+            elif b >= 0 and turning(model, wp.max(b, 0)):
+                partners = joined(partners, b, a)
+            if partners == MANY:
+                return MANY
+        return partners
+
+    @wp.func
     def partners_of(model: ModelData, listed: ContactList, count: int) -> int:
         """1 + the number of each rigid body's partner, `_BITS` a body; 0 for bodies without."""
         partners = int(0)
         if wp.static(f.rigid):
-            for i in range(count):
-                pair = listed.pair[i]
-                a = pair[0]
-                b = pair[1]
-                if turning(model, a):
-                    if b < 0 or turning(model, wp.max(b, 0)):
+            mine = own_partners(model, listed, count)
+            if votes_of(mine == MANY) != 0:
+                return MANY
+            for b in range(wp.static(f.bodies)):
+                other = (mine >> (_BITS * b)) & _PARTNER
+                votes = votes_of(other != 0)
+                if votes != 0:
+                    agreed = bits_of(other, first_of(votes))
+                    if votes_of(other != 0 and other != agreed) != 0:
                         return MANY
-                    partners = joined(partners, a, b)
-                elif b >= 0 and turning(model, wp.max(b, 0)):
-                    partners = joined(partners, b, a)
-                if partners == MANY:
-                    return MANY
+                    partners = partners | (agreed << (_BITS * b))
         return partners
 
     return partners_of
@@ -86,6 +102,12 @@ def point_mobility(mobility: mat66, rotation: wp.quat, arm: wp.vec3) -> wp.mat33
     both = lever * rt
     turn = rotation_matrix(rotation)
     return turn * (tt - both - wp.transpose(both) - lever * rr * lever) * wp.transpose(turn)
+
+
+@wp.func
+def partner_of(partners: int, b: int) -> int:
+    """Number of the lone sphere that body b touches, −1 for none."""
+    return ((partners >> (_BITS * b)) & _PARTNER) - 1
 
 
 def point_arm_term(f: Features) -> wp.Function:
@@ -144,15 +166,34 @@ def solve_system_term(rows: int) -> wp.Function:
     return solve_system
 
 
+def way_of_pair_term(f: Features) -> wp.Function:
+    """`(moved, pair) -> way`: how far the points of two bodies move apart [µm]; an obstacle's does not move."""
+    bodies, long = f.bodies, column(3 * f.bodies)
+
+    @wp.func
+    def way_of_pair(moved: long, pair: wp.vec2i) -> wp.vec3:
+        """The way [µm]: chosen, not indexed, since what is written out by constants stays in registers."""
+        way = wp.vec3(0.0)
+        for k in range(wp.static(bodies)):
+            sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
+            for r in range(3):
+                way[r] += sign * moved[3 * k + r]
+        return way
+
+    return way_of_pair
+
+
 def gather_points_term(f: Features) -> wp.Function:
     """`(listed, count, first, drags, moved) -> (system, right)` of one of Newton's steps."""
-    bodies = f.bodies
+    bodies, team, way_of_pair = f.bodies, settling_team(f), way_of_pair_term(f)
+    size_of, lane_of, value_of, bits_of, alone = team.size, team.lane, team.value, team.bits, team is ALONE
     matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
 
     @wp.func
     def gather_points(listed: ContactList, count: int, first: bool, drags: blocks, moved: long):
         """Matrix and right-hand sides at the moves of the points [µm], which `drags` [pN/µm] resist.
 
+        Each thread of a team works out another contact; then all of them add up all, in the order of the list.
         Neighbours of the same two bodies go together.
         """
         system = matrix()
@@ -163,30 +204,40 @@ def gather_points_term(f: Features) -> wp.Function:
                     system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
                     right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
         i = int(0)
+        line = Line()
+        way = wp.vec3(0.0)
         entry = entry_at(listed, 0)
+        ahead = entry_at(listed, wp.min(lane_of(), count - 1))
+        pair = entry.pair
         while i < count:
-            pair = entry.pair
-            way = wp.vec3(0.0)
-            # chosen, not indexed: what is written out by constants stays in registers
-            for k in range(wp.static(bodies)):
-                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
-                for r in range(3):
-                    way[r] += sign * moved[3 * k + r]
+            if wp.static(alone):
+                way = way_of_pair(moved, pair)
             stiffness = wp.mat33(0.0)
             force = wp.vec3(0.0)
             joined = bool(True)
             while joined:
-                # read before this one is worked out: the memory of a GPU is far away
-                ahead = entry_at(listed, wp.min(i + 1, count - 1))
-                n = point_of(entry.face)
-                opening = opened_by(entry.face) + wp.dot(way, n)
-                line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
-                listed.depth[i] = line.depth
-                stiffness = stiffness + wp.outer(line.slope * n, n)
-                force = force + line.load * n
+                lane = i % size_of()
+                if lane == 0:
+                    # read before these are worked out: the memory of a GPU is far away
+                    entry = ahead
+                    ahead = entry_at(listed, wp.min(i + size_of() + lane_of(), count - 1))
+                    if wp.static(not alone):
+                        way = way_of_pair(moved, entry.pair)
+                    opening = opened_by(entry.face) + wp.dot(way, point_of(entry.face))
+                    line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
+                    if i + lane_of() < count:
+                        listed.depth[i + lane_of()] = line.depth
+                own = point_of(entry.face)
+                n = wp.vec3(value_of(own[0], lane), value_of(own[1], lane), value_of(own[2], lane))
+                stiffness = stiffness + wp.outer(value_of(line.slope, lane) * n, n)
+                force = force + value_of(line.load, lane) * n
                 i += 1
-                entry = ahead
-                joined = i < count and entry.pair == pair
+                lane = i % size_of()
+                following = entry.pair
+                if lane == 0:
+                    following = ahead.pair
+                following = wp.vec2i(bits_of(following[0], lane), bits_of(following[1], lane))
+                joined = i < count and following == pair
             for k in range(wp.static(bodies)):
                 sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
                 for r in range(3):
@@ -198,6 +249,7 @@ def gather_points_term(f: Features) -> wp.Function:
                     for r in range(3):
                         for c in range(3):
                             system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
+            pair = following
         return system, right
 
     return gather_points
@@ -242,12 +294,52 @@ def point_force_term(f: Features) -> wp.Function:
     return point_force
 
 
+def take_points_term(f: Features) -> wp.Function:
+    """`(model, scale, partners, position, rotation, drags, moved, linear, angular, kept)`: take the solution."""
+    turning, point_arm, point_force = turning_term(f), point_arm_term(f), point_force_term(f)
+    bodies, team = f.bodies, settling_team(f)
+    size_of, lane_of = team.size, team.lane
+    blocks, long = table(3 * bodies, 3), column(3 * bodies)
+
+    @wp.func
+    def take_points(
+        model: ModelData, scale: float, partners: int, position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), drags: blocks, moved: long, linear: wp.array(dtype=wp.vec3),
+        angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3),
+    ):  # fmt: skip
+        """Add to the moves of the bodies [µm, rad] those that go with the moves of their points [µm], and keep these.
+
+        Each thread of the team moves another body.
+        """
+        for k in range(wp.static(bodies)):
+            b = k + lane_of()
+            if k % size_of() == 0 and b < wp.static(bodies):
+                move = wp.vec3()
+                force = wp.vec3()
+                for j in range(wp.static(bodies)):
+                    # chosen, not indexed, as above
+                    if j == b:
+                        move = wp.vec3(moved[3 * j], moved[3 * j + 1], moved[3 * j + 2])
+                        force = point_force(drags, j, move)
+                kept[b] = move
+                if turning(model, b):
+                    arm = point_arm(model, position, b, partner_of(partners, b))
+                    turn = rigid_response(model.body, b, rotation[b], scale, arm, force)
+                    linear[b] = linear[b] + turn.linear
+                    angular[b] = angular[b] + turn.angular
+                else:
+                    linear[b] = linear[b] + move
+
+    return take_points
+
+
 def solve_points_term(f: Features) -> wp.Function:
     """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept) -> float`."""
-    turning, point_arm, point_drag = turning_term(f), point_arm_term(f), point_drag_term(f)
+    point_arm, point_drag = point_arm_term(f), point_drag_term(f)
     gather_points, solve_system = gather_points_term(f), solve_system_term(3 * f.bodies)
-    point_force = point_force_term(f)
-    bodies = f.bodies
+    take_points = take_points_term(f)
+    bodies, team = f.bodies, settling_team(f)
+    size_of, lane_of, value_of = team.size, team.lane, team.value
     blocks, long, short = table(3 * bodies, 3), column(3 * bodies), column(bodies)
 
     @wp.func
@@ -265,14 +357,21 @@ def solve_points_term(f: Features) -> wp.Function:
         drags = blocks()
         gives = short()
         moved = long()
+        drag = wp.mat33(0.0)
+        give = float(0.0)
         for k in range(wp.static(bodies)):
-            # a body without a partner is moved by nothing, and any point of it will do
-            arm = point_arm(model, position, k, ((partners >> (_BITS * k)) & _PARTNER) - 1)
-            drag, give = point_drag(model, scale, rotation, k, arm)
-            gives[k] = give
+            lane = k % size_of()
+            if lane == 0:
+                # a body for each thread of the team, whose drag is then handed round
+                b = wp.min(k + lane_of(), wp.static(bodies - 1))
+                # a body without a partner is moved by nothing, and any point of it will do
+                drag, give = point_drag(
+                    model, scale, rotation, b, point_arm(model, position, b, partner_of(partners, b))
+                )
+            gives[k] = value_of(give, lane)
             for r in range(3):
                 for c in range(3):
-                    drags[3 * k + r, c] = drag[r, c]
+                    drags[3 * k + r, c] = value_of(drag[r, c], lane)
                 if again:
                     moved[3 * k + r] = kept[k][r]
         error = float(0.0)
@@ -289,16 +388,7 @@ def solve_points_term(f: Features) -> wp.Function:
                 if error == 0.0 or round == ROUNDS - 1:
                     break
             moved += wp.where(round < WHOLE_ROUNDS, 1.0, 0.5) * solve_system(system, right)
-        for k in range(wp.static(bodies)):
-            move = wp.vec3(moved[3 * k], moved[3 * k + 1], moved[3 * k + 2])
-            kept[k] = move
-            if turning(model, k):
-                arm = point_arm(model, position, k, ((partners >> (_BITS * k)) & _PARTNER) - 1)
-                turn = rigid_response(model.body, k, rotation[k], scale, arm, point_force(drags, k, move))
-                linear[k] = linear[k] + turn.linear
-                angular[k] = angular[k] + turn.angular
-            else:
-                linear[k] = linear[k] + move
+        take_points(model, scale, partners, position, rotation, drags, moved, linear, angular, kept)
         return error
 
     return solve_points

@@ -7,7 +7,7 @@ In: nothing of the other rooms. Out:
     contiguous                                      elements of arrays without strides
     features, dynamics                              what a scene needs; what an integrator is composed from
     medium, noise, random, rotation, roots          arithmetic of the liquid, of thermal noise, of turns
-    keyframes, worlds                               samples in time; worlds with clocks of their own
+    keyframes, worlds, team                         samples in time; worlds with clocks of their own; who steps one
     cells, periodic, recycling                      space: neighbours, what repeats, inlets and outlets
     faults, reads, rounding                         what went wrong, reading past caches, how finely numbers round
     functions, precision                            functions from outside and from text; float64 kernels from float32

@@ -103,6 +103,7 @@ class Features:
         phased: GPU form of the `world` driver for bodies that turn and touch: a kernel for each stage of a step.
         cached: CPU form of the `world` driver: a thread has a cache to itself, so that constants of the bodies are read
             once a launch and not once a stage, and few contacts are solved for their forces.
+        team: In phases, threads that share out a world, several where worlds are few; see `kernels.core.team`.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
         vectors: In `lanes` of lone spheres, there are worlds enough to step equal ones in a processor's vectors.
@@ -144,6 +145,7 @@ class Features:
     keeps: bool = False
     phased: bool = False
     cached: bool = False
+    team: int = 1
     lanes: bool = False
     vectors: bool = False
 

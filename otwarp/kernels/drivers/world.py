@@ -8,14 +8,12 @@ from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.periodic import kept_in_cell
-from otwarp.kernels.core.rotation import rotate_by
+from otwarp.kernels.core.team import team_of
 from otwarp.kernels.core.types import BodyConstants, ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
-from otwarp.kernels.drivers.inlets import let_all_in_term
 from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
+from otwarp.kernels.drivers.world_moves import finish_term
 from otwarp.kernels.drivers.world_room import (
     BodyRoom,
     CarryRoom,
@@ -30,10 +28,8 @@ from otwarp.kernels.drivers.world_room import (
     solve_room_in,
     store_bodies_term,
 )
-from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.kernels.optics.escapes import escape_term
 from otwarp.kernels.optics.trap_wrench import move_trap_term
 
 
@@ -51,92 +47,18 @@ def keep_together():
     ...
 
 
-@wp.func
-def all_good(readout: ReadoutData, world: int, bodies: int, body: BodyRoom, step: wp.int64) -> bool:
-    """Whether the step may be taken: every move is finite and no body of the world has a fault."""
-    good = bool(True)
-    for b in range(bodies):
-        if not finite(body.position[b] + body.linear[b] + body.angular[b]):
-            raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
-        if readout.fault[world, b] != 0:
-            good = False
-    return good
-
-
-def take_move_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, world, b, body, step)`: body b arrives at `step`."""
-    record_escapes = escape_term(f) if f.escapes else None
-
-    @wp.func
-    def take_move(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int,
-        body: BodyRoom, step: wp.int64,
-    ):  # fmt: skip
-        """Move and turn a body by its move [µm, rad], and record escapes."""
-        position = body.position
-        rotation = body.rotation
-        before = Pose(position[b], rotation[b])
-        position[b] = position[b] + body.linear[b]
-        if wp.static(f.rigid):
-            rotation[b] = rotate_by(rotation[b], body.angular[b])
-        if wp.static(f.walls > 0):
-            position[b] = position[b] + out_of_walls(model.walls, b, Pose(position[b], rotation[b]))
-        if wp.static(f.escapes):
-            time = wp.float64(step) * model.time_step
-            pose = Pose(position[b], rotation[b])
-            record_escapes(model, control, state, readout, world, b, before, pose, step, time)
-        if wp.static(f.periodic):
-            position[b] = kept_in_cell(model, state, world, b, position[b])
-
-    return take_move
-
-
-def take_moves_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, world, body, step)`: arrive at `step`."""
-    take_move = take_move_term(f)
-    let_all_in = let_all_in_term(f) if f.inlet else None
-
-    @wp.func
-    def take_moves(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
-        step: wp.int64,
-    ):  # fmt: skip
-        """Move and turn all bodies by their moves [µm, rad], and record escapes."""
-        bodies = int(wp.static(f.bodies))
-        for b in range(bodies):
-            take_move(model, control, state, readout, world, b, body, step)
-        if wp.static(f.inlet):
-            let_all_in(model, state, readout, world, body.position, step)
-
-    return take_moves
-
-
-def finish_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, world, body, step) -> bool`: end a step, unless a body has a fault."""
-    take_moves = take_moves_term(f)
-
-    @wp.func
-    def finish(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, body: BodyRoom,
-        step: wp.int64,
-    ) -> bool:  # fmt: skip
-        """Take the moves of the step; false, and nothing moved, if a body of the world has a fault."""
-        good = all_good(readout, world, wp.static(f.bodies), body, step)
-        if good:
-            take_moves(model, control, state, readout, world, body, step + wp.int64(1))
-        return good
-
-    return finish
-
-
 def move_traps_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, time)`: move the foci of all traps towards where they are commanded."""
-    move_trap = move_trap_term(f)
+    """`(model, control, state, world, time)`: move the foci of all traps towards where they are commanded.
+
+    Each thread of the team moves others.
+    """
+    move_trap, team = move_trap_term(f), team_of(f)
+    size_of, lane_of = team.size, team.lane
 
     @wp.func
     def move_traps(model: ModelData, control: ControlData, state: StateData, world: int, time: wp.float64):
         """Move all foci one step on from `time` [s], none faster than its speed limit [µm/s]."""
-        for trap in range(model.traps.axis.shape[0]):
+        for trap in range(lane_of(), model.traps.axis.shape[0], size_of()):
             move_trap(model, control, state, world, trap, time)
 
     return move_traps
@@ -146,6 +68,7 @@ def predict_body_term(f: Features) -> wp.Function:
     """`(model, control, state, world, b, body, step, time)`: the integrator's first stage of body b by itself."""
     constants_of, dynamics = constants_term(f), body_dynamics(f)[1]
     predict = INTEGRATORS[f.integrator].predict(dynamics)
+    lane_of = team_of(f).lane
 
     @wp.func
     def predict_body(
@@ -156,10 +79,11 @@ def predict_body_term(f: Features) -> wp.Function:
         constants = constants_of(model, control, world, b, body)
         pose = Pose(body.position[b], body.rotation[b])
         move, now = predict(model, control, state, constants, world, b, pose, step, time)
-        body.free[b] = move
-        body.drift[b] = now
-        body.linear[b] = linear_part(move)
-        body.angular[b] = angular_part(move)
+        if lane_of() == 0:
+            body.free[b] = move
+            body.drift[b] = now
+            body.linear[b] = linear_part(move)
+            body.angular[b] = angular_part(move)
 
     return predict_body
 
@@ -189,6 +113,7 @@ def correct_body_term(f: Features) -> wp.Function | None:
         return None
     constants_of, dynamics = constants_term(f), body_dynamics(f)[1]
     correct = scheme.correct(dynamics)
+    lane_of, wait = team_of(f).lane, team_of(f).wait
 
     @wp.func
     def correct_body(
@@ -201,11 +126,14 @@ def correct_body_term(f: Features) -> wp.Function | None:
         moved = twist(body.linear[b], body.angular[b])
         more = correct(model, control, state, constants, world, b, pose, body.drift[b], moved, step, time)
         move = body.free[b] + more
-        if wp.static(f.bends):
-            # so that free − drift is the whole move by the contact forces so far; the drift itself has served
-            body.drift[b] = body.free[b] - moved - more
-        body.linear[b] = linear_part(move)
-        body.angular[b] = angular_part(move)
+        drift = body.free[b] - moved - more
+        wait()
+        if lane_of() == 0:
+            if wp.static(f.bends):
+                # so that free − drift is the whole move by the contact forces so far; the drift itself has served
+                body.drift[b] = drift
+            body.linear[b] = linear_part(move)
+            body.angular[b] = angular_part(move)
 
     return correct_body
 

@@ -3,18 +3,27 @@
 import warp as wp
 
 from otwarp.kernels.contact.blocks import block_count
-from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, open_gaps_term, solve_bodies_term
+from otwarp.kernels.contact.body_solve import (
+    MAX_POINTS,
+    SpaceRoom,
+    nodes_of,
+    open_gaps_term,
+    settling_team,
+    solve_bodies_term,
+)
 from otwarp.kernels.contact.contact import UNSETTLED
 from otwarp.kernels.contact.contact_list import ContactList, solved_term
-from otwarp.kernels.contact.detect import pair_contacts_term, wall_contacts_term, wall_poses_term
+from otwarp.kernels.contact.detect import pair_contacts_term, pair_reach_term
+from otwarp.kernels.contact.detect_walls import wall_contacts_term, wall_poses_term, wall_reach_term
 from otwarp.kernels.contact.few_solve import FEW, solve_few_term
-from otwarp.kernels.contact.point_solve import MANY, MAX_POINTS, partners_term, solve_points_term
+from otwarp.kernels.contact.point_solve import MANY, partners_term, solve_points_term
 from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.team import first_of, team_of
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
 
@@ -37,8 +46,8 @@ def find_contacts_term(f: Features) -> wp.Function:
     A gap is a contact if the free moves of its bodies may close it, others pushing as far as the farthest of them, or
     if its path may touch in between.
     """
-    pair_contacts = pair_contacts_term(f) if f.pairs else None
-    wall_poses, wall_contacts = (wall_poses_term(f), wall_contacts_term(f)) if f.obstacles else (None, None)
+    find_at_walls = find_at_walls_term(f) if f.obstacles else None
+    find_pairs = find_pairs_term(f) if f.pairs else None
 
     @wp.func
     def find_contacts(
@@ -46,51 +55,125 @@ def find_contacts_term(f: Features) -> wp.Function:
         step: wp.int64, time: wp.float64,
     ) -> int:  # fmt: skip
         """Number of contacts of all bodies with obstacles and with each other, listed in `room`."""
-        position = body.position
-        rotation = body.rotation
-        linear = body.linear
-        angular = body.angular
         bodies = int(wp.static(f.bodies))
         count = int(0)
         farthest = float(0.0)
-        if wp.static(f.brownian):
-            wander = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
+        wander = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
         for a in range(bodies):
-            farthest = wp.max(farthest, free_travel(model, a, Move(linear[a], angular[a])))
+            farthest = wp.max(farthest, free_travel(model, a, Move(body.linear[a], body.angular[a])))
             if wp.static(f.brownian):
                 wander[a] = wander_of(model, world, a)
         if wp.static(bool(f.obstacles)):
-            # obstacle by obstacle, so that each is looked for in its key frames once
-            for o in range(model.obstacles.shape.shape[0]):
-                wall, later = wall_poses(model, o, time)
-                for a in range(bodies):
-                    pose = Pose(position[a], rotation[a])
-                    move = Move(linear[a], angular[a])
-                    near = wp.min(farthest, PUSHED * model.body.bound[a])
-                    if wp.static(f.brownian):
-                        near = wp.max(near, thermal_reach(wander[a]))
-                    count = wall_contacts(
-                        model, readout, world, a, o, pose, move, wall, later, near, room.listed, count, step
-                    )  # fmt: skip
+            count = find_at_walls(
+                model, readout, world, body, farthest, wander, room.listed, count, step, time
+            )  # fmt: skip
         if wp.static(f.pairs):
-            for a in range(bodies):
-                pose_a = Pose(position[a], rotation[a])
-                move_a = Move(linear[a], angular[a])
-                pushed = wp.min(farthest, PUSHED * model.body.bound[a])
-                for b in range(a):
-                    pose_b = Pose(position[b], rotation[b])
-                    if wp.static(f.periodic):
-                        pose_b.position += image_shift(model.period, pose_b.position - pose_a.position)
-                    move_b = Move(linear[b], angular[b])
-                    near = pushed
-                    if wp.static(f.brownian):
-                        near = wp.max(near, thermal_reach(wander[a] + wander[b]))
-                    count = pair_contacts(
-                        model, readout, world, a, b, pose_a, pose_b, move_a, move_b, near, room.listed, count, step
-                    )  # fmt: skip
+            count = find_pairs(model, readout, world, body, farthest, wander, room.listed, count, step)
         return count
 
     return find_contacts
+
+
+def find_at_walls_term(f: Features) -> wp.Function:
+    """`(model, readout, world, body, farthest, wander, listed, count, step, time) -> count`: with obstacles."""
+    team = team_of(f)
+    size_of, lane_of, votes_of, value_of, bits_of = team.size, team.lane, team.votes, team.value, team.bits
+    wall_poses, wall_reach, wall_contacts = wall_poses_term(f), wall_reach_term(f), wall_contacts_term(f)
+
+    @wp.func
+    def find_at_walls(
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, farthest: float,
+        wander: wp.array(dtype=float), listed: ContactList, count: int, step: wp.int64, time: wp.float64,
+    ) -> int:  # fmt: skip
+        """The new count. Obstacle by obstacle, so that each is looked for in its key frames once."""
+        position = body.position
+        rotation = body.rotation
+        bodies = int(wp.static(f.bodies))
+        obstacles = model.obstacles.shape.shape[0]
+        reach = wp.zeros(shape=(wp.static(f.bodies),), dtype=float)
+        for first in range(0, obstacles, size_of()):
+            # an obstacle for each thread of the team, then all of them together for those that a body is near
+            o = wp.min(first + lane_of(), obstacles - 1)
+            wall, later = wall_poses(model, o, time)
+            near = int(0)
+            for a in range(bodies):
+                pushed = wp.min(farthest, PUSHED * model.body.bound[a])
+                if wp.static(f.brownian):
+                    pushed = wp.max(pushed, thermal_reach(wander[a]))
+                move = Move(body.linear[a], body.angular[a])
+                reach[a] = wall_reach(model, a, o, Pose(position[a], rotation[a]), move, wall, later, pushed)
+                if reach[a] >= 0.0 and first + lane_of() < obstacles:
+                    near = near | (1 << a)
+            votes = votes_of(near != 0)
+            while votes != 0:
+                lane = first_of(votes)
+                votes = votes & (votes - 1)
+                if wp.static(f.team > 1):
+                    wall, later = wall_poses(model, first + lane, time)
+                for a in range(bodies):
+                    if (bits_of(near, lane) >> a) & 1 != 0:
+                        count = wall_contacts(
+                            model, readout, world, a, first + lane, Pose(position[a], rotation[a]),
+                            Move(body.linear[a], body.angular[a]), wall, later, value_of(reach[a], lane), listed,
+                            count, step,
+                        )  # fmt: skip
+        return count
+
+    return find_at_walls
+
+
+def find_pairs_term(f: Features) -> wp.Function:
+    """`(model, readout, world, body, farthest, wander, listed, count, step) -> count`: between bodies."""
+    team = team_of(f)
+    size_of, lane_of, votes_of, value_of = team.size, team.lane, team.votes, team.value
+    reach_of_pair, pair_contacts = pair_reach_term(f), pair_contacts_term(f)
+
+    @wp.func
+    def beside(model: ModelData, body: BodyRoom, a: int, b: int) -> Pose:
+        """Pose of body b, or of its image, where it is nearest to body a."""
+        position = body.position
+        rotation = body.rotation
+        pose = Pose(position[b], rotation[b])
+        if wp.static(f.periodic):
+            pose.position += image_shift(model.period, pose.position - position[a])
+        return pose
+
+    @wp.func
+    def find_pairs(
+        model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, farthest: float,
+        wander: wp.array(dtype=float), listed: ContactList, count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """The new count, body by body with those before it."""
+        position = body.position
+        rotation = body.rotation
+        bodies = int(wp.static(f.bodies))
+        for a in range(bodies):
+            pose_a = Pose(position[a], rotation[a])
+            move_a = Move(body.linear[a], body.angular[a])
+            for first in range(0, a, size_of()):
+                # as before obstacles: a body for each thread, then all of them for those that are near
+                mine = first + lane_of()
+                reach = float(-1.0)
+                if mine < a:
+                    pushed = wp.min(farthest, PUSHED * model.body.bound[a])
+                    if wp.static(f.brownian):
+                        pushed = wp.max(pushed, thermal_reach(wander[a] + wander[mine]))
+                    move = Move(body.linear[mine], body.angular[mine])
+                    reach = reach_of_pair(
+                        model, a, mine, pose_a, beside(model, body, a, mine), move_a, move, pushed
+                    )  # fmt: skip
+                votes = votes_of(reach >= 0.0)
+                while votes != 0:
+                    lane = first_of(votes)
+                    votes = votes & (votes - 1)
+                    b = first + lane
+                    count = pair_contacts(
+                        model, readout, world, a, b, pose_a, beside(model, body, a, b), move_a,
+                        Move(body.linear[b], body.angular[b]), value_of(reach, lane), listed, count, step,
+                    )  # fmt: skip
+        return count
+
+    return find_pairs
 
 
 def settle_term(f: Features) -> wp.Function:
@@ -125,6 +208,8 @@ def solve_moves_term(f: Features) -> wp.Function:
 
     For what they move one point of each body, where they all run through such; on CPUs a few for their forces.
     """
+    team = settling_team(f)
+    lane_of, value_of, wait = team.lane, team.value, team.wait
     solve_few = solve_few_term(f, FEW) if f.cached else None
     many = not f.cached or f.max_contacts > FEW
     points = many and f.bodies <= MAX_POINTS
@@ -151,7 +236,11 @@ def solve_moves_term(f: Features) -> wp.Function:
                 )  # fmt: skip
         if wp.static(solve_bodies is not None):
             if partners == MANY:
-                error = solve_bodies(model, world, listed, count, body, again, moved)
+                # by one thread, from what all of them have written
+                wait()
+                if lane_of() == 0:
+                    error = solve_bodies(model, world, listed, count, body, again, moved)
+                error = value_of(error, 0)
         return error
 
     return solve_moves
@@ -161,6 +250,7 @@ def settle_moves_term(f: Features) -> wp.Function:
     """`settle` of `Stages` where contacts are solved for what they move."""
     open_gaps = open_gaps_term(f)
     solve_moves = solve_moves_term(f)
+    lane_of = settling_team(f).lane
 
     @wp.func
     def settle(
@@ -178,7 +268,7 @@ def settle_moves_term(f: Features) -> wp.Function:
         listed = room.listed
         open_gaps(listed, count, again, body.linear, body.angular, body.free, body.drift)
         error = solve_moves(model, world, listed, count, body, again, room.moved)
-        if error > UNSETTLED * radius_of(listed.arm_a[0]) and sane:
+        if error > UNSETTLED * radius_of(listed.arm_a[0]) and sane and lane_of() == 0:
             raise_fault(readout, world, listed.pair[0][0], wp.static(int(Fault.UNSETTLED)), step)
 
     return settle

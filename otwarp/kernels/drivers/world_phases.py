@@ -1,9 +1,10 @@
 """The `world` driver in phases: a kernel for each stage of a step, for scenes and devices where one for all is slow.
 
 A GPU fetches instructions slower than it runs them, and a step of bodies that turn and touch is more code than a
-multiprocessor caches: here each kernel is small, runs for all worlds before the next, and has as many threads as its
-work has parts. The functions are those of `world`, so that results are the same; what a stage finds out stays in
-`WorldScratch`. The number of the step is read from a clock, so that a graph of many steps can be replayed.
+multiprocessor caches: here each kernel is small, runs for all worlds before the next, and has a thread for each body
+or world; or where worlds are few a team of threads, since a step of few worlds lasts as long as its slowest thread. The
+functions are those of `world`, so that results are the same; what a stage finds out stays in `WorldScratch`. The number
+of the step is read from a clock, so that a graph of many steps can be replayed.
 """
 
 from dataclasses import dataclass
@@ -11,11 +12,14 @@ from typing import Any
 
 import warp as wp
 
+from otwarp.kernels.contact.body_solve import settling_team
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.team import ALONE, team_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
-from otwarp.kernels.drivers.world import correct_body_term, finish_term, move_traps_term, predict_body_term
+from otwarp.kernels.drivers.world import correct_body_term, move_traps_term, predict_body_term
 from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
+from otwarp.kernels.drivers.world_moves import finish_term
 from otwarp.kernels.drivers.world_room import (
     CarryRoom,
     ContactRoom,
@@ -38,11 +42,12 @@ class WorldPhases:
 
     Attributes:
         predict: Free moves of the integrator's first stage: one thread per body.
-        find: Moves traps and lists contacts: one thread per world, as all that follow.
-        settle: Solves the contacts, in the first stage and again in the second.
+        find: Moves traps and lists contacts: a team per world.
+        settle: Solves the contacts, in the first stage and again in the second: a team or a thread per world.
         correct: The second stage: one thread per body.
-        finish: Takes the moves.
-        report: After the last step of a call, writes the contact forces.
+        finish: Takes the moves: a team per world.
+        report: After the last step of a call, writes the contact forces: one thread per world.
+        settled_together: Whether a team settles.
     """
 
     predict: wp.Kernel
@@ -51,6 +56,7 @@ class WorldPhases:
     correct: wp.Kernel | None
     finish: wp.Kernel
     report: wp.Kernel | None
+    settled_together: bool
 
     @property
     def all(self) -> list[wp.Kernel]:
@@ -69,13 +75,15 @@ def make_world_phases(f: Features) -> WorldPhases:
         correct=make_free_stage(f, correct) if correct is not None else None,
         finish=make_finish(f),
         report=make_report(f) if f.contacts else None,
+        settled_together=settling_team(f) is not ALONE,
     )
 
 
 def kernel_of(f: Features, blocks: int) -> Any:
     """Decorator of a kernel of which so many blocks are to fit on a multiprocessor; float64 needs all registers."""
     options = {**f.module_options, "block_dim": BLOCK}
-    bounds = (BLOCK,) if f.precision == "float64" else (BLOCK, blocks)
+    # teams are few, and each has all the registers that it can use
+    bounds = (BLOCK,) if f.precision == "float64" or f.team > 1 else (BLOCK, blocks)
     how = {"grid_stride": False, "launch_bounds": bounds, "module_options": options}
     return wp.kernel(module="unique", enable_backward=False, **how)
 
@@ -102,8 +110,10 @@ def place_term(f: Features) -> wp.Function:
 
 
 def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
-    """Kernel over (bodies, worlds) of a stage of the integrator: threads of a warp have the same body."""
+    """Kernel over (bodies, threads of teams) of a stage of the integrator: threads of a warp have the same body."""
     place_of, bodies_in = place_term(f), bodies_in_term(f)
+
+    size_of = team_of(f).size
 
     @kernel_of(f, FREE_BLOCKS)
     def free_stage(
@@ -111,7 +121,8 @@ def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
         clock: wp.array(dtype=wp.int64), ahead: int,
     ):  # fmt: skip
         """Move body b of each world as if it touched nothing."""
-        b, place = wp.tid()
+        b, thread = wp.tid()
+        place = thread // size_of()
         world, step = place_of(model, readout, place, clock, ahead)
         if world < 0:
             return
@@ -122,10 +133,11 @@ def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:
 
 
 def make_find(f: Features) -> wp.Kernel:
-    """Kernel over worlds: move the traps that the first stage has seen, and list what may touch."""
+    """Kernel over threads of teams: move the traps that the first stage has seen, and list what may touch."""
     place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
     move_traps = move_traps_term(f) if f.speed_limits else None
     find_contacts = find_contacts_term(f) if f.contacts else None
+    size_of, lane_of = team_of(f).size, team_of(f).lane
 
     @kernel_of(f, FIND_BLOCKS)
     def find(
@@ -133,7 +145,7 @@ def make_find(f: Features) -> wp.Kernel:
         clock: wp.array(dtype=wp.int64), ahead: int,
     ):  # fmt: skip
         """Move foci, and write the contacts of each world and their number."""
-        place = wp.tid()
+        place = wp.tid() // size_of()
         world, step = place_of(model, readout, place, clock, ahead)
         if world < 0:
             return
@@ -144,15 +156,17 @@ def make_find(f: Features) -> wp.Kernel:
             room = ContactRoom()
             room.listed = list_in(scratch, place)
             body = bodies_in(state, scratch, world, place)
-            scratch.count[place] = find_contacts(model, readout, world, body, room, CarryRoom(), step, time)
+            count = find_contacts(model, readout, world, body, room, CarryRoom(), step, time)
+            if lane_of() == 0:
+                scratch.count[place] = count
 
     return find
 
 
 def make_settle(f: Features) -> wp.Kernel:
-    """Kernel over worlds: solve the contacts."""
+    """Kernel over threads of teams, or over worlds: solve the contacts."""
     place_of, bodies_in, list_in = place_term(f), bodies_in_term(f), list_in_term(f)
-    settle_contacts = settle_term(f)
+    settle_contacts, size_of = settle_term(f), settling_team(f).size
 
     @kernel_of(f, SETTLE_BLOCKS)
     def settle(
@@ -160,7 +174,7 @@ def make_settle(f: Features) -> wp.Kernel:
         clock: wp.array(dtype=wp.int64), ahead: int, again: int,
     ):  # fmt: skip
         """Add to the moves of all bodies what their contacts move; `again` in the second stage."""
-        place = wp.tid()
+        place = wp.tid() // size_of()
         world, step = place_of(model, readout, place, clock, ahead)
         if world < 0:
             return
@@ -179,8 +193,9 @@ def make_settle(f: Features) -> wp.Kernel:
 
 
 def make_finish(f: Features) -> wp.Kernel:
-    """Kernel over worlds: take the moves of the step."""
+    """Kernel over threads of teams: take the moves of the step."""
     place_of, bodies_in, finish_step = place_term(f), bodies_in_term(f), finish_term(f)
+    size_of = team_of(f).size
 
     @kernel_of(f, FREE_BLOCKS)
     def finish(
@@ -188,7 +203,7 @@ def make_finish(f: Features) -> wp.Kernel:
         clock: wp.array(dtype=wp.int64), ahead: int,
     ):  # fmt: skip
         """Arrive at the end of the step, unless a body has a fault."""
-        place = wp.tid()
+        place = wp.tid() // size_of()
         world, step = place_of(model, readout, place, clock, ahead)
         if world < 0:
             return

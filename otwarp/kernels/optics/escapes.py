@@ -52,6 +52,26 @@ def escape_term(f: Features) -> wp.Function:
     has come to, at both ends of the step. As long as no point of the body has moved by the leeway [µm], nothing can be
     lost.
     """
+    record_escape = trap_escape_term(f)
+
+    @wp.func
+    def record_escapes(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int,
+        before: Pose, pose: Pose, step: wp.int64, time: wp.float64,
+    ) -> float:  # fmt: skip
+        """Record the escapes of body b in this step; returns the leeway [µm], inf where no trap holds it."""
+        leeway = float(wp.inf)
+        for trap in range(model.traps.axis.shape[0]):
+            if model.traps.held_body[trap] == b:
+                left = record_escape(model, control, state, readout, world, trap, before, pose, step, time)
+                leeway = wp.min(leeway, left)
+        return leeway
+
+    return record_escapes
+
+
+def trap_escape_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, world, trap, before, pose, step, time) -> leeway` of the body a trap holds."""
     trap_command = trap_command_term(f)
     number = number_term(f)
 
@@ -65,39 +85,38 @@ def escape_term(f: Features) -> wp.Function:
         return wp.length_sq(away)
 
     @wp.func
-    def record_escapes(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, b: int,
+    def record_escape(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, world: int, trap: int,
         before: Pose, pose: Pose, step: wp.int64, time: wp.float64,
     ) -> float:  # fmt: skip
-        """Record the escapes of body b in this step; returns the leeway [µm], inf where no trap holds it."""
+        """Record the escape from a trap in this step; returns the leeway [µm], inf if it holds nothing any more."""
         leeway = float(wp.inf)
-        for trap in range(model.traps.axis.shape[0]):
-            if model.traps.held_body[trap] == b and readout.escape_step[world, trap] < wp.int64(0):
-                command = trap_command(model, control, state, world, trap, time)
-                reach = model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
-                after2 = distance2(model, trap, command, pose)
-                near = reach
-                # a dark trap holds nothing that could escape
-                lost = power_of(command) > 0.0 and after2 > reach * reach
-                if wp.static(f.brownian and f.crossings):
-                    if power_of(command) > 0.0 and not lost:
-                        s2 = spread2(model, world, trap)
-                        near = wp.max(reach - NEAR * wp.sqrt(s2), 0.0)
-                        start = trap_command(model, control, state, world, trap, time - model.time_step)
-                        before2 = distance2(model, trap, start, before)
-                        if wp.max(before2, after2) > near * near and before2 < reach * reach:
-                            lost = crossed(
-                                model.seed, number(model, world), trap, step - wp.int64(1), reach, before2, after2, s2
-                            )  # fmt: skip
-                if lost:
-                    readout.escape_step[world, trap] = step
-                elif power_of(command) > 0.0:
-                    leeway = wp.min(leeway, near - wp.sqrt(after2))
-                if wp.static(not f.still_traps):
-                    leeway = 0.0
+        if readout.escape_step[world, trap] < wp.int64(0):
+            command = trap_command(model, control, state, world, trap, time)
+            reach = model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
+            after2 = distance2(model, trap, command, pose)
+            near = reach
+            # a dark trap holds nothing that could escape
+            lost = power_of(command) > 0.0 and after2 > reach * reach
+            if wp.static(f.brownian and f.crossings):
+                if power_of(command) > 0.0 and not lost:
+                    s2 = spread2(model, world, trap)
+                    near = wp.max(reach - NEAR * wp.sqrt(s2), 0.0)
+                    start = trap_command(model, control, state, world, trap, time - model.time_step)
+                    before2 = distance2(model, trap, start, before)
+                    if wp.max(before2, after2) > near * near and before2 < reach * reach:
+                        lost = crossed(
+                            model.seed, number(model, world), trap, step - wp.int64(1), reach, before2, after2, s2
+                        )  # fmt: skip
+            if lost:
+                readout.escape_step[world, trap] = step
+            elif power_of(command) > 0.0:
+                leeway = wp.min(leeway, near - wp.sqrt(after2))
+            if wp.static(not f.still_traps):
+                leeway = 0.0
         return leeway
 
-    return record_escapes
+    return record_escape
 
 
 @wp.func

@@ -8,6 +8,7 @@ from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.team import team_of
 from otwarp.kernels.core.types import (
     Aim,
     ControlData,
@@ -258,6 +259,14 @@ def trap_wrench_term(f: Features) -> wp.Function:
         return blocked_wrench_term(f, *blocked)
     aim_at, pulled = aim_term(f), pull_term(f)
     aims_are_kept, unrolled = keeps_aims(f), f.traps <= KEPT_AIMS
+    size_of, lane_of, value_of = team_of(f).size, team_of(f).lane, team_of(f).value
+
+    @wp.func
+    def told(aim: Aim, lane: int) -> Aim:
+        """The aim that a thread of the team has made [µm, mW, µm²]."""
+        anchor = aim.anchor
+        anchor = wp.vec3(value_of(anchor[0], lane), value_of(anchor[1], lane), value_of(anchor[2], lane))
+        return Aim(anchor, value_of(aim.power, lane), value_of(aim.reach2, lane))
 
     @wp.func
     def pull_of_kept(
@@ -289,15 +298,29 @@ def trap_wrench_term(f: Features) -> wp.Function:
         model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
         time: wp.float64,
     ) -> Wrench:  # fmt: skip
-        """Force [pN] and torque [pN·µm] of all traps, sphere by sphere: a sphere takes longer to place than a trap."""
+        """Force [pN] and torque [pN·µm] of all traps, sphere by sphere: a sphere takes longer to place than a trap.
+
+        Each thread of a team aims other traps, and sees to other spheres; all add up all of them in their order.
+        """
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(not aims_are_kept):
             aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
             traps = int(wp.static(f.traps))
-            for trap in range(traps):
-                aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+            if wp.static(f.team > 1):
+                for first in range(0, traps, size_of()):
+                    aim = aim_at(model, control, state, world, b, pose, wp.min(first + lane_of(), traps - 1), time)
+                    for k in range(wp.min(size_of(), traps - first)):
+                        aims[first + k] = told(aim, k)
+            else:
+                for trap in range(traps):
+                    aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
         turn = rotation_matrix(pose.rotation)
-        for element in range(index_at(model.body.trapped_start, b), index_at(model.body.trapped_start, b + 1)):
+        start = index_at(model.body.trapped_start, b)
+        end = index_at(model.body.trapped_start, b + 1)
+        for first in range(start, end, size_of()):
+            element = first
+            if wp.static(f.team > 1):
+                element = wp.min(first + lane_of(), end - 1)
             sphere = vec4_at(model.body.trapped, element)
             arm = turn * point_of(sphere)
             place = pose.position + arm
@@ -305,8 +328,14 @@ def trap_wrench_term(f: Features) -> wp.Function:
                 force = pull_of_kept(model, body, world, place, radius_of(sphere), element)
             else:
                 force = pull_of_aims(model, aims, world, place, radius_of(sphere), element)
-            total.force += force
-            total.torque += wp.cross(arm, force)
+            if wp.static(f.team > 1):
+                torque = wp.cross(arm, force)
+                for k in range(wp.min(size_of(), end - first)):
+                    total.force += wp.vec3(value_of(force[0], k), value_of(force[1], k), value_of(force[2], k))
+                    total.torque += wp.vec3(value_of(torque[0], k), value_of(torque[1], k), value_of(torque[2], k))
+            else:
+                total.force += force
+                total.torque += wp.cross(arm, force)
         return total
 
     return trap_wrench

@@ -20,18 +20,25 @@ ROUNDED = 2e-5
 """Places and forces of equal steps in kernels of a GPU [µm, pN], whose compiler fuses other multiplications in each."""
 
 
-def in_one_and_in_phases(device: str) -> list[Simulation]:
-    sims = [Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device) for _ in range(2)]
-    for sim, phased in zip(sims, (False, True), strict=True):
-        step = make_step(dataclasses.replace(sim.model.features, phased=phased))
-        parts = StepperParts(step, sim.model, sim.state, sim.control, sim._readout, threads=1)
-        sim._stepper = PhasedStepper(parts) if phased else FusedStepper(parts)
-    return sims
+FORMS = {
+    "one kernel": {"phased": False, "team": 1},
+    "phases": {"phased": True, "team": 1},
+    "teams": {"phased": True, "team": 8},
+}
 
 
-def test_same_steps_however_launched(device):
+def stepped_as(form: str, device: str) -> Simulation:
+    sim = Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device)
+    step = make_step(dataclasses.replace(sim.model.features, cached=False, **FORMS[form]))
+    parts = StepperParts(step, sim.model, sim.state, sim.control, sim._readout, threads=1)
+    sim._stepper = PhasedStepper(parts) if step.phases else FusedStepper(parts)
+    return sim
+
+
+@pytest.mark.parametrize("form", ["phases", "teams"])
+def test_same_steps_however_launched(form, device):
     """Graphs of one step and of sixteen give what one kernel gives for all of them, contact forces included."""
-    fused, phased = in_one_and_in_phases(device)
+    fused, phased = stepped_as("one kernel", device), stepped_as(form, device)
     fused.step(40)
     for steps in (1, 37, 2):
         phased.step(steps)
@@ -42,9 +49,10 @@ def test_same_steps_however_launched(device):
         np.testing.assert_allclose(b, a, **same)
 
 
-def test_a_fault_stops_its_world_alone(device):
+@pytest.mark.parametrize("form", ["phases", "teams"])
+def test_a_fault_stops_its_world_alone(form, device):
     """A world whose body has been thrown out keeps its state; the others go on as without it."""
-    whole, faulty = (in_one_and_in_phases(device)[1] for _ in range(2))
+    whole, faulty = (stepped_as(form, device) for _ in range(2))
     place = faulty.state.position.numpy().copy()
     place[2, 1, 0] = 2e9
     faulty.state.position.assign(place)

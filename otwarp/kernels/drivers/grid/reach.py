@@ -3,7 +3,7 @@
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact, along
-from otwarp.kernels.contact.detect import touch_wall_term
+from otwarp.kernels.contact.detect_walls import touch_wall_term
 from otwarp.kernels.contact.excursion import excursion_term, kept_reach, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.contact.travel import lift_of, thermal_reach, wander_of
