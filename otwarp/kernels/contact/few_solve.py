@@ -111,12 +111,8 @@ def reply_term(f: Features, most: int) -> wp.Function:
     return reply
 
 
-def solve_few_term(f: Features, most: int) -> wp.Function:
-    """`(model, world, listed, count, rotation, again, linear, angular) -> float`: solve at most `most` contacts.
-
-    The gaps are those that `open_gaps_term` wrote.
-    """
-    reply, solve_one = reply_term(f, most), solve_one_term(f)
+def balance_term(most: int) -> wp.Function:
+    """`(listed, count, first, room) -> float`: how far the forces are from their laws, and a system for what mends it."""
 
     @wp.func
     def look(listed: ContactList, count: int, first: bool, room: FewRoom) -> float:
@@ -134,6 +130,12 @@ def solve_few_term(f: Features, most: int) -> wp.Function:
             error = wp.max(error, wp.abs(room.left[i]) * room.give[i * most + i])
         return error
 
+    return look
+
+
+def eliminate_term(most: int) -> wp.Function:
+    """`(count, room)`: solve the system for what is left."""
+
     @wp.func
     def eliminate(count: int, room: FewRoom):
         """Solve `system` for `left`, in place: rows of a positive definite matrix need no exchange."""
@@ -149,6 +151,17 @@ def solve_few_term(f: Features, most: int) -> wp.Function:
             for k in range(i + 1, count):
                 value -= room.system[i * most + k] * room.left[k]
             room.left[i] = value / room.system[i * most + i]
+
+    return eliminate
+
+
+def solve_few_term(f: Features, most: int) -> wp.Function:
+    """`(model, world, listed, count, rotation, again, linear, angular) -> float`: solve at most `most` contacts.
+
+    The gaps are those that `open_gaps_term` wrote.
+    """
+    reply, solve_one = reply_term(f, most), solve_one_term(f)
+    look, eliminate = balance_term(most), eliminate_term(most)
 
     @wp.func
     def solve_few(

@@ -172,14 +172,18 @@ def test_loads_obey_law_and_motion(hardness, again, device):
 
 
 def pressed_contacts(
-    partners: np.ndarray, kernel: wp.Kernel, hardness: float, again: bool, device: str, more: tuple[bool, ...] = ()
-) -> int:
-    """How many contacts of 12 random steps are pressed, all of which obey law and motion."""
+    partners: np.ndarray, kernel: wp.Kernel, hardness: float, again: bool, device: str, more: tuple[bool, ...] = (),
+    most: float = 0.0,
+) -> int:  # fmt: skip
+    """How many contacts of 12 random steps are pressed, all of which obey law and motion.
+
+    `most`: the largest error [µm] that the solver may tell, as rounding leaves on some processors.
+    """
     pressed = 0
     for seed in range(12):
         problem = Problem(seed, hardness, partners)
         load, moved, error = problem.solve(device, again=again, kernel=kernel, more=more)
-        assert error == 0.0
+        assert error <= most
         rows, mobility = problem.rows(), problem.mobility()
         motion = mobility @ rows.T @ load
         np.testing.assert_allclose(problem.turned(moved), motion, atol=MOTION)
