@@ -112,7 +112,7 @@ def reply_term(f: Features, most: int) -> wp.Function:
 
 
 def balance_term(most: int) -> wp.Function:
-    """`(listed, count, first, room) -> float`: how far the forces are from their laws, and a system for what mends it."""
+    """`(listed, count, first, room) -> float`: how far forces are from their laws, and the system that mends it."""
 
     @wp.func
     def look(listed: ContactList, count: int, first: bool, room: FewRoom) -> float:
