@@ -15,6 +15,7 @@ docstring (docs/architecture.md shows who may import whom):
     optics         beams, Mie scattering, force tables, fits
     hydrodynamics  mobilities of bodies, in float64
     laws           what several rooms evaluate, each in its own way
+    studies        trials of a scene at many points, with intervals
     record         frames of a run to files
     preview        pictures and movies of them
     haptics        what operators feel, a thousand times a second
@@ -43,6 +44,18 @@ if TYPE_CHECKING:
     from otwarp.simulation.sharded import ShardedSimulation
     from otwarp.simulation.simulation import Simulation
     from otwarp.simulation.user_forces import force
+    from otwarp.studies import (
+        Scatter,
+        Study,
+        first_passage,
+        grid,
+        half_width,
+        observable,
+        sobol,
+        trapped,
+        trials,
+        values,
+    )
 
 __version__ = "0.1.0"
 
@@ -50,20 +63,30 @@ __all__ = [
     "ForceInput",
     "InputError",
     "PlausibilityWarning",
+    "Scatter",
     "Scene",
     "ShardedSimulation",
     "Simulation",
     "SimulationError",
     "StepOptions",
+    "Study",
     "WorldNow",
     "Wrench",
     "__version__",
     "end",
     "escaped",
+    "first_passage",
     "force",
+    "grid",
+    "half_width",
+    "observable",
     "reached",
+    "sobol",
     "strayed",
     "timed_out",
+    "trapped",
+    "trials",
+    "values",
 ]
 
 __getattr__, __dir__ = lazy_names(
@@ -77,5 +100,17 @@ __getattr__, __dir__ = lazy_names(
         "simulation.sharded": ("ShardedSimulation",),
         "simulation.simulation": ("Simulation",),
         "simulation.user_forces": ("force",),
+        "studies": (
+            "Scatter",
+            "Study",
+            "first_passage",
+            "grid",
+            "half_width",
+            "observable",
+            "sobol",
+            "trapped",
+            "trials",
+            "values",
+        ),
     },
 )

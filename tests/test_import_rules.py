@@ -25,6 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
+    "studies": ROOT | {"device", "kernels", "scene", "simulation"},
     "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "cache": set(),
@@ -74,6 +75,7 @@ INNER: dict[str, set[str]] = {
     "cli": set(),
     "cli.bench": {"cli"},
     "cli.haptics": {"cli"},
+    "cli.study": {"cli"},
     "preview": {"preview.kernels"},
     "preview.kernels": set(),
     "ros": set(),
@@ -96,16 +98,16 @@ INNER: dict[str, set[str]] = {
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
-HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
+HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr"}
 ONLY_IN = {
     "pxr": {"scene"},
-    "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "warp_internals"},
+    "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "warp_internals"},
     "rospy": set(),
 }
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
-LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy"}
+LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr"}
 """Packages that nobody may import at the top of a file."""
 
 ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}

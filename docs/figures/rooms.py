@@ -17,6 +17,7 @@ SIZE = (11.0, 9.64)
 PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "cli": (0.25, 8.94, 10.5, 0.42, "grey", "imports every room, inside functions"),
     "ros": (0.25, 7.64, 6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
+    "studies": (6.35, 5.31, 2.2, 0.66, "violet", "trials at many points"),
     "teleop": (0.25, 6.32, 6, 0.98, "amber", "a scene, live"),
     "bench": (6.5, 6.32, 4.25, 0.98, "violet", "what accuracy costs on this machine"),
     "record": (3.35, 5.31, 2.9, 0.66, "violet", "a run on disk"),

@@ -20,6 +20,7 @@ COMMANDS = {
     "info": "Say what a scene holds, how it will be stepped, and why.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
+    "study": "Batched studies: trials of a scene at many points.",
     "teleop": "Run a scene live: traps by mouse or by hand, felt and seen.",
     "ros1": "Run a scene live with the paper's ROS 1 topics.",
     "ros2": "Run a scene live with ROS 2 topics.",

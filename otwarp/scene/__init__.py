@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from otwarp.scene.read.validate import Report, validate
     from otwarp.scene.write.body_file import write_body
     from otwarp.scene.write.builder import SceneBuilder
-    from otwarp.scene.write.export import export_in_metres
+    from otwarp.scene.write.export import export_flattened, export_in_metres
 
 __all__ = [
     "IDENTITY",
@@ -83,6 +83,7 @@ __all__ = [
     "Trap",
     "TrapLaw",
     "Vec3",
+    "export_flattened",
     "export_in_metres",
     "validate",
     "write_body",
@@ -94,7 +95,7 @@ __getattr__, _ = lazy_names(
         "read.validate": ("Report", "validate"),
         "write.body_file": ("write_body",),
         "write.builder": ("SceneBuilder",),
-        "write.export": ("export_in_metres",),
+        "write.export": ("export_flattened", "export_in_metres"),
     },
 )
 

@@ -15,7 +15,7 @@ from otwarp.errors import InputError
 from otwarp.kernels.core.functions import arguments_of
 from otwarp.kernels.core.types import WorldNow
 from otwarp.kernels.drivers import predicates
-from otwarp.kernels.drivers.episodes import EndPredicate
+from otwarp.kernels.drivers.episodes import WorldFunction
 from otwarp.scene.check.numbers import FARTHEST
 from otwarp.simulation.packing.arguments import known_names, numbers, several
 from otwarp.simulation.packing.parameters import Parameter, check_range, expand
@@ -47,7 +47,7 @@ class End:
     """
 
     name: str
-    predicate: EndPredicate = field(repr=False)
+    predicate: WorldFunction = field(repr=False)
     values: Mapping[str, Any]
     ranges: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
 
@@ -110,7 +110,7 @@ def end(function: Callable[..., Any]) -> End:
             raise InputError(f"end {name}: argument {p.name} is annotated as {p.annotation!r}; "
                              "allowed: float, int, wp.vec3")  # fmt: skip
     values = {p.name: None if p.default is inspect.Parameter.empty else p.default for p in rest}
-    return End(name, EndPredicate(function, tuple(p.annotation for p in rest)), values)
+    return End(name, WorldFunction(function, tuple(p.annotation for p in rest)), values)
 
 
 def check_ends(ends: Any) -> tuple[End, ...]:

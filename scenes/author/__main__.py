@@ -10,6 +10,7 @@ from otwarp.errors import InputError
 
 NAMES = (
     "single_bead",
+    "table_trap",
     "force_models",
     "two_trap_dimer",
     "strategy_a",

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import SuperLU, splu
 
@@ -175,6 +176,10 @@ class Ball:
         time = splu(self.adjoint).solve(-np.ones(len(self.volume)))
         return float(np.average(time[: self.sectors], weights=self.volume[: self.sectors]))
 
+    def survival(self, time: float) -> np.ndarray:
+        """(n,) probability that who starts in each cell has not reached the absorbing surface by `time` [s]."""
+        return advance(self.adjoint, np.ones(len(self.volume)), time)
+
     def moments(self) -> tuple[float, float]:
         """⟨x² + y²⟩ and the variance of z [µm²]."""
         p, z = self.stationary, self.z
@@ -282,3 +287,37 @@ def mean_exit_time(
         ball = Ball(force, radius, diffusion, energy, absorbing=True, shells=scale * shells, sectors=scale * sectors)
         times.append(ball.exit_time())
     return Estimate.from_grids(*times)
+
+
+def survival_probability(
+    force: Force,
+    radius: float,
+    starts: np.ndarray,
+    time: float,
+    *,
+    diffusion: float,
+    energy: float,
+    shells: int = SHELLS,
+    sectors: int = SECTORS,
+) -> list[Estimate]:
+    """Probability that a bead has not reached the surface of a ball by `time` [s], on two grids.
+
+    Args:
+        force: The force.
+        radius: Of the ball [µm].
+        starts: (n) distances from the centre [µm], at right angles to the beam.
+        time: When [s].
+        diffusion: D [µm²/s].
+        energy: k_B T [pN·µm].
+        shells, sectors: Of the coarse grid.
+    """
+    found = []
+    for scale in (1, 2):
+        ball = Ball(force, radius, diffusion, energy, absorbing=True, shells=scale * shells, sectors=scale * sectors)
+        cells = ball.survival(time).reshape(ball.shells, ball.sectors)
+        middle = 0.5 * (cells[:, (ball.sectors - 1) // 2] + cells[:, ball.sectors // 2])
+        r = ball.centres[0].reshape(cells.shape)[:, 0]
+        # even about the centre, and nothing at the surface
+        found.append(CubicSpline(np.concatenate([-r[::-1], r, [radius]])[len(r) - 2 :],
+                                 np.concatenate([middle[::-1], middle, [0.0]])[len(r) - 2 :])(starts))  # fmt: skip
+    return [Estimate.from_grids(*pair) for pair in zip(*found, strict=True)]

@@ -18,11 +18,11 @@ FAULTY = wp.constant(-1)
 
 
 @dataclass(frozen=True)
-class EndPredicate:
-    """What ends a world's task: a predicate with parameters.
+class WorldFunction:
+    """A function of a world at a moment, with parameters: what ends its task, or a number that is read of it.
 
     Attributes:
-        function: `(now: WorldNow, *parameters) -> bool`, as written.
+        function: `(now: WorldNow, *parameters) -> bool`, or of a number `-> float`, as written.
         kinds: Types of its parameters: `float`, `int` or `wp.vec3`.
     """
 
@@ -35,10 +35,10 @@ class EndPredicate:
         return sum(3 if kind is wp.vec3 else 1 for kind in self.kinds)
 
 
-def parameters_from(predicate: EndPredicate, first: int) -> str:
+def parameters_from(function: WorldFunction, first: int) -> str:
     """The arguments after `now` of a call: what its row of numbers holds from column `first` on."""
     text, column = "", first
-    for kind in predicate.kinds:
+    for kind in function.kinds:
         if kind is wp.vec3:
             text += f", vec3(values[row, {column}], values[row, {column + 1}], values[row, {column + 2}])"
             column += 3
@@ -48,7 +48,7 @@ def parameters_from(predicate: EndPredicate, first: int) -> str:
     return text
 
 
-def end_term(predicates: tuple[EndPredicate, ...]) -> wp.Function:
+def end_term(predicates: tuple[WorldFunction, ...]) -> wp.Function:
     """`(now, values) -> code`: 1 + the place of the first predicate that says so in a world, 0 while none does.
 
     `values` (1|W, P) are the parameters of all predicates, one after the other.
@@ -83,7 +83,7 @@ def list_living(model: ModelData):
 
 
 @functools.lru_cache(maxsize=64)
-def settle_kernel(predicates: tuple[EndPredicate, ...]) -> wp.Kernel:
+def settle_kernel(predicates: tuple[WorldFunction, ...]) -> wp.Kernel:
     """Kernel over the places of the list: turn the clocks of the worlds in motion, and tell which have ended."""
     end_of = end_term(predicates)
 

@@ -14,6 +14,7 @@
 | `flow_file`, `vtk_file` | velocity fields on a grid, of NumPy, netCDF and VTK |
 | `motion` | time samples → keys between which straight lines will do |
 | `lenses` | cameras that can show something |
+| `variations` | scenes that differ from a file in some attributes |
 | `remarks` | what the file says without effect |
 | `validate` | all that can be said of a file before it runs |
 """

@@ -47,6 +47,15 @@ def export_in_metres(path: str | Path, out: str | Path) -> Path:
         return export_layer(flat.GetRootLayer(), Path(out))
 
 
+def export_flattened(path: str | Path, out: str | Path) -> Path:
+    """Write a stage with all that it refers to as one file, which is not changed when they are.
+
+    Raises:
+        InputError: `path` cannot be read, or `out` not written.
+    """
+    return export_layer(open_stage(Path(path)).Flatten(), Path(out))
+
+
 def _scale(prim: Usd.Prim, factor: float) -> None:
     """Put a scale outermost on the topmost xformables at or below `prim`, and on those that reset their stack."""
     xformable = UsdGeom.Xformable(prim)

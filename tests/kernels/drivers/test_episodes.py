@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 import otwarp as ot
-from otwarp.kernels.drivers.episodes import EndPredicate, list_living, parameters_from, settle_kernel
+from otwarp.kernels.drivers.episodes import WorldFunction, list_living, parameters_from, settle_kernel
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 
@@ -32,7 +32,7 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
 
 
 def test_parameters_are_read_from_the_columns_in_order():
-    predicate = EndPredicate(abs, (float, wp.vec3, int))
+    predicate = WorldFunction(abs, (float, wp.vec3, int))
     assert predicate.width == 5
     assert (
         parameters_from(predicate, 2)

@@ -1,0 +1,47 @@
+"""`otwarp study plan`: points, trials, groups, steps, memory and estimated time; nothing runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import click
+
+from otwarp.cli.options import device_option, json_option
+from otwarp.cli.output import json_text
+from otwarp.cli.types import FILE
+
+
+@click.command()
+@click.argument("file", type=FILE)
+@device_option
+@json_option
+def plan(file: Path, device: str | None, as_json: bool) -> None:
+    """Say what the study in FILE will compute, and how long that takes on this machine."""
+    from otwarp.studies.estimate import estimate
+    from otwarp.studies.file import load_study
+
+    study = load_study(file)
+    found = study.plan()
+    seconds, where = estimate(study, device)
+    if as_json:
+        said = dataclasses.asdict(found) | {"seconds": {"least": seconds[0], "most": seconds[1]}, "device": where}
+        click.echo(json_text(said))
+        return
+    shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
+    click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
+    least, most = found.trials
+    click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}"))
+    click.echo(f"steps     of {found.time_step:.3g} s, up to {found.horizon / found.time_step:,.0f} a trial")
+    click.echo(f"blocks    {found.blocks:,}, kept one by one")
+    click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(
+        f"time      {_spell(seconds[0])}" + ("" if least == most else f" to {_spell(seconds[1])}") + f" on {where}"
+    )
+
+
+def _spell(seconds: float) -> str:
+    for size, name in ((86_400.0, "d"), (3_600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.1f} {name}"
+    return f"{seconds:.2g} s"

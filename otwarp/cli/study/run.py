@@ -1,0 +1,76 @@
+"""`otwarp study run`: compute a study, or go on with it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from otwarp.cli import stop
+from otwarp.cli.options import device_option
+from otwarp.cli.types import FILE, OutputPath
+
+
+@click.command()
+@click.argument("file", type=FILE)
+@click.option(
+    "-o", "--out", type=OutputPath(folder=True), metavar="DIR", help="Folder of the study; default: out/FILE."
+)
+@click.option("--shard", metavar="N/OF", help="Compute this share of the blocks, as 3/16; several may run at once.")
+@device_option
+def run(file: Path, out: Path | None, shard: str | None, device: str | None) -> None:
+    """Compute the study in FILE. The same line goes on after whatever ended it.
+
+    Results do not depend on devices of one kind, shards, interruptions or the order of the work.
+    """
+    from otwarp.device import pick_device
+    from otwarp.studies.engines import parse_shard
+    from otwarp.studies.file import load_study
+    from otwarp.studies.run import run_study
+
+    study = load_study(file)
+    folder = out or Path("out") / file.stem
+    share = None if shard is None else parse_shard(shard)
+    stop.begin()
+    with _progress() as progress:
+        store = run_study(
+            study,
+            folder,
+            devices=None if device is None else [str(pick_device(device))],
+            shard=share,
+            progress=progress,
+        )
+    done, blocks = len(store.finished()), len(study.blocks())
+    click.echo(f"{done} of {blocks} blocks are done")
+    if done == blocks:
+        click.echo(f"look at   otwarp study show {folder} --plot {folder}.png")
+        click.echo(f"export    otwarp study export {folder} -o {folder}.nc")
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """A bar with the time left on standard error, if that is a terminal; at every block, end on SIGTERM."""
+    if not sys.stderr.isatty():
+
+        def say(done: int, blocks: int) -> None:
+            stop.check()
+            click.echo(f"otwarp: block {done} of {blocks}", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("blocks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:
+        task = bar.add_task("blocks", total=None)
+
+        def update(done: int, blocks: int) -> None:
+            """Move the bar."""
+            stop.check()
+            bar.update(task, completed=done, total=blocks)
+
+        yield update

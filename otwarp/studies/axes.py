@@ -1,0 +1,265 @@
+"""What varies in a study: grids, lists, random and quasi-random values, several names along one dimension, scatter."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from otwarp.errors import InputError
+from otwarp.studies.quantity import quantity, ratio
+
+Spacing = Literal["linear", "log"]
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """Values along one dimension of a study, in the unit in which they were written.
+
+    Attributes:
+        values: (n) numbers or texts, or (n, 3) vectors.
+        unit: Theirs; empty for none.
+    """
+
+    values: np.ndarray
+    unit: str = ""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def in_unit(self, wanted: str, what: str) -> np.ndarray:
+        """The values in another unit.
+
+        Raises:
+            InputError: They have a unit of another kind, or are no numbers.
+        """
+        if self.values.dtype.kind not in "fiu":
+            raise InputError(f"{what} is {self.values[0]!r}; allowed: numbers{f' in {wanted}' if wanted else ''}")
+        return self.values * ratio(self.unit, wanted, what)
+
+
+def values(given: ArrayLike, *, unit: str = "") -> Axis:
+    """These values: numbers, vectors of three, or words such as the names of models.
+
+    Raises:
+        InputError: None at all, another shape, or a number that is not finite.
+    """
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        array = np.array([])
+    if array.dtype.kind in "iu":
+        array = array.astype(float)
+    if array.dtype.kind not in "fUb" or array.ndim not in (1, 2) or not array.size or array.shape[1:] not in ((), (3,)):
+        raise InputError(f"values are {given!r}; allowed: a list of numbers, words, or vectors of three numbers")
+    if array.dtype.kind == "f" and not np.all(np.isfinite(array)):
+        raise InputError(f"values hold {array[~np.isfinite(array)][0]}; allowed: finite numbers")
+    return Axis(array, unit)
+
+
+def grid(low: float, high: float, count: int, *, unit: str = "", spacing: Spacing = "linear") -> Axis:
+    """`count` values from `low` to `high`, both included, equally far apart or by equal factors.
+
+    Raises:
+        InputError: No such grid.
+    """
+    count = _count("grid", count, 2)
+    if spacing not in ("linear", "log"):
+        raise InputError(f"spacing of a grid is {spacing!r}; allowed: linear, log")
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise InputError(f"grid from {low} to {high}; allowed: finite numbers, the first of them smaller")
+    if spacing == "log" and low <= 0.0:
+        raise InputError(f"grid from {low} by equal factors; allowed: from a number above 0")
+    return Axis(np.linspace(low, high, count) if spacing == "linear" else np.geomspace(low, high, count), unit)
+
+
+def random(low: ArrayLike, high: ArrayLike, count: int, *, unit: str = "", seed: int = 0) -> Axis:
+    """`count` values or vectors that are uniform between `low` and `high`, the same for the same seed.
+
+    Raises:
+        InputError: No such range.
+    """
+    a, b = _box("random", low, high)
+    draws = np.random.Generator(np.random.Philox(_seed("random", seed))).random((_count("random", count, 1), *a.shape))
+    return Axis(a + (b - a) * draws, unit)
+
+
+def normal(mean: ArrayLike, deviation: ArrayLike, count: int, *, unit: str = "", seed: int = 0) -> Axis:
+    """`count` normal values or vectors, the same for the same seed: the radii of polydisperse spheres, say.
+
+    Raises:
+        InputError: A deviation that is negative, or numbers that are not finite.
+    """
+    m, s = np.broadcast_arrays(np.asarray(mean, dtype=float), np.asarray(deviation, dtype=float))
+    if m.shape not in ((), (3,)) or not np.all(np.isfinite(m)) or not np.all(np.isfinite(s) & (s >= 0.0)):
+        raise InputError(
+            f"normal with mean {mean} and deviation {deviation}; allowed: finite numbers, no deviation < 0"
+        )
+    draws = np.random.Generator(np.random.Philox(_seed("normal", seed)))
+    return Axis(m + s * draws.standard_normal((_count("normal", count, 1), *m.shape)), unit)
+
+
+def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[str] = "", seed: int = 0) -> Any:
+    """`count` points of a scrambled Sobol sequence between `low` and `high`: numbers, or vectors of three.
+
+    With one unit for each component it is an axis for as many names, given together:
+    `{("trap_power", "start.z:/World/bead"): sobol([1, -2], [9, 2], 256, unit=["mW", "µm"])}`. A power of two
+    of them covers the range evenly (Sobol 1967; Owen 1998, doi:10.1006/jcom.1998.0487).
+
+    Raises:
+        InputError: No such range, or units of another number.
+    """
+    from scipy.stats import qmc
+
+    a, b = _box("sobol", low, high, most=21_201)
+    engine = qmc.Sobol(max(a.size, 1), rng=np.random.Generator(np.random.Philox(_seed("sobol", seed))))
+    count = _count("sobol", count, 1)
+    draws = engine.random_base2(math.ceil(math.log2(count)))[:count].reshape(count, *a.shape)
+    points = a + (b - a) * draws
+    if isinstance(unit, str):
+        return values(points, unit=unit)
+    if len(unit) != a.size:
+        raise InputError(f"sobol has {a.size} components and {len(unit)} units; allowed: as many of both, or one unit")
+    return tuple(Axis(points[:, n], each) for n, each in enumerate(unit))
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What a number varies by from trial to trial: drawn anew for each, whatever else runs beside it.
+
+    Attributes:
+        deviation: Standard deviation, relative to the number if the unit is `%`.
+        unit: Of the deviation.
+    """
+
+    deviation: float
+    unit: str = "%"
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.deviation) and self.deviation >= 0.0):
+            raise InputError(f"scatter has the deviation {self.deviation}; allowed: finite, 0 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class Dimension:
+    """One dimension of a study: what varies along it, together.
+
+    Attributes:
+        name: The name that it has in tables.
+        columns: Name of what varies → its values, as many in each.
+    """
+
+    name: str
+    columns: Mapping[str, Axis]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+
+def dimensions(axes: Mapping[Any, Any]) -> tuple[Dimension, ...]:
+    """The dimensions of a study: one for each entry, a name with an axis, or a tuple of names with one axis each.
+
+    Raises:
+        InputError: A name twice, no axis, or axes of different lengths for names that go together.
+    """
+    found: list[Dimension] = []
+    for names, given in axes.items():
+        names = (names,) if isinstance(names, str) else tuple(names)
+        columns = (given,) if isinstance(given, Axis) else tuple(given) if isinstance(given, list | tuple) else ()
+        wrong = not names or len(columns) != len(names) or not all(isinstance(c, Axis) for c in columns)
+        if wrong:
+            raise InputError(
+                f"axis {', '.join(map(str, names))} is {given!r}; allowed: grid(…), values(…), … for each name"
+            )
+        if len({len(c) for c in columns}) > 1:
+            lengths = ", ".join(f"{n} has {len(c)}" for n, c in zip(names, columns, strict=True))
+            raise InputError(f"axes that go together have different lengths: {lengths}; allowed: the same number")
+        found.append(Dimension(label(names[0]), dict(zip(names, columns, strict=True))))
+    names = [name for d in found for name in d.columns]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"axis {name} stands there twice; allowed: once")
+    return _named_apart(found)
+
+
+def label(name: str) -> str:
+    """A short name for a table: start.z:/World/bead becomes start_z_bead, and /World/bead.radius bead_radius."""
+    what, _, where = name.partition(":") if not name.startswith("/") else ("", "", name)
+    prim, _, attribute = where.partition(".")
+    parts = (what.replace(".", "_"), prim.rsplit("/", 1)[-1], attribute.rsplit(":", 1)[-1])
+    return "_".join(part for part in parts if part)
+
+
+def _named_apart(found: list[Dimension]) -> tuple[Dimension, ...]:
+    """The same, numbered where two would have one name."""
+    counts: dict[str, int] = {}
+    apart = []
+    for d in found:
+        counts[d.name] = counts.get(d.name, 0) + 1
+        apart.append(d if counts[d.name] == 1 else dataclasses.replace(d, name=f"{d.name}_{counts[d.name]}"))
+    return tuple(apart)
+
+
+def _count(what: str, count: Any, least: int) -> int:
+    if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < least:
+        raise InputError(f"{what} has {count!r} values; allowed: a whole number, {least} or more")
+    return int(count)
+
+
+def _seed(what: str, seed: Any) -> int:
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
+        raise InputError(f"seed of {what} is {seed!r}; allowed: a whole number, 0 to {2**32 - 1}")
+    return int(seed)
+
+
+def _box(what: str, low: ArrayLike, high: ArrayLike, most: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    a, b = (np.asarray(end, dtype=float) for end in (low, high))
+    shape = a.shape == b.shape and (a.shape in ((), (3,)) or (a.ndim == 1 and a.size <= most and what == "sobol"))
+    if not shape or not np.all(np.isfinite(a) & np.isfinite(b) & (a < b)):
+        raise InputError(
+            f"{what} from {low} to {high}; allowed: finite numbers or vectors of them, each first one smaller"
+        )
+    return a, b
+
+
+def axis_of(given: Mapping[str, Any], what: str) -> Axis:
+    """An axis as a study file writes it: one of `grid`, `values`, `random`, `normal` or `sobol`, and a `unit`.
+
+    Raises:
+        InputError: Anything else.
+    """
+    kinds = {"grid": grid, "values": values, "random": random, "normal": normal, "sobol": sobol}
+    named = [kind for kind in kinds if kind in given]
+    rest = set(given) - {"name", "unit", *kinds}
+    if len(named) != 1 or rest:
+        extra = f", not {', '.join(sorted(rest))}" if rest else ""
+        raise InputError(
+            f"{what} has {', '.join(sorted(given)) or 'nothing'}; allowed: unit and one of {', '.join(kinds)}{extra}"
+        )
+    kind, unit = named[0], given.get("unit", "")
+    try:
+        if kind == "values":
+            return values(given["values"], unit=unit)
+        renamed = {"from": "low", "to": "high"}
+        arguments: dict[str, Any] = {renamed.get(str(k), str(k)): v for k, v in dict(given[kind]).items()}
+        return kinds[kind](**arguments, unit=unit)
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from None
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: {kind} is {given[kind]!r}; allowed: a table of from, to and count") from None
+
+
+def scatter_of(text: Any, what: str) -> Scatter:
+    """Scatter as a study file writes it: `5 %`, or `0.2 mW`."""
+    if isinstance(text, str) and text.rstrip().endswith("%"):
+        return Scatter(100.0 * quantity(text, "", what))
+    number, _, unit = str(text).strip().partition(" ")
+    try:
+        return Scatter(float(number), unit.strip())
+    except ValueError:
+        raise InputError(f"{what} is {text!r}; allowed: a deviation such as '5 %' or '0.2 mW'") from None

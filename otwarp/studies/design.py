@@ -1,0 +1,130 @@
+"""The points of a study: every combination of the values along its dimensions, in order, and the groups they form."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+from otwarp.scene.read.variations import Variations
+from otwarp.studies.axes import Dimension
+from otwarp.studies.targets import Target, target_of, variant
+
+MOST_POINTS = 2**24
+"""Points of a study, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """What one name is along its dimension, in the unit of its target."""
+
+    target: Target
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Points in the order of their dimensions, the last one fastest.
+
+    Attributes:
+        scene: The scene as it is in its file.
+        variations: What gives it other attributes.
+        dimensions: As they were given; none for a study of one point.
+        columns: Per dimension, what varies along it.
+    """
+
+    scene: Scene
+    variations: Variations
+    dimensions: tuple[Dimension, ...]
+    columns: tuple[tuple[Column, ...], ...]
+
+    @classmethod
+    def of(cls, scene: Scene, variations: Variations, dimensions: Sequence[Dimension]) -> Design:
+        """Read names and units in a scene.
+
+        Raises:
+            InputError: A name, unit or value that is none of this scene's, or too many points.
+        """
+        columns = tuple(
+            tuple(Column(t := target_of(name, scene, variations), t.values(axis)) for name, axis in d.columns.items())
+            for d in dimensions
+        )
+        design = cls(scene, variations, tuple(dimensions), columns)
+        if design.points > MOST_POINTS:
+            raise InputError(f"the study has {design.points} points; allowed: up to {MOST_POINTS}")
+        keys = [(c.target.kind, c.target.key, c.target.index, c.target.component) for along in columns for c in along]
+        if len(set(keys)) < len(keys):
+            raise InputError("two axes turn the same thing; allowed: one axis for each")
+        return design
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values along each dimension."""
+        return tuple(len(d) for d in self.dimensions)
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+    def at(self, points: np.ndarray) -> dict[Target, np.ndarray]:
+        """What each target is at some points, by their numbers: (n) or (n, 3)."""
+        places = np.unravel_index(points, self.shape) if self.shape else ()
+        return {c.target: c.values[place] for along, place in zip(self.columns, places, strict=True) for c in along}
+
+    def groups(self, points: np.ndarray) -> list[tuple[np.ndarray, dict[Target, Any]]]:
+        """Points that share a model, and what their model is made with; in the order of their first points."""
+        turned = [n for n, along in enumerate(self.columns) if any(c.target.grouped for c in along)]
+        if not turned:
+            return [(points, {})]
+        places = np.stack(np.unravel_index(points, self.shape))[turned]
+        found, which = np.unique(places, axis=1, return_inverse=True)
+        which = which.ravel()
+        first = [int(np.argmax(which == g)) for g in range(found.shape[1])]
+        out = []
+        for g in np.argsort(first):
+            own = points[which == g]
+            values = {t: v[0] for t, v in self.at(own[:1]).items() if t.grouped}
+            out.append((own, values))
+        return out
+
+    def scene_of(self, values: dict[Target, Any]) -> Scene:
+        """The scene of a group.
+
+        Raises:
+            InputError: It cannot be accepted; the message names the values.
+        """
+        try:
+            return variant(self.scene, self.variations, values)
+        except InputError as error:
+            where = ", ".join(f"{t.name} = {v} {t.unit}".rstrip() for t, v in values.items())
+            raise InputError(f"at {where}: {error}") from None if values else error
+
+    def coordinates(self) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]:
+        """Per name, dimensions, values and attributes of a coordinate in a table, in the units that were written."""
+        out: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+        for d in self.dimensions:
+            for n, (name, axis) in enumerate(d.columns.items()):
+                label = d.name if n == 0 else f"{d.name}_{n}"
+                known = {"long_name": name, **({"units": axis.unit} if axis.unit else {})}
+                if axis.values.ndim == 1:
+                    out[label] = ((d.name,), axis.values, known)
+                else:
+                    for letter, column in zip("xyz", axis.values.T, strict=True):
+                        out[f"{label}_{letter}"] = ((d.name,), column, known | {"long_name": f"{name}, {letter}"})
+        return out
+
+
+def blocks(shape: tuple[int, ...], size: int) -> list[tuple[slice, ...]]:
+    """A grid cut into blocks of up to `size` points that are whole along the last dimensions, in order."""
+    cut = [1] * len(shape)
+    for n in range(len(shape) - 1, -1, -1):
+        cut[n] = min(shape[n], max(1, size))
+        size //= shape[n]
+    ranges = [[slice(a, min(a + c, n)) for a in range(0, n, c)] for n, c in zip(shape, cut, strict=True)]
+    return list(itertools.product(*ranges))

@@ -1,0 +1,200 @@
+"""What is asked of a trial: what ended it and when, and numbers that are read along its way.
+
+A trial ends when one of the study's ends comes first, or at its horizon. Escapes are known to the step in which they
+happened; all else is looked at every `every` seconds of the study.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from otwarp.errors import InputError
+from otwarp.kernels.core.functions import arguments_of
+from otwarp.kernels.core.types import WorldNow
+from otwarp.kernels.drivers import numbers
+from otwarp.kernels.drivers.episodes import WorldFunction
+from otwarp.kernels.drivers.observations import REDUCTIONS
+from otwarp.scene import Scene
+from otwarp.simulation.ends import KINDS, End, escaped, reached
+from otwarp.studies.quantity import quantity
+
+Kind = Literal["probability", "time", "number"]
+
+
+@dataclass(frozen=True, eq=False)
+class Observable:
+    """Something asked of every trial.
+
+    Attributes:
+        name: In tables.
+        kind: `probability` of what happened by `until`, `time` until it happened, or a `number` of the trial.
+        end: What must happen for it; None for a number.
+        happens: Whether the trial counts where that happens, or where it does not.
+        until: By when [s]; None for the study's horizon.
+        function: How a number is read.
+        keep: What is kept of its course, one of `REDUCTIONS`.
+        values: Parameters of the function, by name.
+        unit: Of the number.
+        measured: Whether it needs trap forces, which are evaluated only where somebody asks.
+    """
+
+    name: str
+    kind: Kind
+    end: End | None = None
+    happens: bool = True
+    until: float | None = None
+    function: WorldFunction | None = None
+    keep: str = "last"
+    values: tuple[float, ...] = ()
+    unit: str = ""
+    measured: bool = False
+
+    def called(self, name: str) -> Observable:
+        """The same under another name."""
+        return dataclasses.replace(self, name=name)
+
+
+def trapped(*, until: float) -> Observable:
+    """Whether no trap has lost its sphere by `until` [s]."""
+    return Observable("trapped", "probability", end=escaped, happens=False, until=_time("until", until))
+
+
+def lost(*, until: float) -> Observable:
+    """Whether some trap has lost its sphere by `until` [s]."""
+    return Observable("lost", "probability", end=escaped, until=_time("until", until))
+
+
+def first_passage(end: End = escaped) -> Observable:
+    """When an end comes, the escape of a trap's sphere if none is named; trials that go on are censored."""
+    return Observable("first_passage" if end is escaped else f"time_to_{end.name}", "time", end=end)
+
+
+def delivered(goal: Sequence[float] | None = None, *, radius: float | None = None, body: int = 0, until: float) -> Any:
+    """Whether a body has come within `radius` [µm] of `goal` [µm] by `until` [s]; without a goal, the scene's.
+
+    A trial in which a trap loses its sphere before that was not.
+    """
+    by = _time("until", until)
+    if goal is None:
+        return lambda scene: _delivered(*_goal(scene), by)
+    if radius is None:
+        raise InputError("delivered has a goal and no radius; allowed: both, or neither for the scene's own goal")
+    return _delivered(tuple(goal), radius, body, by)
+
+
+def _delivered(goal: Sequence[float], radius: float, body: int, until: float) -> Observable:
+    return Observable("delivered", "probability", end=reached(goal=list(goal), radius=radius, body=body), until=until)
+
+
+def _goal(scene: Scene) -> tuple[Sequence[float], float, int]:
+    """The scene's goal, its tolerance, and which body is to come there."""
+    if scene.goal is None:
+        raise InputError(f"{scene.file or scene.root}: delivered: the scene has no goal; allowed: goal and radius")
+    names = [b.prim for b in scene.bodies]
+    return scene.goal.position, scene.goal.tolerance, names.index(scene.goal.cell)
+
+
+def observable(keep: str = "last", *, unit: str = "", measured: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """Make an observable of a function: a number that is read of each world along its way.
+
+    The function is Warp code `(now: otwarp.WorldNow, *parameters) -> float`; parameters are annotated as `float`, `int`
+    or `wp.vec3` and are given when it is used, or have defaults.
+
+    Args:
+        keep: What of the number's course is the trial's: last, largest, least, mean, or integral over time.
+        unit: Its unit, for tables; of an integral, with the second.
+        measured: Whether it reads forces or distances of traps.
+
+    Raises:
+        InputError: The function is no such function.
+
+    Example:
+        >>> @ot.observable(keep="largest", unit="pN")
+        ... def squeeze(now: ot.WorldNow, body: int = 0) -> float:
+        ...     return now.readout.contact_load[now.world, body]
+    """
+    if keep not in REDUCTIONS:
+        raise InputError(f"keep is {keep!r}; allowed: {', '.join(REDUCTIONS)}")
+
+    def made(function: Callable[..., Any]) -> Callable[..., Observable]:
+        rest, _ = arguments_of("observable", function, WorldNow)
+        for p in rest:
+            if p.annotation not in KINDS:
+                raise InputError(f"observable {function.__name__}: argument {p.name} is annotated as {p.annotation!r}; "
+                                 "allowed: float, int, wp.vec3")  # fmt: skip
+        read = WorldFunction(function, tuple(p.annotation for p in rest))
+        defaults = {p.name: p.default for p in rest}
+
+        def given(**values: Any) -> Observable:
+            for name in values:
+                if name not in defaults:
+                    raise InputError(f"observable {function.__name__} has no parameter {name}; "
+                                     f"allowed: {', '.join(defaults) or 'none'}")  # fmt: skip
+            row: list[float] = []
+            for name, value in (defaults | values).items():
+                if value is inspect.Parameter.empty:
+                    raise InputError(f"observable {function.__name__}: parameter {name} has no value; "
+                                     f"allowed: {function.__name__}({name}=…)")  # fmt: skip
+                row += [float(v) for v in (value if hasattr(value, "__len__") else [value])]
+            return Observable(
+                function.__name__, "number", function=read, keep=keep, values=tuple(row), unit=unit, measured=measured
+            )
+
+        given.__name__, given.__doc__ = function.__name__, function.__doc__
+        return given
+
+    return made
+
+
+contact_force = observable(keep="largest", unit="pN")(numbers.contact_force)
+"""Sum of the normal forces on `body` (its index, 0 if not given), the largest of the trial."""
+
+contact_dose = observable(keep="integral", unit="pN·s")(numbers.contact_dose)
+"""The same, integrated over the trial."""
+
+orientation_error = observable(keep="last", unit="rad")(numbers.orientation_error)
+"""Angle between the orientation of `body` and a wanted one, a quaternion (x, y, z, w), at the end of the trial."""
+
+NAMED: dict[str, Callable[..., Any]] = {
+    "trapped": trapped,
+    "lost": lost,
+    "first_passage": first_passage,
+    "delivered": delivered,
+    "contact_force": contact_force,
+    "contact_dose": contact_dose,
+    "orientation_error": orientation_error,
+}
+"""Observables that a study file names by `kind`."""
+
+
+def observable_of(given: dict[str, Any], what: str) -> Any:
+    """An observable as a study file writes it: `kind`, perhaps a `name`, and its parameters.
+
+    Raises:
+        InputError: Anything else.
+    """
+    kind = given.get("kind")
+    if kind not in NAMED:
+        raise InputError(f"{what} has the kind {kind!r}; allowed: {', '.join(NAMED)}")
+    rest = {key: value for key, value in given.items() if key not in ("kind", "name")}
+    if "until" in rest:
+        rest["until"] = quantity(rest["until"], "s", f"until of {what}")
+    if "radius" in rest:
+        rest["radius"] = quantity(rest["radius"], "µm", f"radius of {what}")
+    try:
+        found = NAMED[kind](**rest)
+    except TypeError:
+        allowed = ", ".join(n for n in inspect.signature(NAMED[kind]).parameters)
+        raise InputError(f"{what} has {', '.join(rest) or 'no parameters'}; allowed: name, {allowed}") from None
+    return found.called(given["name"]) if "name" in given and isinstance(found, Observable) else found
+
+
+def _time(name: str, value: Any) -> float:
+    number = quantity(value, "s", name) if isinstance(value, str) else value
+    if not isinstance(number, int | float) or not 0.0 < number < float("inf"):
+        raise InputError(f"{name} is {value!r}; allowed: a time above 0 s")
+    return float(number)

@@ -1,0 +1,140 @@
+"""Results as a labelled table: rates with their intervals, times of what was seen and what was censored, numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.studies.intervals import interval, survival
+from otwarp.studies.store import Store
+
+
+def table(store: Store) -> Any:
+    """All results of a study so far, points that are not computed NaN, as an `xarray.Dataset`.
+
+    Behind the name of a probability stand _low, _high (its interval) and _count. Behind that of a time: _events,
+    _exposure [s], _rate [1/s] with _rate_low and _rate_high, events over exposure as of a constant rate (its upper end
+    alone says something where nothing was seen), and _median [s] by the product limit, NaN where less than half were
+    seen. A number is the mean; behind it _error, the standard error, and _deviation. Trials with a fault, whose state
+    was no longer physical, count for nothing but `faults`.
+
+    Raises:
+        InputError: xarray is not installed.
+    """
+    xarray = _xarray()
+    asked = store.asked()
+    with store.read() as raw:
+        raw.load()
+        dims = raw["trials"].dims
+        out = xarray.Dataset(coords=raw.coords)
+        trials, end, time = (raw[name].values for name in ("trials", "end", "end_time"))
+        ran = (np.arange(end.shape[-1]) < trials[..., None]) & (trials[..., None] >= 0)
+        good = ran & (end != -1)
+        computed = trials >= 0
+        out["trials"] = (dims, np.maximum(trials, 0), {"long_name": "trials"})
+        out["faults"] = (dims, np.sum(ran & (end == -1), axis=-1), {"long_name": "trials with a fault"})
+        n = np.sum(good, axis=-1)
+        level, method = asked["stop"]["level"], asked["stop"]["method"]
+        for o in asked["observables"]:
+            if o["kind"] == "number":
+                _number(out, raw, o, good, dims)
+                continue
+            came = good & (end == 1 + place_of(asked, o)) & (time <= (np.inf if o["until"] is None else o["until"]))
+            if o["kind"] == "probability":
+                count = np.sum(came if o["happens"] else good & ~came, axis=-1)
+                low, high = interval(count, n, level=level, method=method)
+                rate = count / np.where(n > 0, n, np.nan)
+                said = {"long_name": f"probability, {o['name']}", "level": level, "method": method}
+                out[o["name"]] = (dims, rate, said)
+                out[f"{o['name']}_low"] = (dims, np.where(computed, low, np.nan), said)
+                out[f"{o['name']}_high"] = (dims, np.where(computed, high, np.nan), said)
+                out[f"{o['name']}_count"] = (dims, count, {"long_name": f"trials, {o['name']}"})
+            else:
+                _time(out, o["name"], came, time, good, dims, level)
+    out.attrs = {"scene": asked["scene"]["file"], "seed": asked["seed"], "time_step_s": asked["time step"]}
+    return out
+
+
+def ends_of(asked: dict[str, Any]) -> list[tuple[Any, ...]]:
+    """The different ends of a study's observables, in the order of their codes."""
+    found: list[tuple[Any, ...]] = []
+    for o in asked["observables"]:
+        key = _key(o)
+        if "end" in o and key not in found:
+            found.append(key)
+    return found
+
+
+def _key(o: dict[str, Any]) -> tuple[Any, ...]:
+    return o.get("end"), o.get("sha256"), repr(o.get("parameters"))
+
+
+def place_of(asked: dict[str, Any], o: dict[str, Any]) -> int:
+    """Which of the ends of a study an observable asks for, from 0."""
+    return ends_of(asked).index(_key(o))
+
+
+def _time(
+    out: Any, name: str, came: np.ndarray, time: np.ndarray, good: np.ndarray, dims: tuple[str, ...], level: float
+) -> None:
+    """Events, exposure, the constant rate they would have, and the median."""
+    from scipy.special import gammaincinv
+
+    events = np.sum(came, axis=-1)
+    exposure = np.sum(np.where(good, time, 0.0), axis=-1, dtype=float)
+    tail = 0.5 * (1.0 - level)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        low = np.where(events > 0, gammaincinv(np.maximum(events, 1e-300), tail), 0.0) / exposure
+        high = gammaincinv(events + 1.0, 1.0 - tail) / exposure
+        rate = events / exposure
+    median = np.full(events.shape, np.nan)
+    for at in np.ndindex(events.shape):
+        if events[at]:
+            times, s, _, _ = survival(time[at][good[at]], came[at][good[at]], level=level)
+            below = np.flatnonzero(s <= 0.5)
+            median[at] = times[below[0]] if len(below) else np.nan
+    per = {"units": "1/s", "level": level}
+    out[f"{name}_events"] = (dims, events, {"long_name": f"trials, {name} seen"})
+    out[f"{name}_exposure"] = (dims, exposure, {"units": "s", "long_name": "time under observation"})
+    out[f"{name}_rate"] = (dims, rate, per | {"long_name": f"events per time, {name}"})
+    out[f"{name}_rate_low"], out[f"{name}_rate_high"] = (dims, low, per), (dims, high, per)
+    out[f"{name}_median"] = (dims, median, {"units": "s", "long_name": f"median, {name}"})
+
+
+def _number(out: Any, raw: Any, o: dict[str, Any], good: np.ndarray, dims: tuple[str, ...]) -> None:
+    """Mean, standard error and deviation of a number over the trials."""
+    values = np.where(good, raw[f"{o['name']}_of_trial"].values, np.nan).astype(float)
+    n = np.sum(good, axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.nansum(values, axis=-1) / n
+        deviation = np.sqrt(np.nansum((values - mean[..., None]) ** 2, axis=-1) / (n - 1))
+        error = deviation / np.sqrt(n)
+    unit = {"units": o["unit"]} if o["unit"] else {}
+    out[o["name"]] = (dims, mean, unit | {"long_name": f"mean, {o['name']}"})
+    out[f"{o['name']}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
+    out[f"{o['name']}_deviation"] = (dims, deviation, unit | {"long_name": "standard deviation of trials"})
+
+
+def _xarray() -> Any:
+    try:
+        import xarray
+    except ImportError:
+        raise InputError("tables of studies need xarray; install otwarp[studies]") from None
+    return xarray
+
+
+def progress(store: Store) -> dict[str, int]:
+    """How far a study is: blocks, points and trials, done and in all."""
+    asked = store.asked()
+    with store.read() as raw:
+        trials, end = raw["trials"].values, raw["end"].values
+    return {
+        "blocks": asked["blocks"],
+        "blocks_done": len(store.finished()),
+        "points": int(trials.size),
+        "points_done": int(np.sum(trials >= 0)),
+        "trials": int(np.sum(np.maximum(trials, 0))),
+        "faults": int(np.sum(end == -1)),
+    }

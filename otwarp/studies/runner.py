@@ -1,0 +1,262 @@
+"""Trials of some points on a device: each world runs one, and stands still when it is over."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.kernels.core.precision import kernel_module
+from otwarp.scene import Scene
+from otwarp.simulation.ends import End, escaped
+from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.traps import rotate
+from otwarp.simulation.simulation import Simulation
+from otwarp.studies.axes import Scatter
+from otwarp.studies.observables import Observable
+from otwarp.studies.quantity import ratio
+from otwarp.studies.targets import Target
+
+GOING, FAULT = 0, -1
+"""Codes of a trial that no end came to within its horizon, and of one whose state was no longer physical."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outcomes:
+    """What became of n trials.
+
+    Attributes:
+        code: (n) int8: the number of the end that came first, from 1; `GOING`; `FAULT`.
+        time: (n) when it came, or how long the trial went on [s].
+        numbers: (n, m) what observables of kind `number` kept.
+    """
+
+    code: np.ndarray
+    time: np.ndarray
+    numbers: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Runner:
+    """How trials of a study run, all alike.
+
+    Attributes:
+        seed: Key of the random numbers of all trials.
+        time_step: Of all of them [s].
+        steps: Of the horizon.
+        every: Steps between looks at the worlds.
+        ends: What may end a trial.
+        numbers: Observables of kind `number`.
+        scatter: What varies from trial to trial.
+        options: What is chosen about the step.
+    """
+
+    seed: int
+    time_step: float
+    steps: int
+    every: int
+    ends: tuple[End, ...]
+    numbers: tuple[Observable, ...]
+    scatter: tuple[tuple[Target, Scatter], ...]
+    options: StepOptions
+
+    def shortened(self, steps: int) -> Runner:
+        """The same over so many steps."""
+        return dataclasses.replace(self, steps=steps, every=steps)
+
+    def run(
+        self,
+        scene: Scene,
+        values: dict[Target, np.ndarray],
+        trials: np.ndarray,
+        *,
+        device: str,
+        threads: int | None = None,
+    ) -> Outcomes:
+        """Run trials, each in a world of its own.
+
+        Args:
+            scene: The scene of their group.
+            values: Per target that differs from world to world its (n) or (n, 3) values.
+            trials: (n) numbers of the trials; one number has one outcome, whatever else runs beside it.
+            device: Where.
+            threads: On a CPU; None for as many as there are cores.
+        """
+        n = len(trials)
+        origin = _origin(scene, self.options)
+        rows = parameter_rows(origin, values | self._scattered(origin, values, trials), n)
+        sim = Simulation(
+            scene,
+            worlds=n,
+            seed=self.seed,
+            device=device,
+            threads=threads,
+            parameters=rows,
+            ends=self.ends,
+            time_step=self.time_step,
+            integrator=self.options.integrator,
+            noise=self.options.noise,
+            fast_math=self.options.fast_math,
+            precision=self.options.precision,
+            forces=self.options.forces,
+            allow_large_step=True,  # judged when the study was planned
+        )
+        sim.reset(**start_rows(origin, values, n), number=trials.astype(np.uint32))
+        observer = _Observer(sim, self.numbers) if self.numbers else None
+        done = 0
+        while done < self.steps and (done == 0 or sim.episodes.running):
+            count = min(self.every, self.steps - done)
+            sim.step(count)
+            done += count
+            if observer is not None:
+                observer.look(count)
+        return self._outcomes(sim, observer)
+
+    def _outcomes(self, sim: Simulation, observer: _Observer | None) -> Outcomes:
+        code = sim.episodes.done.numpy().astype(np.int8)
+        time = sim.episodes.step.numpy() * self.time_step
+        for n, end in enumerate(self.ends, start=1):
+            if end.predicate.function is escaped.predicate.function:
+                at = sim.readout.escape_step.numpy()
+                first = np.where(at >= 0, at, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+                # a trial that another end came to at the same look may have lost its sphere before
+                came = (first < np.iinfo(np.int64).max) & (code != FAULT)
+                time = np.where(came, first * self.time_step, time)
+                code = np.where(came, np.int8(n), code)
+        numbers = np.zeros((len(code), 0), np.float32) if observer is None else observer.kept.numpy()
+        return Outcomes(code=code, time=time, numbers=numbers)
+
+    def _scattered(
+        self, origin: Model, values: dict[Target, np.ndarray], trials: np.ndarray
+    ) -> dict[Target, np.ndarray]:
+        """Scattered parameters: the same draw for a trial in whatever batch it runs."""
+        out = {}
+        for n, (target, scatter) in enumerate(self.scatter):
+            mean = values.get(target)
+            if mean is None:
+                mean = _base(origin, target)
+            draw = normal_of(self.seed, n, trials)
+            relative = scatter.unit == "%"
+            width = (
+                0.01 * scatter.deviation * mean
+                if relative
+                else scatter.deviation * ratio(scatter.unit, target.unit, f"scatter of {target.name}")
+            )
+            out[target] = mean + width * draw
+        return out
+
+
+def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
+    """(n) standard normal numbers that are functions of seed, stream and number of a trial alone.
+
+    Philox with the number as its counter (Salmon et al. 2011, doi:10.1145/2063384.2063405), four trials a block.
+    """
+    from scipy.special import ndtri
+
+    numbers = np.asarray(trials, dtype=np.uint64)
+    order = np.argsort(numbers, kind="stable")
+    out = np.empty(len(numbers))
+    cuts = np.flatnonzero(np.diff(numbers[order]) != 1) + 1
+    for run in np.split(order, cuts):
+        first, count = int(numbers[run[0]]), len(run)
+        bits = np.random.Philox(key=[seed, stream + 1], counter=[first // 4, 0, 0, 0])
+        raw = bits.random_raw(first % 4 + count)[first % 4 :]
+        out[run] = ndtri(((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+    return out
+
+
+def _origin(scene: Scene, options: StepOptions) -> Model:
+    """One world of the scene on the CPU: what parameters and starts are where nothing else is said."""
+    return Model.build(scene, device="cpu", options=StepOptions(precision=options.precision, forces=options.forces))
+
+
+def _base(origin: Model, target: Target) -> np.ndarray:
+    """The scene's own value of a parameter, as one row."""
+    values = origin.values[target.key]
+    if target.index is not None:
+        values = values[:, target.index]
+    elif values.ndim > 1:
+        values = values[:, 0]
+    return values if target.component is None else values[..., target.component]
+
+
+def parameter_rows(origin: Model, values: dict[Target, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """Parameters of `Simulation`, a row for each of n worlds."""
+    rows: dict[str, np.ndarray] = {}
+    for target, given in values.items():
+        if target.kind != "parameter":
+            continue
+        base = rows.get(target.key)
+        if base is None:
+            own = origin.values[target.key]
+            base = np.broadcast_to(own, (n, *own.shape[1:])).copy()
+            rows[target.key] = base
+        where: Any = (slice(None),) if target.index is None else (slice(None), target.index)
+        part = base[where]
+        column = given
+        while column.ndim < part.ndim and target.index is None and target.component is None:
+            column = column[:, None]
+        if target.component is None:
+            base[where] = column
+        else:
+            base[(*where, ..., target.component) if target.index is None else (*where, target.component)] = (
+                given[:, None] if part.ndim == 3 else given
+            )
+    return rows
+
+
+def start_rows(origin: Model, values: dict[Target, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """Starts of n worlds for `Simulation.reset`: nothing where the scene's own serve."""
+    turns = {t: v for t, v in values.items() if t.kind == "turn"}
+    starts = {t: v for t, v in values.items() if t.kind == "start"}
+    if not turns and not starts:
+        return {}
+    bodies = origin.scene.bodies
+    place = np.broadcast_to(np.array([b.position for b in bodies]), (n, len(bodies), 3)).copy()
+    orientation = np.broadcast_to(origin.start_orientation(), (n, len(bodies), 4)).copy()
+    for target, given in starts.items():
+        place[:, target.index, slice(None) if target.component is None else target.component] = given
+    vectors: dict[int, np.ndarray] = {}
+    for target, given in turns.items():
+        assert target.index is not None
+        vector = vectors.setdefault(target.index, np.zeros((n, 3)))
+        vector[:, slice(None) if target.component is None else target.component] = given
+    for b, vector in vectors.items():
+        orientation[:, b] = turned(orientation[:, b], vector)
+    rows = {"position": place + rotate(orientation, origin.reference)}
+    return rows | {"orientation": orientation} if turns else rows
+
+
+def turned(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """(n, 4) quaternions turned by (n, 3) rotation vectors in world axes [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    return (Rotation.from_rotvec(vector) * Rotation.from_quat(orientation)).as_quat()
+
+
+class _Observer:
+    """Reads numbers of the worlds in motion after every segment."""
+
+    def __init__(self, sim: Simulation, observables: Sequence[Observable]):
+        self.sim = sim
+        self.measured = any(o.measured for o in observables)
+        device, n = sim.model.device, sim.model.worlds
+        row = np.array([[v for o in observables for v in o.values]], dtype=np.float32).reshape(1, -1)
+        self.values = wp.array(row, dtype=wp.float32, device=device, ndim=2)
+        self.kept = wp.zeros((n, len(observables)), dtype=wp.float32, device=device)
+        self.counts = wp.zeros(n, dtype=int, device=device)
+        module = kernel_module("drivers.observations", sim.model.features.precision)
+        functions = tuple(o.function for o in observables if o.function is not None)
+        self.kernel = module.observe_kernel(functions, tuple(o.keep for o in observables))
+
+    def look(self, steps: int) -> None:
+        """Read the worlds that have just taken `steps` steps."""
+        sim = self.sim
+        readout = sim.measure() if self.measured else sim._readout
+        views = [sim.model.data, sim.state.data(), readout.data(), self.values, self.kept, self.counts, steps]
+        wp.launch(self.kernel, dim=sim.model.worlds, inputs=views, device=sim.model.device)

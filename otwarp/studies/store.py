@@ -1,0 +1,233 @@
+"""A study on disk: zarr arrays with the dimensions of its axes, and a marker for every block that is whole.
+
+    out/capture/
+        study.json     what was asked, with digests, versions and seed: written first, never changed
+        scene.usda     the scene, flattened
+        results.zarr   zarr v3: coordinates, trials, outcomes; one block of points is one chunk of every array
+        done/000012    written when all chunks of block 12 are
+
+A block is written by one task, and depends on nothing but the study: it may be computed twice, by anyone, in any order.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.files import check_place, written
+
+VERSION = 1
+"""Of the layout of the folder."""
+
+FILL = {"i": -1, "f": np.nan, "U": "", "b": False}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array of results.
+
+    Attributes:
+        dims: Its dimensions.
+        dtype: Of its numbers.
+        fill: What stands where nothing was computed.
+        attrs: Units and descriptions.
+    """
+
+    dims: tuple[str, ...]
+    dtype: str
+    fill: Any
+    attrs: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of a study; made by `create` or found by `open_store`."""
+
+    folder: Path
+
+    @property
+    def results(self) -> Path:
+        """The zarr group."""
+        return self.folder / "results.zarr"
+
+    @property
+    def scene(self) -> Path:
+        """The flattened scene."""
+        return self.folder / "scene.usda"
+
+    def asked(self) -> dict[str, Any]:
+        """What `study.json` says.
+
+        Raises:
+            InputError: It is not there, or not readable.
+        """
+        file = self.folder / "study.json"
+        try:
+            said = json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(
+                f"{self.folder}: holds no study; allowed: a folder that otwarp study run has made"
+            ) from None
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{file}: cannot be read ({error}); allowed: the file that otwarp study run wrote"
+            ) from None
+        if said.get("version") != VERSION:
+            raise InputError(f"{file}: version = {said.get('version')!r}: must be {VERSION}, as this otwarp writes it")
+        return said
+
+    def done(self, block: int) -> bool:
+        """Whether a block is whole."""
+        return (self.folder / "done" / f"{block:06d}").exists()
+
+    def finished(self) -> list[int]:
+        """Blocks that are whole."""
+        folder = self.folder / "done"
+        return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
+
+    def write(self, block: int, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
+        """Write a block, its marker last.
+
+        Raises:
+            OSError: The disk is full, or the folder has gone.
+        """
+        import zarr
+
+        group = zarr.open_group(str(self.results), mode="r+")
+        for name, values in arrays.items():
+            array = group[name]
+            assert isinstance(array, zarr.Array)
+            rest = (slice(None),) * (array.ndim - len(where))
+            array[(*where, *rest)] = values
+        with written(self.folder / "done" / f"{block:06d}") as part:
+            part.write_text("", encoding="utf-8")
+
+    def read(self) -> Any:
+        """All arrays as an `xarray.Dataset`, read when they are used."""
+        import xarray
+
+        return xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
+
+    @contextmanager
+    def claimed(self) -> Iterator[None]:
+        """Hold the folder against a second driver on this machine; shards claim nothing, they share no block.
+
+        Raises:
+            InputError: Another process has it.
+        """
+        file = os.open(self.folder / "driver.lock", os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _lock(file, self.folder)
+            yield
+        finally:
+            os.close(file)
+
+
+def _lock(file: int, folder: Path) -> None:
+    """Lock a file for as long as it is open, where the system can."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has no such locks; there two drivers compute the same blocks twice
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise InputError(
+            f"{folder}: another process runs this study; allowed: one driver, or --shard for several"
+        ) from None
+
+
+def open_store(folder: Path) -> Store:
+    """A study that is there.
+
+    Raises:
+        InputError: It is none.
+    """
+    store = Store(folder)
+    store.asked()
+    return store
+
+
+def create(
+    folder: Path,
+    asked: Mapping[str, Any],
+    scene: Any,
+    coordinates: Mapping[str, Variable],
+    values: Mapping[str, np.ndarray],
+    variables: Mapping[str, Variable],
+    shape: Mapping[str, int],
+    chunk: Mapping[str, int],
+) -> Store:
+    """Make the folder of a study, or find the same study in it.
+
+    Args:
+        asked: What `study.json` is to say.
+        scene: Called with a path, writes the flattened scene there.
+        coordinates, values: What the dimensions mean.
+        variables: Arrays of results.
+        shape, chunk: Per dimension its length, and that of a block.
+
+    Raises:
+        InputError: The folder holds another study, or cannot be written.
+    """
+    store = Store(folder)
+    if (folder / "study.json").exists():
+        check_same(store, asked)
+        return store
+    check_place(folder, "--out", folder=True)
+    if folder.exists() and any(p.name not in ("driver.lock",) and not p.name.startswith(".") for p in folder.iterdir()):
+        raise InputError(f"--out is {folder}, which holds other files; allowed: a new or empty folder, or this study's")
+    import zarr
+
+    (folder / "done").mkdir(parents=True, exist_ok=True)
+    scene(store.scene)
+    group = zarr.open_group(str(store.results), mode="w", zarr_format=3)
+    for name, variable in {**coordinates, **variables}.items():
+        of = values.get(name)
+        full = tuple(shape[d] for d in variable.dims)
+        array = group.create_array(
+            name,
+            shape=full,
+            chunks=tuple(
+                n if of is not None else min(chunk.get(d, n), n) for d, n in zip(variable.dims, full, strict=True)
+            ),
+            dtype=np.dtype(variable.dtype) if of is None else of.dtype,
+            fill_value=variable.fill,
+            dimension_names=variable.dims,
+            attributes=dict(variable.attrs),
+        )
+        if of is not None:
+            array[...] = of
+    with written(folder / "study.json") as part:
+        part.write_text(json.dumps(asked, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return store
+
+
+def check_same(store: Store, asked: Mapping[str, Any]) -> None:
+    """Refuse to go on with another study than the one that the folder holds.
+
+    Raises:
+        InputError: They differ; the message says in what.
+    """
+    there, here = (json.loads(json.dumps(said)) for said in (store.asked(), asked))
+    differing = [key for key in {**there, **here} if there.get(key) != here.get(key) and key != "versions"]
+    if differing:
+        key = differing[0]
+        raise InputError(
+            f"{store.folder}: holds a study with another {key}: {_short(there.get(key))} there, "
+            f"{_short(here.get(key))} now; "
+            "allowed: the same study, or a new folder"
+        )
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 80 else f"{text[:77]}…"

@@ -1,0 +1,263 @@
+"""Studies end to end: the same bits however they are computed, against the survival of a well, and bad input."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from otwarp.bench.integrators.fokker_planck import survival_probability
+from otwarp.cli.main import main
+from otwarp.errors import InputError
+from otwarp.studies.axes import Scatter, grid, sobol, values
+from otwarp.studies.observables import contact_force, first_passage, trapped
+from otwarp.studies.results import table
+from otwarp.studies.run import run_study
+from otwarp.studies.stopping import half_width, trials
+from otwarp.studies.store import open_store
+from otwarp.studies.study import Study
+from otwarp.units import BOLTZMANN
+from tests.studies.scenes import bead_in_a_well
+
+pytest.importorskip("zarr")
+
+FILE = """
+scene = "well.usda"
+seed = 3
+[[axis]]
+name = "trap_power"
+grid = { from = 0.2, to = 1, count = 6 }
+unit = "mW"
+[[axis]]
+name = "start.x:/World/bead"
+values = [0, 0.1, 0.2, 0.3]
+unit = "µm"
+[[observable]]
+kind = "trapped"
+until = "0.1 s"
+[[observable]]
+kind = "first_passage"
+[stop]
+trials = 2048
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return bead_in_a_well(tmp_path_factory.mktemp("well"))
+
+
+def study_of(scene, **how):
+    asked = {
+        "axes": {
+            "trap_power": grid(0.2, 1.0, 3, unit="mW"),
+            "start.x:/World/bead": values([0.0, 200.0], unit="nm"),
+        },
+        "observables": [trapped(until=0.1), first_passage()],
+        "stop": trials(64),
+        "seed": 3,
+    }
+    return Study(scene, **(asked | how))
+
+
+def same(a, b):
+    return all(np.array_equal(a[n], b[n], equal_nan=a[n].dtype.kind == "f") for n in a) and a.keys() == b.keys()
+
+
+def test_results_do_not_depend_on_batches(scene):
+    """Blocks one by one, together, and in batches of 17 trials: the same bits."""
+    study = study_of(scene)
+    together = study.compute([0], device="cpu")[0]
+    assert same(together, study.compute([0], device="cpu", worlds=17, threads=1)[0])
+    assert together["trials"].tolist() == [[64, 64]] * 3
+    assert np.all(together["end"] >= 0) and np.any(together["end"] == 1)
+
+
+def test_more_trials_keep_the_first_ones(scene):
+    """A study with a rule runs the first trials of one with a number, bit for bit, and stops where it is narrow."""
+    most = study_of(scene, stop=half_width(0.08, at_least=16, at_most=512)).compute([0], device="cpu")[0]
+    low = most["trials"]
+    assert low.min() < 200 and low.max() <= 512
+    again = study_of(scene, stop=half_width(0.06, at_least=16, at_most=512)).compute([0], device="cpu")[0]
+    assert np.all(again["trials"] >= low)
+    first = np.arange(512) < low[..., None]
+    assert np.array_equal(most["end_time"][first], again["end_time"][first])
+
+
+def test_a_killed_study_goes_on(tmp_path, scene):
+    """SIGKILL in mid-work, then the same line: bit for bit what an undisturbed run and three shards give."""
+    (tmp_path / "well.usda").write_text(scene.read_text())
+    (tmp_path / "s.toml").write_text(FILE)
+    command = [sys.executable, "-m", "otwarp", "study", "run", str(tmp_path / "s.toml"), "--device", "cpu", "-o"]
+    out = tmp_path / "killed"
+    child = subprocess.Popen([*command, str(out)], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    while not (out / "done").is_dir() or not any((out / "done").iterdir()):
+        assert child.poll() is None
+        time.sleep(0.01)
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    done = len(open_store(out).finished())
+    assert 0 < done < 3
+    assert main([*command[3:], str(out)]) == 0
+    shards = tmp_path / "shards"
+    for n in (3, 1, 2):
+        assert main([*command[3:], str(shards), "--shard", f"{n}/3"]) == 0
+    a, b = (open_store(folder).read().load() for folder in (out, shards))
+    assert a.identical(b) and np.all(a["trials"] == 2048)
+    assert main(["study", "status", str(out)]) == 0
+    assert main(["study", "export", str(out), "-o", str(tmp_path / "out.nc")]) == 0
+    assert main(["study", "show", str(out), "--plot", str(tmp_path / "map.png")]) == 0
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_another_study_is_refused(tmp_path, scene, capsys):
+    """A folder goes on with its own study alone; the message says what differs."""
+    run_study(study_of(scene, stop=trials(4)), tmp_path / "out", devices=["cpu"])
+    for how, what in (
+        ({"seed": 4}, "seed"),
+        ({"stop": trials(5)}, "stop"),
+        ({"observables": [first_passage()]}, "obs"),
+    ):
+        with pytest.raises(InputError, match=f"another {what}"):
+            run_study(study_of(scene, **({"stop": trials(4)} | how)), tmp_path / "out", devices=["cpu"])
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter.txt").write_text("mine")
+    with pytest.raises(InputError, match="holds other files"):
+        run_study(study_of(scene), tmp_path / "full")
+    said = json.loads((tmp_path / "out" / "study.json").read_text())
+    (tmp_path / "out" / "study.json").write_text(json.dumps(said | {"version": 99}))
+    with pytest.raises(InputError, match="version = 99"):
+        open_store(tmp_path / "out")
+
+
+def test_two_drivers_are_refused(tmp_path, scene):
+    """One process at a time, but for shards."""
+    store = run_study(study_of(scene, stop=trials(4)), tmp_path / "out", devices=["cpu"])
+    with store.claimed(), pytest.raises(InputError, match="another process runs this study"):
+        run_study(study_of(scene, stop=trials(4)), tmp_path / "out", devices=["cpu"])
+
+
+def test_groups_and_scatter(tmp_path, scene):
+    """Radii make models of their own; power that scatters is a parameter of each trial; numbers have errors."""
+    study = Study(
+        scene,
+        axes={"/World/bead/sphere.radius": values([0.4, 0.6], unit="µm")},
+        observables=[trapped(until=0.05)],
+        scatter={"trap_power": Scatter(10.0)},
+        stop=trials(32),
+    )
+    assert study.plan().groups == 2
+    found = table(run_study(study, tmp_path / "out", devices=["cpu"]))
+    assert found.sizes == {"sphere_radius": 2} and found["sphere_radius"].attrs["units"] == "µm"
+    assert np.all(found["trapped_low"] <= found["trapped"])
+    again = study.compute([0], device="cpu", worlds=5)[0]
+    assert np.array_equal(again["end"], open_store(tmp_path / "out").read()["end"].values)
+
+
+def test_capture_against_the_backward_fokker_planck_equation(scene):
+    """P(start, power) to be held for 0.1 s, 2,048 trials each, within 5 standard errors and a step's 1 %."""
+    fine = bead_in_a_well(scene.parent, accuracy=0.005)
+    study = study_of(fine, stop=trials(2_048), observables=[trapped(until=0.1)])
+    sim = study.design.scene
+    found = study.compute([0], device="cpu")[0]
+    held = np.mean(found["end"] == 0, axis=-1)
+    energy = BOLTZMANN * sim.medium.temperature
+    diffusion = energy / (6.0 * np.pi * sim.medium.viscosity * 0.5)
+    for row, power in zip(held, (0.2, 0.6, 1.0), strict=True):
+        right = survival_probability(
+            lambda place, k=0.5 * power: -k * place,
+            0.4,
+            np.array([0.001, 0.2]),
+            0.1,
+            diffusion=diffusion,
+            energy=energy,
+        )
+        for p, wanted in zip(row, right, strict=True):
+            error = np.sqrt(wanted.value * (1.0 - wanted.value) / 2_048)
+            assert abs(p - wanted.value) <= 5.0 * error + 0.01 * (1.0 - wanted.value) + wanted.error
+
+
+def test_escape_rate_of_a_deep_well(tmp_path, scene):
+    """Rates grow with shallower wells, and intervals of a rate that was never seen have an upper end alone."""
+    found = table(run_study(study_of(scene, stop=trials(256)), tmp_path / "out", devices=["cpu"]))
+    rates = found["first_passage_rate"].values[:, 0]
+    assert np.all(np.diff(rates) < 0.0)
+    assert np.all(found["first_passage_rate_high"] > found["first_passage_rate"])
+    assert np.all(found["first_passage_rate_low"].values[found["first_passage_events"] == 0] == 0.0)
+    kept = found["trapped_count"].values + found["first_passage_events"].values
+    assert np.all(kept >= 256)  # who escaped later than 0.1 s counts for both
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        ({"trap_powr": grid(1, 2, 3, unit="mW")}, "did you mean trap_power"),
+        ({"trap_power": grid(1, 2, 3)}, "allowed: mW"),
+        ({"trap_power": grid(1, 2, 3, unit="µm")}, "unit 'µm'"),
+        ({"trap_power": values([-1.0], unit="mW")}, "value -1"),
+        ({"trap_power:/World/tarp": grid(1, 2, 3, unit="mW")}, "did you mean /World/trap"),
+        ({"start:/World/bead": values([1.0], unit="µm")}, "three numbers each"),
+        ({"start.q:/World/bead": values([1.0], unit="µm")}, "allowed: x, y, z"),
+        ({("trap_power", "start.x:/World/bead"): (grid(1, 2, 3, unit="mW"), grid(1, 2, 4, unit="µm"))}, "lengths"),
+        ({"/World/bead.raduis": values([1.0])}, "no attribute raduis"),
+        ({"speed:/World/trap": values([1.0], unit="µm/s")}, "stands still"),
+        ({"trap_power": "grid"}, "allowed: grid"),
+    ],
+)
+def test_bad_axes(scene, axes, said):
+    """Name, value and what is allowed."""
+    with pytest.raises(InputError, match=said):
+        study_of(scene, axes=axes)
+
+
+def test_bad_lists():
+    """Before any scene is looked at."""
+    for make in (
+        lambda: values([1.0, np.nan]),
+        lambda: values([]),
+        lambda: grid(2, 1, 5),
+        lambda: grid(0, 1, 5, spacing="log"),
+        lambda: grid(0, 1, 1),
+        lambda: sobol([0, 0], [1, 1], 8, unit=["mW"]),
+        lambda: Scatter(-1.0),
+        lambda: half_width(0.7),
+        lambda: trials(0),
+    ):
+        with pytest.raises(InputError, match="allowed"):
+            make()
+
+
+def test_bad_files(tmp_path, scene, capsys):
+    """One line, exit code 2, and nothing is written."""
+    (tmp_path / "well.usda").write_text(scene.read_text())
+    for old, new, said in (
+        ('unit = "mW"', 'unit = "kg"', "unit 'kg'"),
+        ("trials = 2048", "trials = -1", "at most is -1"),
+        ('"trapped"', '"traped"', "allowed: trapped"),
+        ("seed = 3", "sed = 3", "sed is none of its entries"),
+        ('"well.usda"', '"wall.usda"', "there is no such file"),
+        ("0.1 s", "0.1", "without a unit"),
+        ("[stop]", "[stop", "cannot be read"),
+        ("values = [0, 0.1, 0.2, 0.3]", "values = [0, nan]", "finite"),
+    ):
+        assert old in FILE
+        (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
+        assert main(["study", "run", str(tmp_path / "bad.toml"), "-o", str(tmp_path / "out")]) == 2
+        assert said in (error := capsys.readouterr().err) and error.count("\n") == 1
+        assert not (tmp_path / "out").exists()
+
+
+def test_unwritable(scene):
+    """A place that refuses is found out before anything is computed."""
+    with pytest.raises(InputError, match="cannot be written"):
+        run_study(study_of(scene), "/proc/study")
+
+
+def test_contact_force_is_an_observable(scene):
+    """A name that needs no arguments may stand there as it is."""
+    assert study_of(scene, observables=[trapped(until=0.1), contact_force]).observables[1].name == "contact_force"
