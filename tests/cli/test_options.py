@@ -14,6 +14,7 @@ from otwarp.cli.types import Number, OutputPath, name_of
 
 HANDS = str(Path(__file__).parents[2] / "scenes" / "teleop_small.usda")
 BEAD = str(Path(__file__).parents[2] / "scenes" / "single_bead.usda")
+STUDY = str(Path(__file__).parents[2] / "studies" / "capture.toml")
 
 NEEDED = {
     "run": [BEAD],
@@ -27,6 +28,10 @@ NEEDED = {
     "forces": ["--radius", "1", "--curves"],
     "mobility": [BEAD],
     "decompose": ["absent.stl"],
+    "study plan": [STUDY],
+    "study run": [STUDY],
+    "study show": ["absent"],
+    "study export": ["absent"],
 }
 """What a command needs beside the option under test."""
 

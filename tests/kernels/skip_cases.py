@@ -296,6 +296,7 @@ NUMBERS = {
     "bodies": "a number",
     "traps": "a number",
     "max_contacts": "a number",
+    "team": "how many threads share out a world, in the kernels of phases",
     "precision": "the type of all numbers",
 }
 """Features that switch no term, and what they are instead."""

@@ -18,9 +18,11 @@ from otwarp.cli.types import FILE
 @json_option
 def plan(file: Path, device: str | None, as_json: bool) -> None:
     """Say what the study in FILE will compute, and how long that takes on this machine."""
+    from otwarp.device import pick_device
     from otwarp.studies.estimate import estimate
     from otwarp.studies.file import load_study
 
+    pick_device(device)  # refused before anything slow
     study = load_study(file)
     found = study.plan()
     seconds, where = estimate(study, device)

@@ -31,15 +31,16 @@ def run(file: Path, out: Path | None, shard: str | None, device: str | None) -> 
     from otwarp.studies.file import load_study
     from otwarp.studies.run import run_study
 
+    share = None if shard is None else parse_shard(shard)
+    devices = None if device is None else [str(pick_device(device))]
     study = load_study(file)
     folder = out or Path("out") / file.stem
-    share = None if shard is None else parse_shard(shard)
     stop.begin()
     with _progress() as progress:
         store = run_study(
             study,
             folder,
-            devices=None if device is None else [str(pick_device(device))],
+            devices=devices,
             shard=share,
             progress=progress,
         )

@@ -21,9 +21,12 @@ ROWS = 40
 @json_option
 def show(folder: Path, plot: Path | None, observable: str | None, as_json: bool) -> None:
     """Print what the study in FOLDER has found, or draw it."""
+    from otwarp.errors import InputError
     from otwarp.studies.results import table
     from otwarp.studies.store import open_store
 
+    if observable is not None and plot is None:
+        raise InputError(f"--observable is {observable}; allowed with --plot alone: all are printed")
     store = open_store(folder)
     if plot is not None:
         from otwarp.studies.figure import draw
