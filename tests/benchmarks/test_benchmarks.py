@@ -160,7 +160,7 @@ def test_a_pair_of_scenes_differs_by_its_term(case: Comparison):
         assert feature in changed and bool(b[feature])
         # what follows from a term: where bodies are stepped, and how
         how = {"driver", "spheres", "max_contacts", "integrator", "lanes", "soft_contacts", "body_space", "in_turn"}
-        how |= {"by_world", "phased", "vectors"}
+        how |= {"by_world", "phased", "vectors", "cached"}
         assert changed <= how | {feature}
     else:
         assert changed

@@ -55,13 +55,14 @@ def solve_one_term(f: Features) -> wp.Function:
             first = round == 0 and not again
             line = line_at(listed, 0, free + give * force, first)
             left = line.load - force
+            # also when it is balanced: what rests under a load then lies still to rounding
+            force += wp.where(round < WHOLE_ROUNDS, 1.0, 0.5) * left / (1.0 + give * line.slope)
             if not first:
                 error = wp.abs(left) * give
                 if error <= BALANCED:
                     error = 0.0
                 if error == 0.0 or round == ROUNDS - 1:
                     break
-            force += wp.where(round < WHOLE_ROUNDS, 1.0, 0.5) * left / (1.0 + give * line.slope)
         scale = step_over_viscosity(model, world)
         move = response(model, c.a, Pose(wp.vec3(0.0), rotation[c.a]), scale, c.arm_a, force * c.normal)
         linear[c.a] = linear[c.a] + move.linear
