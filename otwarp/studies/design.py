@@ -63,6 +63,11 @@ class Design:
         return design
 
     @property
+    def grouped(self) -> bool:
+        """Whether some points have models of their own."""
+        return any(c.target.grouped for along in self.columns for c in along)
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Values along each dimension."""
         return tuple(len(d) for d in self.dimensions)

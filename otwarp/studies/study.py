@@ -110,6 +110,10 @@ class Study:
         loaded = scene if isinstance(scene, Scene) else variations.scene({})
         self.seed = _whole("seed", seed, 0, 2**32 - 1)
         self.design = Design.of(loaded, variations, dimensions(axes or {}))
+        if self.design.grouped and loaded != variations.scene({}):
+            raise InputError(
+                f"the scene is not that of its file {file}; allowed beside axes of attributes or speeds: as it was read"
+            )
         self.observables = _observables(observables, loaded)
         self.stop = stop or Stop()
         self.options = options or StepOptions()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.scene import Scene
 from otwarp.studies.axes import Scatter, grid, sobol, values
 from otwarp.studies.observables import contact_force, first_passage, trapped
 from otwarp.studies.results import table
@@ -213,6 +215,13 @@ def test_bad_axes(scene, axes, said):
     """Name, value and what is allowed."""
     with pytest.raises(InputError, match=said):
         study_of(scene, axes=axes)
+
+
+def test_a_scene_that_is_not_its_file(scene):
+    """Attributes are varied in the file: a scene that was changed in Python would lose its changes without a word."""
+    changed = dataclasses.replace(Scene.load(scene), traps=())
+    with pytest.raises(InputError, match="is not that of its file"):
+        study_of(changed, axes={"/World/bead/sphere.radius": values([0.4], unit="µm")})
 
 
 def test_bad_lists():
