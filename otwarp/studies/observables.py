@@ -121,6 +121,7 @@ def observable(keep: str = "last", *, unit: str = "", measured: bool = False) ->
         raise InputError(f"keep is {keep!r}; allowed: {', '.join(REDUCTIONS)}")
 
     def made(function: Callable[..., Any]) -> Callable[..., Observable]:
+        """What makes observables of the function, for the values of its parameters."""
         rest, _ = arguments_of("observable", function, WorldNow)
         for p in rest:
             if p.annotation not in KINDS:
@@ -130,6 +131,7 @@ def observable(keep: str = "last", *, unit: str = "", measured: bool = False) ->
         defaults = {p.name: p.default for p in rest}
 
         def given(**values: Any) -> Observable:
+            """The observable with these values; replaced by the function's own text."""
             for name in values:
                 if name not in defaults:
                     raise InputError(f"observable {function.__name__} has no parameter {name}; "

@@ -199,7 +199,7 @@ def wall_contacts_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, move: Move, wall: Pose,
         later: Pose, reach: float, listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """New count, element by element."""
+        """Count of contacts [1] when each element of body a has been held against obstacle o."""
         if wp.static(f.periodic):
             pose.position += image_shift(model.period, pose.position - wall.position)
         last = model.contact.start[a + 1] - 1

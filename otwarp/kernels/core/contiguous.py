@@ -38,14 +38,14 @@ def reader(dtype: Any, ndim: int = 1) -> wp.Function:
 
         @wp.func_native(snippet)
         def read(data: wp.array(dtype=dtype), i: int) -> dtype:
-            """Element i."""
+            """Element i, 0 to the length − 1, in the units of the array."""
             ...
 
         return read
 
     @wp.func_native(snippet)
     def read_in_row(data: wp.array2d(dtype=dtype), i: int, j: int) -> dtype:
-        """Element j of row i."""
+        """Element j of row i, both from 0, in the units of the array."""
         ...
 
     return read_in_row
@@ -59,14 +59,14 @@ def writer(dtype: Any, ndim: int = 1) -> wp.Function:
 
         @wp.func_native(snippet)
         def write(data: wp.array(dtype=dtype), i: int, value: dtype):
-            """To element i."""
+            """Set element i, 0 to the length − 1, in the units of the array."""
             ...
 
         return write
 
     @wp.func_native(snippet)
     def write_in_row(data: wp.array2d(dtype=dtype), i: int, j: int, value: dtype):
-        """To element j of row i."""
+        """Set element j of row i, both from 0, in the units of the array."""
         ...
 
     return write_in_row

@@ -32,7 +32,7 @@ def one_thread() -> int:
 
 @wp.func
 def only_lane() -> int:
-    """Number of the only thread."""
+    """Number [1] of the only thread of its team."""
     return int(0)
 
 
@@ -56,7 +56,7 @@ def own_vote(flag: bool) -> int:
 
 @wp.func
 def no_wait():
-    """Nobody to wait for."""
+    """Return at once: a team of one thread has nobody to wait for."""
     return
 
 
