@@ -58,6 +58,13 @@ class Observable:
         return dataclasses.replace(self, name=name)
 
 
+@dataclass(frozen=True, eq=False)
+class OfScene:
+    """An observable that is known when its scene is: `made` gives it."""
+
+    made: Callable[[Scene], Observable]
+
+
 def trapped(*, until: float) -> Observable:
     """Whether no trap has lost its sphere by `until` [s]."""
     return Observable("trapped", "probability", end=escaped, happens=False, until=_time("until", until))
@@ -80,7 +87,7 @@ def delivered(goal: Sequence[float] | None = None, *, radius: float | None = Non
     """
     by = _time("until", until)
     if goal is None:
-        return lambda scene: _delivered(*_goal(scene), by)
+        return OfScene(lambda scene: _delivered(*_goal(scene), by))
     if radius is None:
         raise InputError("delivered has a goal and no radius; allowed: both, or neither for the scene's own goal")
     return _delivered(tuple(goal), radius, body, by)

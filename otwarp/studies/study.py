@@ -22,7 +22,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.studies import store as stores
 from otwarp.studies.axes import Scatter, dimensions
 from otwarp.studies.design import Design, blocks
-from otwarp.studies.observables import Observable
+from otwarp.studies.observables import Observable, OfScene
 from otwarp.studies.runner import Outcomes, Runner, parameter_rows
 from otwarp.studies.stopping import Stop
 from otwarp.studies.targets import Target, target_of
@@ -353,8 +353,10 @@ def _observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, ...]:
     for item in given if isinstance(given, list | tuple) else [given]:
         made = item
         # `contact_force`, or `delivered` by the scene's own goal: what needs a scene, or nothing
-        if not isinstance(made, Observable) and callable(made):
-            made = made(scene) if getattr(made, "__name__", "") == "<lambda>" else made()
+        if isinstance(made, OfScene):
+            made = made.made(scene)
+        elif not isinstance(made, Observable) and callable(made):
+            made = made()
         if not isinstance(made, Observable):
             raise InputError(f"observables hold {item!r}; allowed: trapped(until=…), first_passage(), … or one's own")
         found.append(made)

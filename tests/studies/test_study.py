@@ -17,7 +17,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.studies.axes import Scatter, grid, sobol, values
-from otwarp.studies.observables import contact_force, first_passage, trapped
+from otwarp.studies.observables import contact_force, delivered, first_passage, trapped
 from otwarp.studies.results import table
 from otwarp.studies.run import run_study
 from otwarp.studies.stopping import half_width, trials
@@ -265,6 +265,14 @@ def test_unwritable(scene):
     """A place that refuses is found out before anything is computed."""
     with pytest.raises(InputError, match="cannot be written"):
         run_study(study_of(scene), "/proc/study")
+
+
+def test_delivery_needs_a_goal(scene):
+    """That of the scene, or one that is given."""
+    given = delivered((0.0, 0.0, 10.0), radius=0.1, until=0.1)
+    assert study_of(scene, observables=[given]).observables[0].name == "delivered"
+    with pytest.raises(InputError, match="the scene has no goal"):
+        study_of(scene, observables=[delivered(until=0.1)])
 
 
 def test_contact_force_is_an_observable(scene):
