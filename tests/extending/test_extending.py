@@ -105,7 +105,7 @@ def run_in(folder: Path, *command: str) -> None:
     """`python -m …` with the copy of the package in a folder."""
     here = {**os.environ, "PYTHONPATH": str(folder)}
     done = subprocess.run(
-        [sys.executable, "-m", *command], cwd=folder, env=here, capture_output=True, text=True, timeout=300
+        [sys.executable, "-m", *command], cwd=folder, env=here, capture_output=True, text=True, timeout=1800
     )
     assert done.returncode == 0, f"{command}: {done.stdout[-4000:]}{done.stderr[-2000:]}"
 

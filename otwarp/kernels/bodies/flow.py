@@ -19,21 +19,36 @@ def speed_of(flow: FlowData, world: int) -> float:
 
 
 @wp.func
+def axis_along(flow: FlowData) -> wp.vec3:
+    """x̂ of the flow's frame: turned axes are the same for all points, so that a loop over points turns them once."""
+    return wp.quat_rotate(flow.rotation, wp.vec3(1.0, 0.0, 0.0))
+
+
+@wp.func
+def axis_aside(flow: FlowData) -> wp.vec3:
+    """ŷ of the flow's frame, about which planar flows turn."""
+    return wp.quat_rotate(flow.rotation, wp.vec3(0.0, 1.0, 0.0))
+
+
+@wp.func
+def axis_up(flow: FlowData) -> wp.vec3:
+    """ẑ of the flow's frame, along which the velocity of planar flows changes."""
+    return wp.quat_rotate(flow.rotation, wp.vec3(0.0, 0.0, 1.0))
+
+
+@wp.func
 def uniform_flow(flow: FlowData, world: int, point: wp.vec3, radius: float) -> Move:
     """u = U x̂ [µm/s] of the flow's frame, without rotation; the radius [µm] makes no difference."""
     speed = speed_of(flow, world)
-    return Move(wp.quat_rotate(flow.rotation, wp.vec3(speed, 0.0, 0.0)), wp.vec3(0.0))
+    return Move(speed * axis_along(flow), wp.vec3(0.0))
 
 
 @wp.func
 def shear_flow(flow: FlowData, world: int, point: wp.vec3, radius: float) -> Move:
     """u = γ̇ z x̂ [µm/s], half curl ½γ̇ ŷ [rad/s], in the flow's frame; the radius [µm] makes no difference."""
     rate = flow.shear_rate[world_row(flow.shear_rate.shape[0], world)]
-    z = wp.quat_rotate_inv(flow.rotation, point - flow.origin)[2]
-    return Move(
-        wp.quat_rotate(flow.rotation, wp.vec3(rate * z, 0.0, 0.0)),
-        wp.quat_rotate(flow.rotation, wp.vec3(0.0, 0.5 * rate, 0.0)),
-    )
+    z = wp.dot(axis_up(flow), point - flow.origin)
+    return Move(rate * z * axis_along(flow), 0.5 * rate * axis_aside(flow))
 
 
 @wp.func
@@ -43,17 +58,14 @@ def poiseuille_flow(flow: FlowData, world: int, point: wp.vec3, radius: float) -
     The plates are at z = ±h; outside them all is 0. ∇²u = −2U/h² x̂.
     """
     speed = speed_of(flow, world)
-    relative = wp.quat_rotate_inv(flow.rotation, point - flow.origin)[2] / flow.half_height
+    relative = wp.dot(axis_up(flow), point - flow.origin) / flow.half_height
     linear = float(0.0)
     angular = float(0.0)
     if wp.abs(relative) < 1.0:
         wide = radius / flow.half_height
         linear = speed * (1.0 - relative * relative - wide * wide / 3.0)
         angular = -speed * relative / flow.half_height
-    return Move(
-        wp.quat_rotate(flow.rotation, wp.vec3(linear, 0.0, 0.0)),
-        wp.quat_rotate(flow.rotation, wp.vec3(0.0, angular, 0.0)),
-    )
+    return Move(linear * axis_along(flow), angular * axis_aside(flow))
 
 
 TERMS = wp.constant(64)

@@ -126,69 +126,81 @@ def element_pair_term(f: Features) -> wp.Function:
     Elements i and j of bodies a and b, others in each thread of the team, if they are `wanted`; the new count. `reach`
     [µm]: gap within which a contact is listed whether or not the moves close it.
     """
+    return rod_pair_term(f) if f.rods else sphere_pair_term(f)
+
+
+def sphere_pair_term(f: Features) -> wp.Function:
+    """`element_pair_term` where all elements are spheres."""
     team = team_of(f)
     votes_of, lane_of = team.votes, team.lane
-    touch = touch_term(f)
+    touch, excursion = touch_term(f), excursion_term(f)
     put, counted = put_term(f), counted_term(f)
-    excursion = excursion_term(f)
-    valley = valley_term(segment_slope) if f.rods else None
 
     @wp.func
-    def element_pair(
+    def sphere_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
         move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, wanted: bool, reach: float,
         listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """Two spheres at once; a rod at the point nearest to a sphere; two rods at their valley of nearest points.
+        """Two spheres at once: each thread of the team finds out whether its own touch."""
+        ri = radius_of(model.contact.sphere[i])
+        rj = radius_of(model.contact.sphere[j])
+        near = bool(wanted)
+        if near:
+            way = pose_a.position - pose_b.position + rod_a.centre - rod_b.centre
+            closing = closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way)
+            near = wp.length(way) < ri + rj + reach + closing
+        votes = votes_of(near)
+        if near:
+            c = touch(model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step)
+            c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
+            put(readout, world, listed, count + count_below(votes, lane_of()), c, step)
+        return counted(votes, count)
 
-        Where there are rods, a team is one thread.
-        """
+    return sphere_pair
+
+
+def rod_pair_term(f: Features) -> wp.Function:
+    """`element_pair_term` where elements may be rods: a team is one thread."""
+    touch, excursion, put = touch_term(f), excursion_term(f), put_term(f)
+    valley = valley_term(segment_slope)
+
+    @wp.func
+    def rod_pair(
+        model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
+        move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, wanted: bool, reach: float,
+        listed: ContactList, count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """A rod at the point nearest to a sphere; two rods at their valley of nearest points."""
         ri = radius_of(model.contact.sphere[i])
         rj = radius_of(model.contact.sphere[j])
         between = pose_a.position - pose_b.position
-        if wp.static(not f.rods):
-            near = bool(wanted)
-            if near:
-                way = between + rod_a.centre - rod_b.centre
-                closing = closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way)
-                near = wp.length(way) < ri + rj + reach + closing
-            votes = votes_of(near)
-            if near:
-                c = touch(
-                    model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step
-                )  # fmt: skip
-                c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
-                put(readout, world, listed, count + count_below(votes, lane_of()), c, step)
-            count = counted(votes, count)
-        else:
-            # all relative to the reference point of a, so that a place far from the origin costs no digits
-            other = Segment(rod_b.centre - between, rod_b.half)
-            apart = wp.length(rod_a.centre - other.centre) - wp.length(rod_a.half) - wp.length(other.half)
-            ahead = free_travel(model, a, move_a) + free_travel(model, b, move_b)
-            if wanted and apart < ri + rj + reach + ahead:
-                single = wp.length_sq(rod_a.half) == 0.0 or wp.length_sq(rod_b.half) == 0.0
-                v = valley(model.obstacles, 0, other, rod_a, 0, 1, 0.0)
-                merge = MERGE * ri / wp.max(wp.length(rod_a.half), 1.0e-30)
-                for choice in range(3):
-                    t = valley_t(v, choice)
-                    counts = valley_counts(v, choice, merge)
-                    if single:
-                        t = nearest_t(rod_a, other.centre)
-                        counts = choice == 1
-                    if counts:
-                        point = place_on(rod_a, t)
-                        facing = place_on(other, nearest_t(other, point))
-                        closing = closing_of(move_a, move_b, point, facing + between, point - facing)
-                        if wp.length(point - facing) < ri + rj + reach + closing:
-                            c = touch(
-                                model, readout, world, a, b, pose_a, pose_b, point, facing + between, ri, rj, step
-                            )  # fmt: skip
-                            c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
-                            c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
-                            count = put(readout, world, listed, count, c, step)
+        # all relative to the reference point of a, so that a place far from the origin costs no digits
+        other = Segment(rod_b.centre - between, rod_b.half)
+        apart = wp.length(rod_a.centre - other.centre) - wp.length(rod_a.half) - wp.length(other.half)
+        ahead = free_travel(model, a, move_a) + free_travel(model, b, move_b)
+        if wanted and apart < ri + rj + reach + ahead:
+            single = wp.length_sq(rod_a.half) == 0.0 or wp.length_sq(rod_b.half) == 0.0
+            v = valley(model.obstacles, 0, other, rod_a, 0, 1, 0.0)
+            merge = MERGE * ri / wp.max(wp.length(rod_a.half), 1.0e-30)
+            for choice in range(3):
+                t = valley_t(v, choice)
+                counts = valley_counts(v, choice, merge)
+                if single:
+                    t = nearest_t(rod_a, other.centre)
+                    counts = choice == 1
+                if counts:
+                    point = place_on(rod_a, t)
+                    facing = place_on(other, nearest_t(other, point))
+                    closing = closing_of(move_a, move_b, point, facing + between, point - facing)
+                    if wp.length(point - facing) < ri + rj + reach + closing:
+                        c = touch(model, readout, world, a, b, pose_a, pose_b, point, facing + between, ri, rj, step)
+                        c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
+                        c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
+                        count = put(readout, world, listed, count, c, step)
         return count
 
-    return element_pair
+    return rod_pair
 
 
 def pair_reach_term(f: Features) -> wp.Function:

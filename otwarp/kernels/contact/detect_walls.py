@@ -63,6 +63,45 @@ def touch_wall_term(f: Features) -> wp.Function:
     return touch_wall
 
 
+def rod_wall_term(f: Features) -> wp.Function:
+    """`(model, readout, world, a, o, i, pose, move, wall, later, rod, inside, reach, far, listed, count, …) -> count`.
+
+    A rod against obstacle o: `rod` in the world and `inside` in the obstacle's frame.
+    """
+    touch_wall, put, excursion = touch_wall_term(f), put_term(f), excursion_term(f)
+    distance_to = distance_term(f.obstacles)
+    valley = valley_term(obstacle_slope_term(distance_to))
+
+    @wp.func
+    def rod_wall(
+        model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
+        pose: Pose, move: Move, wall: Pose, later: Pose, rod: Segment, inside: Segment, reach: float, far: float,
+        listed: ContactList, count: int, step: wp.int64,
+    ) -> int:  # fmt: skip
+        """At the valley of its distance to the obstacle, piece by piece; `far` [µm]: how far a mesh answers."""
+        radius = radius_of(model.contact.sphere[i])
+        still = Move(wp.vec3(0.0), wp.vec3(0.0))
+        merge = MERGE * radius / wp.length(rod.half)
+        pieces = pieces_of(model.obstacles, o)
+        for piece in range(pieces):
+            v = valley(model.obstacles, o, inside, inside, piece, pieces, far)
+            for choice in range(3):
+                if valley_counts(v, choice, merge):
+                    t = valley_t(v, choice)
+                    point = place_on(inside, t)
+                    arm = place_on(rod, t)
+                    hit = distance_to(model.obstacles, o, point, far)
+                    way = wp.quat_rotate(wall.rotation, point_of(hit))
+                    if distance_of(hit) < radius + reach + closing_of(move, still, arm, arm, way):
+                        c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step)
+                        c = beside_rod(c, rod.half)
+                        c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step)
+                        count = put(readout, world, listed, count, c, step)
+        return count
+
+    return rod_wall
+
+
 def element_wall_term(f: Features) -> wp.Function:
     """`(model, readout, world, a, o, i, pose, move, wall, later, wanted, reach, listed, count, step) -> count`.
 
@@ -76,7 +115,7 @@ def element_wall_term(f: Features) -> wp.Function:
     excursion = excursion_term(f)
     element = element_term(f)
     distance_to = distance_term(f.obstacles)
-    valley = valley_term(obstacle_slope_term(distance_to)) if f.rods else None
+    rod_wall = rod_wall_term(f) if f.rods else None
 
     @wp.func
     def element_wall(
@@ -84,10 +123,7 @@ def element_wall_term(f: Features) -> wp.Function:
         pose: Pose, move: Move, wall: Pose, later: Pose, wanted: bool, reach: float,
         listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
-        """A sphere at its centre; a rod at the valley of its distance to the obstacle, piece by piece.
-
-        Where there are rods, a team is one thread.
-        """
+        """A sphere at its centre, or a rod; where there are rods, a team is one thread."""
         rod = element(model, i, pose.rotation)
         radius = radius_of(model.contact.sphere[i])
         local = wp.quat_rotate_inv(wall.rotation, pose.position + rod.centre - wall.position)
@@ -111,26 +147,10 @@ def element_wall_term(f: Features) -> wp.Function:
             if wanted and distance_of(hit) < far and half > 0.0:
                 inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
                 far += half  # so that a mesh answers everywhere along the rod
-                merge = MERGE * radius / half
-                pieces = pieces_of(model.obstacles, o)
-                for piece in range(pieces):
-                    v = valley(model.obstacles, o, inside, inside, piece, pieces, far)
-                    for choice in range(3):
-                        if valley_counts(v, choice, merge):
-                            t = valley_t(v, choice)
-                            point = place_on(inside, t)
-                            arm = place_on(rod, t)
-                            hit = distance_to(model.obstacles, o, point, far)
-                            way = wp.quat_rotate(wall.rotation, point_of(hit))
-                            if distance_of(hit) < radius + reach + closing_of(move, still, arm, arm, way):
-                                c = touch_wall(
-                                    model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step
-                                )  # fmt: skip
-                                c = beside_rod(c, rod.half)
-                                c = excursion(
-                                    model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step
-                                )  # fmt: skip
-                                count = put(readout, world, listed, count, c, step)
+                count = rod_wall(
+                    model, readout, world, a, o, i, pose, move, wall, later, rod, inside, reach, far, listed, count,
+                    step,
+                )  # fmt: skip
         return count
 
     return element_wall

@@ -6,22 +6,19 @@ it makes the one of least resistance, ½ xᵀA⁻¹x with the mobility A of the 
 and the force A⁻¹x at it moves the body. Few bodies make a matrix so small that it stays in registers.
 """
 
-from typing import Any
-
 import warp as wp
 
 from otwarp.kernels.contact.blocks import inverse_root
 from otwarp.kernels.contact.body_solve import BALANCED, ROUNDS, WHOLE_ROUNDS, settling_team, turning_term
 from otwarp.kernels.contact.contact import rigid_response
-from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of, opened_by
-from otwarp.kernels.contact.implicit_law import Line, line_of
+from otwarp.kernels.contact.contact_list import ContactList
+from otwarp.kernels.contact.point_gather import column, gather_term, table
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
-from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.roots import reciprocal_root
 from otwarp.kernels.core.rotation import rotation_matrix
-from otwarp.kernels.core.team import ALONE, first_of
+from otwarp.kernels.core.team import first_of
 from otwarp.kernels.core.types import ModelData, mat66
 
 _BITS = wp.constant(4)
@@ -126,16 +123,6 @@ def point_arm_term(f: Features) -> wp.Function:
     return point_arm
 
 
-def table(rows: int, columns: int) -> Any:
-    """Type of a matrix of so many rows and columns."""
-    return wp.types.matrix(shape=(rows, columns), dtype=wp.float32)
-
-
-def column(rows: int) -> Any:
-    """Type of a vector of so many numbers."""
-    return wp.types.vector(length=rows, dtype=wp.float32)
-
-
 def solve_system_term(rows: int) -> wp.Function:
     """`(system, right) -> solution` of a symmetric positive definite matrix, given by its lower triangle."""
 
@@ -164,95 +151,6 @@ def solve_system_term(rows: int) -> wp.Function:
         return right
 
     return solve_system
-
-
-def way_of_pair_term(f: Features) -> wp.Function:
-    """`(moved, pair) -> way`: how far the points of two bodies move apart [µm]; an obstacle's does not move."""
-    bodies, long = f.bodies, column(3 * f.bodies)
-
-    @wp.func
-    def way_of_pair(moved: long, pair: wp.vec2i) -> wp.vec3:
-        """The way [µm]: chosen, not indexed, since what is written out by constants stays in registers."""
-        way = wp.vec3(0.0)
-        for k in range(wp.static(bodies)):
-            sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
-            for r in range(3):
-                way[r] += sign * moved[3 * k + r]
-        return way
-
-    return way_of_pair
-
-
-def gather_points_term(f: Features) -> wp.Function:
-    """`(listed, count, first, drags, moved) -> (system, right)` of one of Newton's steps."""
-    bodies, team, way_of_pair = f.bodies, settling_team(f), way_of_pair_term(f)
-    size_of, lane_of, value_of, bits_of, alone = team.size, team.lane, team.value, team.bits, team is ALONE
-    matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
-
-    @wp.func
-    def gather_points(listed: ContactList, count: int, first: bool, drags: blocks, moved: long):
-        """Matrix and right-hand sides at the moves of the points [µm], which `drags` [pN/µm] resist.
-
-        Each thread of a team works out another contact; then all of them add up all, in the order of the list.
-        Neighbours of the same two bodies go together.
-        """
-        system = matrix()
-        right = long()
-        for k in range(wp.static(bodies)):
-            for r in range(3):
-                for c in range(3):
-                    system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
-                    right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
-        i = int(0)
-        line = Line()
-        way = wp.vec3(0.0)
-        entry = entry_at(listed, 0)
-        ahead = entry_at(listed, wp.min(lane_of(), count - 1))
-        pair = entry.pair
-        while i < count:
-            if wp.static(alone):
-                way = way_of_pair(moved, pair)
-            stiffness = wp.mat33(0.0)
-            force = wp.vec3(0.0)
-            joined = bool(True)
-            while joined:
-                lane = i % size_of()
-                if lane == 0:
-                    # read before these are worked out: the memory of a GPU is far away
-                    entry = ahead
-                    ahead = entry_at(listed, wp.min(i + size_of() + lane_of(), count - 1))
-                    if wp.static(not alone):
-                        way = way_of_pair(moved, entry.pair)
-                    opening = opened_by(entry.face) + wp.dot(way, point_of(entry.face))
-                    line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
-                    if i + lane_of() < count:
-                        listed.depth[i + lane_of()] = line.depth
-                own = point_of(entry.face)
-                n = wp.vec3(value_of(own[0], lane), value_of(own[1], lane), value_of(own[2], lane))
-                stiffness = stiffness + wp.outer(value_of(line.slope, lane) * n, n)
-                force = force + value_of(line.load, lane) * n
-                i += 1
-                lane = i % size_of()
-                following = entry.pair
-                if lane == 0:
-                    following = ahead.pair
-                following = wp.vec2i(bits_of(following[0], lane), bits_of(following[1], lane))
-                joined = i < count and following == pair
-            for k in range(wp.static(bodies)):
-                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
-                for r in range(3):
-                    right[3 * k + r] += sign * force[r]
-                    for c in range(3):
-                        system[3 * k + r, 3 * k + c] += sign * sign * stiffness[r, c]
-                for j in range(k):
-                    both = wp.where(pair[0] == k and pair[1] == j, 1.0, 0.0)
-                    for r in range(3):
-                        for c in range(3):
-                            system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
-            pair = following
-        return system, right
-
-    return gather_points
 
 
 def point_drag_term(f: Features) -> wp.Function:
@@ -336,7 +234,7 @@ def take_points_term(f: Features) -> wp.Function:
 def solve_points_term(f: Features) -> wp.Function:
     """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept) -> float`."""
     point_arm, point_drag = point_arm_term(f), point_drag_term(f)
-    gather_points, solve_system = gather_points_term(f), solve_system_term(3 * f.bodies)
+    gather, solve_system = gather_term(f), solve_system_term(3 * f.bodies)
     take_points = take_points_term(f)
     bodies, team = f.bodies, settling_team(f)
     size_of, lane_of, value_of = team.size, team.lane, team.value
@@ -377,7 +275,7 @@ def solve_points_term(f: Features) -> wp.Function:
         error = float(0.0)
         for round in range(ROUNDS):
             first = round == 0 and not again
-            system, right = gather_points(listed, count, first, drags, moved)
+            system, right = gather(listed, count, first, drags, moved)
             if not first:
                 error = float(0.0)
                 for k in range(wp.static(bodies)):

@@ -93,7 +93,7 @@ def together(size: int) -> Team:
 
     @wp.func_native(_native(f"return {size};", "return 1;"))
     def team_size() -> int:
-        """Threads of a team [1]."""
+        """Threads of a team [1], a power of two."""
         ...
 
     @wp.func_native(_native(f"return threadIdx.x & {size - 1};", "return 0;"))

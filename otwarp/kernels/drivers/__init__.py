@@ -9,6 +9,7 @@ grid: many bodies, one thread per body and step, or a block of threads per world
 
 inlets: cells that have left come in again, in all of these; grid_inlets: in the grid driver.
 episodes: which worlds are in motion, which have ended, which start anew; predicates: what commonly ends them.
+interfaces: how far worlds have come on their way to a rare event, and who is at an interface.
 observations: numbers that are read of worlds in motion, and what of them is kept; numbers: common ones.
 
 Open solo first: it is the shortest that is complete.

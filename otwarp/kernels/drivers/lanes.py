@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
-from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.features import CPU_FLAGS, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
@@ -40,17 +40,22 @@ def make_lanes_step(f: Features) -> wp.Kernel:
     return make_body_lanes(f) if f.rigid else make_bead_lanes(f)
 
 
+def module_options(f: Features) -> dict[str, str]:
+    """How Warp compiles the step of lone spheres: with a flow, whatever its size in one piece."""
+    flags = " ".join((CPU_FLAGS,) * bool(f.flow) + (WIDE,) * f.vectors)
+    return {"cpu_compiler_flags": flags} if flags else {}
+
+
 def make_bead_lanes(f: Features) -> wp.Kernel:
     """Step for lone spheres, as `make_bead_step`."""
     start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
     alike, step_together = (alike_term(f), step_together_term(f)) if f.vectors else (None, None)
-    options = {"cpu_compiler_flags": WIDE} if step_together else {}
     number = number_term(f)
     worlds_in, world_in, start_of = worlds_term(f), world_term(f), start_term(f)
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=options)
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=module_options(f))
     def bead_lanes(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, first_world: int,
         first_step: wp.int64, steps: int, worlds: int,

@@ -23,6 +23,12 @@ def strayed(now: WorldNow, origin: wp.vec3, radius: float, body: int = 0) -> boo
     return wp.length(now.state.position[now.world, body] - origin) > radius
 
 
+def left_behind(now: WorldNow, distance: float, cell: int, left: int, right: int) -> bool:
+    """The centre of a cell is farther than `distance` [µm] from the middle of the two robots that carry it."""
+    middle = 0.5 * (now.state.position[now.world, left] + now.state.position[now.world, right])
+    return wp.length(now.state.position[now.world, cell] - middle) > distance
+
+
 def timed_out(now: WorldNow, after: float) -> bool:
     """A world has run for `after` seconds since it was started or reset."""
     return now.time >= after

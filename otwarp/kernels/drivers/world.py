@@ -30,7 +30,7 @@ from otwarp.kernels.drivers.world_room import (
 )
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS
-from otwarp.kernels.optics.trap_wrench import move_trap_term
+from otwarp.kernels.optics.trap_command import move_trap_term
 
 
 @wp.func_native("""

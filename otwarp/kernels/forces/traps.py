@@ -9,7 +9,8 @@ from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
-from otwarp.kernels.optics.trap_wrench import anchor_of, piece_command_term, reach_term, trap_command_term
+from otwarp.kernels.optics.trap_command import anchor_of, piece_command_term, trap_command_term
+from otwarp.kernels.optics.trap_wrench import reach_term
 from otwarp.kernels.optics.traps import AUTHORED, anchored, piece_terms, trap_force_term
 
 

@@ -25,7 +25,7 @@ from otwarp.kernels.core.types import (
     world_row,
 )
 from otwarp.kernels.core.worlds import number_term
-from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
+from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 
 NEAR = wp.constant(5.0)
 """Distance from the boundary, in standard deviations s of a step, beyond which no crossing is looked for: had both ends

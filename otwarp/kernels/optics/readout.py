@@ -10,7 +10,7 @@ from otwarp.kernels.core.packed import point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import time_term
-from otwarp.kernels.optics.trap_wrench import anchor_of, trap_command_term
+from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import trap_force_term
 
 

@@ -3,7 +3,6 @@
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.reads import index_at, vec4_at
@@ -22,85 +21,13 @@ from otwarp.kernels.core.types import (
 )
 from otwarp.kernels.cpu.rigid_block import AIMS, SPHERES
 from otwarp.kernels.cpu.table_block import address_of_aims, table_wrench_term
+from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import (
     LAYER_NAMES,
-    commanded_animated,
-    commanded_staged,
     commanded_still,
-    limited_focus,
-    piece_terms,
     table_name,
     trap_force_term,
 )
-
-
-def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
-    """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now.
-
-    With `stage` where it counts to be in the stage of a step at `time`.
-    """
-    commanded = commanded_animated if f.moving_traps else commanded_still
-    if f.leaps and stage:
-        commanded = commanded_staged
-
-    @wp.func
-    def trap_command(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64
-    ) -> wp.vec4:
-        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
-        command = commanded(model.traps, control, world, trap, time)
-        if wp.static(f.speed_limits):
-            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
-                p = state.trap_position[world, trap]
-                command = beside(p, power_of(command))
-        return command
-
-    return trap_command
-
-
-def piece_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage, by a piece."""
-    _, commanded = piece_terms(f)
-
-    @wp.func
-    def piece_command(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
-        time: wp.float64,
-    ) -> wp.vec4:  # fmt: skip
-        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
-        command = commanded(model.traps, control, trap, piece, still, time)
-        if wp.static(f.speed_limits):
-            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
-                p = state.trap_position[world, trap]
-                command = beside(p, power_of(command))
-        return command
-
-    return piece_command
-
-
-def move_trap_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, time)`: move a focus from `time` one step on, as fast as it may.
-
-    It heads for where the command is at the end of the step.
-    """
-    commanded = commanded_animated if f.moving_traps else commanded_still
-
-    @wp.func
-    def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
-        """Write the new focus [µm] to `state.trap_position`."""
-        wanted = commanded(model.traps, control, world, trap, time + model.time_step)
-        now = state.trap_position[world, trap]
-        dt = wp.float32(model.time_step)
-        goal = point_of(wanted)
-        state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
-
-    return move_trap
-
-
-@wp.func
-def anchor_of(model: ModelData, trap: int, command: wp.vec4) -> wp.vec3:
-    """Equilibrium point of a trap whose focus is commanded to be there [µm]."""
-    return point_of(command) + model.traps.equilibrium[trap] * model.traps.axis[trap]
 
 
 def reach_term(f: Features) -> wp.Function:
@@ -252,13 +179,9 @@ def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
     return blocked_wrench
 
 
-def trap_wrench_term(f: Features) -> wp.Function:
-    """`(model, control, state, body, world, b, pose, time) -> Wrench` of all traps (the sum of MSDM, eq. 2)."""
-    blocked = blocked_table(f)
-    if blocked is not None:
-        return blocked_wrench_term(f, *blocked)
-    aim_at, pulled = aim_term(f), pull_term(f)
-    aims_are_kept, unrolled = keeps_aims(f), f.traps <= KEPT_AIMS
+def place_aims_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, b, pose, time, aims)`: all traps' aims, another in each thread of a team."""
+    aim_at, traps = aim_term(f), f.traps
     size_of, lane_of, value_of = team_of(f).size, team_of(f).lane, team_of(f).value
 
     @wp.func
@@ -269,6 +192,29 @@ def trap_wrench_term(f: Features) -> wp.Function:
         return Aim(anchor, value_of(aim.power, lane), value_of(aim.reach2, lane))
 
     @wp.func
+    def place_aims(
+        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, time: wp.float64,
+        aims: wp.array(dtype=Aim),
+    ):  # fmt: skip
+        """Fill `aims`, as `aim_at` gives them at `time` [s] for a body at `pose` [µm]."""
+        many = int(wp.static(traps))
+        if wp.static(f.team > 1):
+            for first in range(0, many, size_of()):
+                aim = aim_at(model, control, state, world, b, pose, wp.min(first + lane_of(), many - 1), time)
+                for k in range(wp.min(size_of(), many - first)):
+                    aims[first + k] = told(aim, k)
+        else:
+            for trap in range(many):
+                aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+
+    return place_aims
+
+
+def pull_of_kept_term(f: Features) -> wp.Function:
+    """`(model, body, world, place, radius, element) -> force` of traps at rest."""
+    pulled = pull_term(f)
+
+    @wp.func
     def pull_of_kept(
         model: ModelData, body: RigidConstants, world: int, place: wp.vec3, radius: float, element: int
     ) -> wp.vec3:
@@ -277,6 +223,13 @@ def trap_wrench_term(f: Features) -> wp.Function:
         for trap in range(wp.static(f.traps)):
             force = pulled(model, world, kept_aim(body, trap), trap, place, radius, element, force)
         return force
+
+    return pull_of_kept
+
+
+def pull_of_aims_term(f: Features) -> wp.Function:
+    """`(model, aims, world, place, radius, element) -> force` of traps that may move."""
+    pulled, unrolled = pull_term(f), f.traps <= KEPT_AIMS
 
     @wp.func
     def pull_of_aims(
@@ -293,6 +246,18 @@ def trap_wrench_term(f: Features) -> wp.Function:
                 force = pulled(model, world, aims[trap], trap, place, radius, element, force)
         return force
 
+    return pull_of_aims
+
+
+def trap_wrench_term(f: Features) -> wp.Function:
+    """`(model, control, state, body, world, b, pose, time) -> Wrench` of all traps (the sum of MSDM, eq. 2)."""
+    blocked = blocked_table(f)
+    if blocked is not None:
+        return blocked_wrench_term(f, *blocked)
+    aims_are_kept = keeps_aims(f)
+    place_aims, pull_of_kept, pull_of_aims = place_aims_term(f), pull_of_kept_term(f), pull_of_aims_term(f)
+    size_of, lane_of, value_of = team_of(f).size, team_of(f).lane, team_of(f).value
+
     @wp.func
     def trap_wrench(
         model: ModelData, control: ControlData, state: StateData, body: RigidConstants, world: int, b: int, pose: Pose,
@@ -305,15 +270,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
         total = Wrench(wp.vec3(0.0), wp.vec3(0.0))
         if wp.static(not aims_are_kept):
             aims = wp.zeros(shape=(wp.static(f.traps),), dtype=Aim)
-            traps = int(wp.static(f.traps))
-            if wp.static(f.team > 1):
-                for first in range(0, traps, size_of()):
-                    aim = aim_at(model, control, state, world, b, pose, wp.min(first + lane_of(), traps - 1), time)
-                    for k in range(wp.min(size_of(), traps - first)):
-                        aims[first + k] = told(aim, k)
-            else:
-                for trap in range(traps):
-                    aims[trap] = aim_at(model, control, state, world, b, pose, trap, time)
+            place_aims(model, control, state, world, b, pose, time, aims)
         turn = rotation_matrix(pose.rotation)
         start = index_at(model.body.trapped_start, b)
         end = index_at(model.body.trapped_start, b + 1)

@@ -31,54 +31,65 @@ MOTION = 8e-5
 """Moves [µm, rad] beside those of the loads: what may be out of balance, and its rotations."""
 
 
+HARDNESS = pytest.mark.parametrize("hardness", [2e2, 2e3, 2e5, 2e6], ids=["soft", "stiffer", "stiff", "hard"])
+AGAIN = pytest.mark.parametrize("again", [False, True], ids=["first stage", "second stage"])
+
+
+@wp.struct
+class Pressed:
+    """A step whose contacts are to be solved: where the bodies are, how they go if free, and what is found."""
+
+    position: wp.array(dtype=wp.vec3)
+    rotation: wp.array(dtype=wp.quat)
+    given: wp.array(dtype=Contact)
+    linear: wp.array(dtype=wp.vec3)  # free moves; on return, those by the contacts as well
+    angular: wp.array(dtype=wp.vec3)
+    start: wp.array(dtype=wp.vec3)  # the free moves, kept
+    again: bool  # solve the step once more, from the solution of the first time
+    listed: ContactList
+    load: wp.array(dtype=float)
+    error: wp.array(dtype=float)
+
+
 @wp.func
-def listed_of(
-    given: wp.array(dtype=Contact),
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    listed: ContactList,
-):
+def listed_of(p: Pressed):
     """List the contacts, with their openings by the free moves."""
     still = wp.zeros(shape=(BODIES,), dtype=vec6)
     count = 0
     for i in range(COUNT):
-        count = _put(ReadoutData(), 0, listed, count, given[i], wp.int64(0))
-    _open(listed, count, False, linear, angular, still, still)
+        count = _put(ReadoutData(), 0, p.listed, count, p.given[i], wp.int64(0))
+    _open(p.listed, count, False, p.linear, p.angular, still, still)
+
+
+@wp.func
+def freed(p: Pressed):
+    """Set the moves back to the free ones."""
+    for b in range(BODIES):
+        p.linear[b] = p.start[b]
+        p.angular[b] = p.start[BODIES + b]
+
+
+@wp.func
+def loads_of(p: Pressed):
+    """Report the loads of all contacts."""
+    for i in range(COUNT):
+        p.load[i] = _solved(p.listed, i).load
 
 
 @wp.kernel(enable_backward=False)
-def probe_bodies(
-    model: ModelData,
-    position: wp.array(dtype=wp.vec3),
-    rotation: wp.array(dtype=wp.quat),
-    given: wp.array(dtype=Contact),
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    again: bool,
-    listed: ContactList,
-    load: wp.array(dtype=float),
-    error: wp.array(dtype=float),
-):
+def probe_bodies(model: ModelData, p: Pressed):
     node = wp.zeros(shape=(wp.static(BODIES + 1),), dtype=int)
     block = wp.zeros(shape=(BLOCKS,), dtype=wp.mat33)
     filled = wp.zeros(shape=(NODES,), dtype=int)
     side = wp.zeros(shape=(NODES,), dtype=wp.vec3)
     moved = wp.zeros(shape=(NODES,), dtype=wp.vec3)
     space = SpaceRoom(node, block, filled, side, moved)
-    start = wp.zeros(shape=(wp.static(2 * BODIES),), dtype=wp.vec3)
-    listed_of(given, linear, angular, listed)
-    for b in range(BODIES):
-        start[b] = linear[b]
-        start[BODIES + b] = angular[b]
-    error[0] = _solve(model, 0, listed, COUNT, position, rotation, False, linear, angular, space)
-    if again:
-        # the same step once more, from the solution of the first
-        for b in range(BODIES):
-            linear[b] = start[b]
-            angular[b] = start[BODIES + b]
-        error[0] = _solve(model, 0, listed, COUNT, position, rotation, True, linear, angular, space)
-    for i in range(COUNT):
-        load[i] = _solved(listed, i).load
+    listed_of(p)
+    p.error[0] = _solve(model, 0, p.listed, COUNT, p.position, p.rotation, False, p.linear, p.angular, space)
+    if p.again:
+        freed(p)
+        p.error[0] = _solve(model, 0, p.listed, COUNT, p.position, p.rotation, True, p.linear, p.angular, space)
+    loads_of(p)
 
 
 class Problem:
@@ -152,17 +163,20 @@ class Problem:
         model.body.translation = device_array([self.move.mobility[0, 0]], wp.float32, device)
         model.body.mobility = device_array([self.move.mobility], mat66, device)
         model.body.resistance = device_array([self.move.resistance], mat66, device)
-        moves = [device_array(v, wp.vec3, device) for v in self.free]
-        load, error = (wp.zeros(n, dtype=float, device=device) for n in (COUNT, 1))
-        poses = [device_array(self.position, wp.vec3, device), device_array(self.rotation, wp.quat, device)]
-        inputs = [model, *poses, self.contacts(device), *moves, again, *more, empty_list(COUNT, device), load, error]
-        wp.launch(kernel, dim=1, inputs=inputs, device=device)
-        found = np.stack([m.numpy() for m in moves]).astype(float) - self.free
-        return load.numpy().astype(float), found, float(error.numpy()[0])
+        p = Pressed()
+        p.position = device_array(self.position, wp.vec3, device)
+        p.rotation = device_array(self.rotation, wp.quat, device)
+        p.linear, p.angular = (device_array(v, wp.vec3, device) for v in self.free)
+        p.start = device_array(self.free.reshape(-1, 3), wp.vec3, device)
+        p.given, p.again, p.listed = self.contacts(device), again, empty_list(COUNT, device)
+        p.load, p.error = (wp.zeros(n, dtype=float, device=device) for n in (COUNT, 1))
+        wp.launch(kernel, dim=1, inputs=[model, p, *more], device=device)
+        found = np.stack([m.numpy() for m in (p.linear, p.angular)]).astype(float) - self.free
+        return p.load.numpy().astype(float), found, float(p.error.numpy()[0])
 
 
-@pytest.mark.parametrize("hardness", [2e2, 2e3, 2e5, 2e6], ids=["soft", "stiffer", "stiff", "hard"])
-@pytest.mark.parametrize("again", [False, True], ids=["first stage", "second stage"])
+@HARDNESS
+@AGAIN
 def test_loads_obey_law_and_motion(hardness, again, device):
     """λ = λ(s⁰ + J x) and x = M Jᵀλ within what may be out of balance: float64, 12 random steps.
 

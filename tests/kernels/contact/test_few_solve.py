@@ -1,21 +1,24 @@
 """Few contacts solved for their forces: laws and equation of motion in float64."""
 
 import numpy as np
-import pytest
 import warp as wp
 
 from otwarp.kernels.contact.body_solve import open_gaps_term
-from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.contact_list import ContactList, put_term, solved_term
+from otwarp.kernels.contact.contact_list import put_term, solved_term
 from otwarp.kernels.contact.few_solve import solve_few_term
 from otwarp.kernels.core.types import ModelData, ReadoutData, vec6
 from tests.kernels.contact.test_body_solve import (
+    AGAIN,
     BODIES,
     COUNT,
     FEATURES,
+    HARDNESS,
     PARTNERS,
+    Pressed,
     Problem,
+    freed,
     listed_of,
+    loads_of,
     pressed_contacts,
 )
 from tests.reference import contact_law
@@ -26,54 +29,26 @@ _put, _open, _solve, _solved = (
 
 
 @wp.kernel(enable_backward=False)
-def probe_few(
-    model: ModelData,
-    position: wp.array(dtype=wp.vec3),
-    rotation: wp.array(dtype=wp.quat),
-    given: wp.array(dtype=Contact),
-    linear: wp.array(dtype=wp.vec3),
-    angular: wp.array(dtype=wp.vec3),
-    again: bool,
-    alone: bool,
-    listed: ContactList,
-    load: wp.array(dtype=float),
-    error: wp.array(dtype=float),
-):
+def probe_few(model: ModelData, p: Pressed, alone: bool):
     """All contacts together, or each as if it were alone."""
-    start = wp.zeros(shape=(wp.static(2 * BODIES),), dtype=wp.vec3)
     still = wp.zeros(shape=(BODIES,), dtype=vec6)
-    for b in range(BODIES):
-        start[b] = linear[b]
-        start[BODIES + b] = angular[b]
-    listed_of(given, linear, angular, listed)
-    times = int(1)  # noqa: RUF046, UP018
-    if alone:
-        times = int(COUNT)
+    listed_of(p)
+    times = wp.where(alone, COUNT, 1)
     for i in range(times):
         count = int(COUNT)
         if alone:
-            count = _put(ReadoutData(), 0, listed, 0, given[i], wp.int64(0))
-            _open(listed, count, False, linear, angular, still, still)
-        # again: the same step once more, from the solution of the first
-        stages = wp.where(again, 2, 1)
+            count = _put(ReadoutData(), 0, p.listed, 0, p.given[i], wp.int64(0))
+            _open(p.listed, count, False, p.linear, p.angular, still, still)
+        stages = wp.where(p.again, 2, 1)
         for stage in range(stages):
-            for b in range(BODIES):
-                linear[b] = start[b]
-                angular[b] = start[BODIES + b]
-            found = _solve(model, 0, listed, count, rotation, stage > 0, linear, angular)
-            error[0] = wp.max(error[0], found)
+            freed(p)
+            found = _solve(model, 0, p.listed, count, p.rotation, stage > 0, p.linear, p.angular)
+            p.error[0] = wp.max(p.error[0], found)
         if alone:
-            load[i] = _solved(listed, 0).load
-            for b in range(BODIES):
-                linear[b] = start[b]
-                angular[b] = start[BODIES + b]
+            p.load[i] = _solved(p.listed, 0).load
+            freed(p)
     if not alone:
-        for i in range(COUNT):
-            load[i] = _solved(listed, i).load
-
-
-HARDNESS = pytest.mark.parametrize("hardness", [2e2, 2e3, 2e5, 2e6], ids=["soft", "stiffer", "stiff", "hard"])
-AGAIN = pytest.mark.parametrize("again", [False, True], ids=["first stage", "second stage"])
+        loads_of(p)
 
 
 BALANCE = 2e-5

@@ -13,7 +13,7 @@ from otwarp.errors import SimulationError
 from otwarp.kernels.drivers.lane_groups import GROUP
 from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Scene, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
 from otwarp.simulation.stepping import FusedStepper, StepperParts
 
 WORLDS = GROUP + 3
@@ -72,6 +72,10 @@ SCENES = {
     "rigid": scene(dimer(PLACES[0], "a"), traps=3),
     "mixed": scene(dimer(PLACES[0], "a"), bead(PLACES[1], "b"), bead(PLACES[2], "c"), traps=3),
     "free": Scene(bodies=(bead(PLACES[0], "a"),)),
+    "flow": Scene(
+        bodies=(bead(PLACES[0], "a"),),
+        flow=Flow(prim="/World", kind="poiseuille", orientation=(0.5, 0.5, -0.1, 0.7), half_height=40.0, speed=10.0),
+    ),
     "still": Scene(
         bodies=(bead((3.1, 5.0, 7.0), "a"),), traps=(trap(PLACES[0], "t"),), settings=Settings(brownian=False)
     ),

@@ -8,7 +8,7 @@ import otwarp.studies
 from otwarp.kernels.drivers import numbers
 
 
-@pytest.mark.parametrize("name", ["contact_force", "contact_dose", "orientation_error"])
+@pytest.mark.parametrize("name", ["contact_force", "orientation_error"])
 def test_each_is_offered_with_its_parameters(name):
     function, made = getattr(numbers, name), getattr(otwarp.studies, name)
     assert made().function.function is function

@@ -277,14 +277,9 @@ def sweep_term(f: Features) -> wp.Function:
     return sweep_entries
 
 
-def settle_entries_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, push, me, again)`: contact forces of a step of one world.
-
-    From what `look_around` claimed or, with `again` 1, from the first solution, after the free moves have changed.
-    """
+def make_entries_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, push, me, begin, last, first)`: entries of one world, and who has them."""
     make_entry, sort_links = make_entry_term(f), sort_links_term(f)
-    begin_entry, gather, sweep_entries = begin_entry_term(f), gather_term(f), sweep_term(f)
-    look_again = look_again_term(f) if f.pairs else None
 
     @wp.func
     def make_entries(
@@ -303,6 +298,18 @@ def settle_entries_term(f: Features) -> wp.Function:
             grid.entry.weight[me.world, 0] = wp.int64(0)
             grid.entry.weight[me.world, 1] = wp.int64(0)
         meet(me)
+
+    return make_entries
+
+
+def settle_entries_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, push, me, again)`: contact forces of a step of one world.
+
+    From what `look_around` claimed or, with `again` 1, from the first solution, after the free moves have changed.
+    """
+    make_entries, begin_entry = make_entries_term(f), begin_entry_term(f)
+    gather, sweep_entries = gather_term(f), sweep_term(f)
+    look_again = look_again_term(f) if f.pairs else None
 
     @wp.func
     def settle_entries(

@@ -35,7 +35,7 @@ from otwarp.kernels.drivers.grid.soft import make_soft_step
 from otwarp.kernels.drivers.grid.turns import make_settle
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
 from otwarp.kernels.optics.escapes import escape_term
-from otwarp.kernels.optics.trap_wrench import move_trap_term
+from otwarp.kernels.optics.trap_command import move_trap_term
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ from otwarp.kernels.drivers.grid.step import advance_term, commit_term
 from otwarp.kernels.drivers.grid.teams import Lane, meet, seat_of
 from otwarp.kernels.drivers.grid.turns import settle_term
 from otwarp.kernels.drivers.world import keep_together
-from otwarp.kernels.optics.trap_wrench import move_trap_term
+from otwarp.kernels.optics.trap_command import move_trap_term
 
 
 def renew_lists_term(f: Features) -> wp.Function:

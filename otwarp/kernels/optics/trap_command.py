@@ -1,0 +1,84 @@
+"""Where a trap is: as commanded, or as far as its speed limit let it come."""
+
+import warp as wp
+
+from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.keyframes import Piece
+from otwarp.kernels.core.packed import beside, point_of, power_of
+from otwarp.kernels.core.types import ControlData, ModelData, StateData, world_row
+from otwarp.kernels.optics.traps import (
+    commanded_animated,
+    commanded_staged,
+    commanded_still,
+    limited_focus,
+    piece_terms,
+)
+
+
+def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
+    """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now.
+
+    With `stage` where it counts to be in the stage of a step at `time`.
+    """
+    commanded = commanded_animated if f.moving_traps else commanded_still
+    if f.leaps and stage:
+        commanded = commanded_staged
+
+    @wp.func
+    def trap_command(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64
+    ) -> wp.vec4:
+        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
+        command = commanded(model.traps, control, world, trap, time)
+        if wp.static(f.speed_limits):
+            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
+                p = state.trap_position[world, trap]
+                command = beside(p, power_of(command))
+        return command
+
+    return trap_command
+
+
+def piece_command_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage, by a piece."""
+    _, commanded = piece_terms(f)
+
+    @wp.func
+    def piece_command(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
+        time: wp.float64,
+    ) -> wp.vec4:  # fmt: skip
+        """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
+        command = commanded(model.traps, control, trap, piece, still, time)
+        if wp.static(f.speed_limits):
+            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
+                p = state.trap_position[world, trap]
+                command = beside(p, power_of(command))
+        return command
+
+    return piece_command
+
+
+def move_trap_term(f: Features) -> wp.Function:
+    """`(model, control, state, world, trap, time)`: move a focus from `time` one step on, as fast as it may.
+
+    It heads for where the command is at the end of the step.
+    """
+    commanded = commanded_animated if f.moving_traps else commanded_still
+
+    @wp.func
+    def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
+        """Write the new focus [µm] to `state.trap_position`."""
+        wanted = commanded(model.traps, control, world, trap, time + model.time_step)
+        now = state.trap_position[world, trap]
+        dt = wp.float32(model.time_step)
+        goal = point_of(wanted)
+        state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
+
+    return move_trap
+
+
+@wp.func
+def anchor_of(model: ModelData, trap: int, command: wp.vec4) -> wp.vec3:
+    """Equilibrium point of a trap whose focus is commanded to be there [µm]."""
+    return point_of(command) + model.traps.equilibrium[trap] * model.traps.axis[trap]
