@@ -62,6 +62,10 @@ QUANTITIES: dict[str, Quantity] = {
 """Field of `Frame` → its variable. Units are written the way UDUNITS reads them."""
 
 
+ESCAPE = "time at which the sphere that the trap holds was first out of its reach, nan until then"
+"""What `escape_time` is; known to the step, so in float64."""
+
+
 class NetcdfRecording:
     """Appends frames to a netCDF file.
 
@@ -120,6 +124,10 @@ class NetcdfRecording:
                 "frames_per_second": frames_per_second,
                 "total_worlds": float(total_worlds),
                 **(self._method.attributes() if self._method is not None else {}),
+                "temperature": scene.medium.temperature,
+                "temperature_units": "K",
+                "viscosity": scene.medium.viscosity,
+                "viscosity_units": "Pa s",
                 "layout": json.dumps(_layout(scene, monitor), allow_nan=False, separators=(",", ":")),
             }
         )
@@ -168,7 +176,8 @@ class NetcdfRecording:
         if count["trap"]:
             held = self._variable("trap_body", ("trap",), "i4", "index of the body that the trap holds, or -1", "1")
             held[:] = monitor.held[:, 0]
-        self._fields = []
+            self._variable("escape_time", ("frame", "world", "trap"), "f8", ESCAPE, "s", coordinates="time")
+        self._fields = ["escape_time"] if count["trap"] else []
         kind = f"f{number_bytes(self._method)}"
         for name, quantity in QUANTITIES.items():
             axis = SHAPES[name][0]

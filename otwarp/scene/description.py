@@ -269,15 +269,55 @@ class Flow:
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """The microscope: objective and condenser NA, illumination wavelength [µm], pixel [µm], focus height [µm]."""
+    """The microscope; light travels along the camera's +Z axis towards it.
+
+    Attributes:
+        prim: Path of the camera.
+        numerical_aperture, condenser_aperture: Of objective and condenser.
+        condenser_shape, condenser_inner: `disc`, or `annulus` that begins at this aperture.
+        wavelength, bandwidth: Of the illumination in vacuum; full width at half maximum [µm].
+        immersion_index, depth: Index of immersion and glass; depth of the focal plane below it that counts [µm].
+        defocus, astigmatism, coma, spherical_aberration: Of the objective, root mean square [wavelengths].
+        magnification: From the object plane to the sensor.
+        pixel_size: In the object plane [µm].
+        focus: Height of the focal plane along the camera's axis [µm].
+        noise: Standard deviation of what the sensor adds, relative to full scale.
+        electrons: Of full scale, inf for no shot noise.
+        nonuniformity: Standard deviation of the pixels' sensitivities.
+        bits, gamma: Of a grey level.
+        brightness: Of unhindered light, relative to full scale.
+        exposure: [s].
+        center: Middle of the image along the camera's x and y axes [µm].
+        orientation: Of the camera's axes in the world.
+        frame: Width and height of the image [µm].
+    """
 
     prim: str
     numerical_aperture: float = 1.45
     condenser_aperture: float = 0.6
+    condenser_shape: Literal["disc", "annulus"] = "disc"
+    condenser_inner: float = 0.0
     wavelength: float = 0.6328
+    bandwidth: float = 0.0
+    immersion_index: float = 1.518
+    depth: float = 0.0
+    defocus: float = 0.0
+    astigmatism: float = 0.0
+    coma: float = 0.0
+    spherical_aberration: float = 0.0
+    magnification: float = 100.0
     pixel_size: float = 0.065
     focus: float = 0.0
     noise: float = 0.01
+    electrons: float = 10000.0
+    nonuniformity: float = 0.0
+    bits: int = 8
+    gamma: float = 1.0
+    brightness: float = 0.35
+    exposure: float = 0.0
+    center: tuple[float, float] = (0.0, 0.0)
+    orientation: Quat = IDENTITY
+    frame: tuple[float, float] = (60.0, 60.0)
 
 
 @dataclass(frozen=True, kw_only=True)

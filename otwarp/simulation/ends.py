@@ -134,5 +134,10 @@ reached = replace(end(predicates.reached), ranges={"goal": _PLACE, "radius": _RA
 strayed = replace(end(predicates.strayed), ranges={"origin": _PLACE, "radius": _RADIUS, "body": BODY})
 """The centre of diffusion of `body` (its index, 0 if not given) is farther than `radius` from `origin` [µm]."""
 
+left_behind = replace(
+    end(predicates.left_behind), ranges={"distance": _RADIUS, "cell": BODY, "left": BODY, "right": BODY}
+)
+"""The centre of body `cell` is farther than `distance` [µm] from the middle of bodies `left` and `right`."""
+
 timed_out = replace(end(predicates.timed_out), ranges={"after": Parameter(low=0.0, high=_MOST, unit="s")})
 """A world has run for `after` seconds since it was started or reset."""

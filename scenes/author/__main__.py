@@ -11,6 +11,8 @@ from otwarp.errors import InputError
 NAMES = (
     "single_bead",
     "table_trap",
+    "transport",
+    "robot_hold",
     "force_models",
     "two_trap_dimer",
     "strategy_a",

@@ -10,11 +10,9 @@ least power. One scene unit of the paper is about 25 µm here.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from otwarp.scene import Body, Camera, Goal, Obstacle, SceneBuilder, Settings, Track, Trap, Vec3
+from otwarp.scene import Body, Goal, Obstacle, SceneBuilder, Settings, Track, Trap, Vec3
 from scenes.author import cells, robots, shapes, trap_laws
 from scenes.author.paths import curve_through, journey, swing
 
@@ -135,14 +133,5 @@ def build() -> SceneBuilder:
         distance_warning=DISTANCE_WARNING,
     )
     builder.add(goal, color=shapes.GREEN_GOAL, opacity=0.3)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT), color=shapes.GLASS)
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT, color=shapes.GLASS)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "cell_delivery.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -7,13 +7,11 @@ none. A computed beam reaches its neighbours, a fitted law does not.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.scene import SceneBuilder, Settings, Track, Trap
 from scenes.author import shapes, trap_laws
 
-RADIUS, INDEX = 1.0, 1.59
+RADIUS = 1.0
 POWER = 1.0  # [mW]
 HEIGHT, SPACING = 10.0, 12.0
 REACH = 3.0
@@ -36,13 +34,7 @@ def build() -> SceneBuilder:
     builder.add_view("/World/view", (0.0, -44.0, HEIGHT + 16.0), (0.0, 0.0, HEIGHT), field_of_view=50.0)
     for i, (model, laws) in enumerate(MODELS.items()):
         x = (i - 1.5) * SPACING
-        bead = Body(
-            prim=f"/World/{model}_bead",
-            position=(x, 0.0, HEIGHT),
-            spheres=(Sphere(prim=f"/World/{model}_bead/sphere", radius=RADIUS, refractive_index=INDEX),),
-            density=1050e-12,
-            warning_force=10.0,
-        )
+        bead = shapes.bead(f"/World/{model}_bead", (x, 0.0, HEIGHT), radius=RADIUS)
         trap = Trap(
             prim=f"/World/Traps/{model}",
             position=Track.constant((x, 0.0, round(HEIGHT - trap_laws.BEAD_EQUILIBRIUM, 6))),
@@ -55,14 +47,5 @@ def build() -> SceneBuilder:
         )
         builder.add(bead, color=shapes.WARM_ROBOT)
         builder.add(trap, color=shapes.RED_BEAM, opacity=0.25)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "force_models.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -7,11 +7,9 @@ robot, 6πη·3.5 µm·SPEED, stays far below what the three traps can hold.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from otwarp.scene import Camera, Flow, SceneBuilder, Settings
+from otwarp.scene import Flow, SceneBuilder, Settings
 from scenes.author import cells, robots, shapes
 
 CELL_COUNT, CELL_RADIUS = 200, 3.0
@@ -61,14 +59,5 @@ def build() -> SceneBuilder:
     for i, (x, y, radius) in enumerate(PILLARS, start=1):
         post = shapes.pillar(f"/World/Obstacles/pillar_{i}", x, y, radius=radius, height=2 * HALF_HEIGHT)
         builder.add(post, color=shapes.PILLAR)
-    builder.add(Camera(prim="/World/microscope", focus=HALF_HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HALF_HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "microfluidic_channel.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""Shorthand for obstacles and the colours that the shipped stages share."""
+"""Shorthand for beads and obstacles, and the microscope, lights and colours that the shipped stages share."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from otwarp.scene import IDENTITY, Obstacle, Quat, Track, Vec3
+from otwarp.scene import IDENTITY, Body, Camera, Obstacle, Quat, Sphere, Track, Vec3
 
 if TYPE_CHECKING:
     from otwarp.scene import SceneBuilder
@@ -29,6 +29,12 @@ DOWNWARDS: Quat = (1.0, 0.0, 0.0, 0.0)
 
 def _still(rotation: Quat = IDENTITY) -> Track:
     return Track.constant(rotation)
+
+
+def bead(prim: str, position: Vec3, *, radius: float) -> Body:
+    """A polystyrene bead of `radius` at `position` [µm], its sphere at `prim`/sphere."""
+    sphere = Sphere(prim=f"{prim}/sphere", radius=radius, refractive_index=1.59)
+    return Body(prim=prim, position=position, spheres=(sphere,), density=1050e-12, warning_force=10.0)
 
 
 def plane(prim: str, position: Vec3, *, orientation: Quat = IDENTITY) -> Obstacle:
@@ -60,6 +66,12 @@ def walls(prefix: str, *, half_x: float, half_y: float, height: float, thickness
         box(f"{prefix}_west", (-x, 0.0, height / 2), short),
         box(f"{prefix}_east", (x, 0.0, height / 2), short),
     ]
+
+
+def observed(builder: SceneBuilder, *, focus: float, color: Vec3 | None = None) -> None:
+    """Light the scene, and add the microscope, focused at the height `focus` [µm]."""
+    builder.add(Camera(prim="/World/microscope", focus=focus), color=color)
+    light(builder)
 
 
 def light(builder: SceneBuilder) -> None:

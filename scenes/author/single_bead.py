@@ -5,13 +5,11 @@ The stiffness is the exact one of a polystyrene bead (index 1.59, NA 1.2, 1.064 
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.scene import SceneBuilder, Settings, Track, Trap
 from scenes.author import shapes, trap_laws
 
-RADIUS, INDEX = 1.0, 1.59
+RADIUS = 1.0
 POWER = 1.0  # [mW]
 HEIGHT = 10.0
 DURATION = 1.0
@@ -20,13 +18,7 @@ DURATION = 1.0
 def build() -> SceneBuilder:
     builder = SceneBuilder(settings=Settings(duration=DURATION, frames_per_second=60.0))
     builder.add_view("/World/view", (0.0, -14.0, HEIGHT + 6.0), (0.0, 0.0, HEIGHT), field_of_view=36.0)
-    bead = Body(
-        prim="/World/bead",
-        position=(0.0, 0.0, HEIGHT),
-        spheres=(Sphere(prim="/World/bead/sphere", radius=RADIUS, refractive_index=INDEX),),
-        density=1050e-12,
-        warning_force=10.0,
-    )
+    bead = shapes.bead("/World/bead", (0.0, 0.0, HEIGHT), radius=RADIUS)
     trap = Trap(
         prim="/World/Traps/trap",
         position=Track.constant((0.0, 0.0, round(HEIGHT - trap_laws.BEAD_EQUILIBRIUM, 6))),
@@ -40,14 +32,5 @@ def build() -> SceneBuilder:
     )
     builder.add(bead, color=shapes.WARM_ROBOT)
     builder.add(trap, color=shapes.RED_BEAM, opacity=0.25)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "single_bead.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -8,12 +8,10 @@ to this radius; η is the free parameter of the study, smaller than that sphere'
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
 from scenes.author import robots, shapes, trap_laws
 
 LENGTH = 9.55  # L, between the spheres' centres [µm]
@@ -80,14 +78,5 @@ def build() -> SceneBuilder:
     builder.add_rod(body.prim, "rod", left, right, 0.9, color=shapes.WARM_ROBOT)
     for trap, color in zip(traps(), (shapes.RED_BEAM, shapes.CYAN_BEAM), strict=True):
         builder.add(trap, color=color, opacity=0.25)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "strategy_a.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -9,12 +9,10 @@ drag keeps the robot from turning about the line of its handles; the tilt studie
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Camera, SceneBuilder, Settings, Track, Trap
+from otwarp.scene import Body, SceneBuilder, Settings, Track, Trap
 from scenes.author import robots, shapes, trap_laws
 
 POWER_RATIO = 1.5  # m: left over right
@@ -68,14 +66,5 @@ def build() -> SceneBuilder:
     robots.add_robot(builder, robot(), color=shapes.WARM_ROBOT)
     for trap, color in zip(traps(), (shapes.RED_BEAM, shapes.CYAN_BEAM), strict=True):
         builder.add(trap, color=color, opacity=0.25)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "strategy_b.usda")
-
-
-if __name__ == "__main__":
-    main()

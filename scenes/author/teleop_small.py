@@ -6,9 +6,7 @@ robot reaches a third of what its traps can hold.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from otwarp.scene import Camera, Goal, SceneBuilder, Settings
+from otwarp.scene import Goal, SceneBuilder, Settings
 from scenes.author import cells, robots, shapes
 
 HEIGHT = 8.0
@@ -55,14 +53,5 @@ def build() -> SceneBuilder:
         distance_warning=1.0,
     )
     builder.add(goal, color=shapes.GREEN_GOAL, opacity=0.3)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "teleop_small.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from otwarp.scene import Camera, SceneBuilder, Settings
+from otwarp.scene import SceneBuilder, Settings
 from scenes.author import cells, shapes
 
 COUNTS = (50, 40, 5)
@@ -35,14 +33,5 @@ def build() -> SceneBuilder:
     sides = shapes.walls("/World/Channel/wall", half_x=half_x, half_y=half_y, height=height, thickness=WALL_THICKNESS)
     for wall in sides:
         builder.add(wall, color=shapes.GLASS, opacity=0.3)
-    builder.add(Camera(prim="/World/microscope", focus=height / 2))
-    shapes.light(builder)
+    shapes.observed(builder, focus=height / 2)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "ten_thousand_cells.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from otwarp.scene import Body, Camera, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
 from scenes.author import shapes, trap_laws
 
 RADIUS = 1.5
@@ -42,14 +40,5 @@ def build() -> SceneBuilder:
             holds=f"/World/dimer/{name}",
         )
         builder.add(trap, color=color, opacity=0.25)
-    builder.add(Camera(prim="/World/microscope", focus=HEIGHT))
-    shapes.light(builder)
+    shapes.observed(builder, focus=HEIGHT)
     return builder
-
-
-def main() -> None:
-    build().save(Path(__file__).parents[1] / "two_trap_dimer.usda")
-
-
-if __name__ == "__main__":
-    main()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
@@ -13,7 +14,9 @@ from otwarp.scene import vocabulary
 from otwarp.scene.description import Camera, Flow, Goal, Medium, Settings
 from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.flow_file import read_flow_grid
+from otwarp.scene.read.lenses import check_lens
 from otwarp.scene.read.source import Source, quat, vec3
+from otwarp.scene.transforms import conjugate, rotate
 
 
 def read_medium(source: Source, root: Usd.Prim) -> Medium:
@@ -74,7 +77,17 @@ def read_camera(source: Source, prims: Sequence[Usd.Prim]) -> Camera | None:
         return None
     if not prim.IsA(UsdGeom.Camera):
         raise source.bad(prim, "apiSchemas", "OtCameraAPI", f"on a Camera, not a {prim.GetTypeName()}")
-    return Camera(prim=str(prim.GetPath()), **read_values(source.file, prim, vocabulary.CAMERA))
+    position, rotation, _ = source.pose(prim)
+    turn = quat(rotation)
+    center = rotate(conjugate(np.array(turn)), np.array(position))
+    lens = check_lens(source.values, prim)
+    flat = source.values.value(prim, "projection", types=("token",)) == "orthographic"
+    # apertures are tenths of the scene's unit, in single precision; a perspective view has no frame in the object plane
+    size = [float(f"{0.1 * source.unit * lens[f'{side}Aperture']:.6g}") for side in ("horizontal", "vertical")]
+    frame = {"frame": (size[0], size[1])} if flat else {}
+    values = read_values(source.file, prim, vocabulary.CAMERA)
+    middle = (round(float(center[0]), 9) + 0.0, round(float(center[1]), 9) + 0.0)
+    return Camera(prim=str(prim.GetPath()), center=middle, orientation=turn, **frame, **values)
 
 
 def read_goal(source: Source, prims: Sequence[Usd.Prim]) -> Goal | None:

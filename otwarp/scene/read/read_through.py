@@ -36,6 +36,11 @@ def _ask(question: Callable[[], object]) -> None:
         question()
 
 
+def _out_of_memory(problem: object) -> bool:
+    """Whether that is why: of the tables at the head of a crate USD says so in an error or, of a layer, a warning."""
+    return isinstance(problem, MemoryError) or "bad_alloc" in str(problem)
+
+
 def _limit_memory(most: int) -> None:
     try:
         import resource
@@ -50,13 +55,15 @@ if __name__ == "__main__":
     _limit_memory(int(sys.argv[2]))
     try:
         opened = Usd.Stage.Open(sys.argv[1])
-    except Exception:
-        sys.exit(0)  # whoever opens it for its sake says why not
+    except Exception as problem:  # whoever opens it for its sake says why not, if there is the memory to find out
+        sys.exit(NO_MEMORY if _out_of_memory(problem) else 0)
     try:
         read_through(opened)
     except MemoryError:
         sys.exit(NO_MEMORY)
     except Exception:
         sys.exit(BROKEN)
+    if any(_out_of_memory(said.commentary) for said in delegate.TakeUncoalescedDiagnostics()):
+        sys.exit(NO_MEMORY)
     for layer in opened.GetUsedLayers(includeClipLayers=True):
         sys.stdout.buffer.write(os.fsencode(layer.realPath) + b"\0")

@@ -42,7 +42,8 @@ class Variations:
         return Variations, (self.file,)
 
     def unit(self, path: str) -> str:
-        """The unit of an attribute's values for `scene`: that of the vocabulary, µm of a place or shape, or none.
+        """The unit of an attribute's values for `scene`: that of the vocabulary, µm of a place or shape, degrees of
+        a turn, or none.
 
         Raises:
             InputError: There is no such attribute.
@@ -51,6 +52,8 @@ class Variations:
         row = vocabulary_row(name)
         if row is not None:
             return "" if row.unit == "1" else row.unit
+        if name.startswith("xformOp:rotate"):
+            return "deg"
         return "µm" if name in _LENGTHS or name.startswith("xformOp:translate") else ""
 
     def scene(self, values: Mapping[str, Any]) -> Scene:

@@ -16,7 +16,7 @@ from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle,
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.scene import Scene
 from otwarp.scene.schema import register
-from otwarp.scene.transforms import align_z, look_at
+from otwarp.scene.transforms import align_z, look_at, rotate
 from otwarp.scene.vocabulary.values import authored
 from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
@@ -356,15 +356,12 @@ class SceneBuilder:
         return prim
 
     def _camera(self, camera: Camera, color: Color, opacity: float) -> Usd.Prim:
-        if not self._stage.GetPrimAtPath(camera.prim):  # the microscope's own view: from above, focused
+        if not self._stage.GetPrimAtPath(camera.prim):  # the microscope's own view: along its axis, focused
+            ends = np.array([(*camera.center, camera.focus + 100.0), (*camera.center, camera.focus), (0.0, 1.0, 0.0)])
+            eye, target, up = rotate(np.array(camera.orientation), ends).tolist()
+            width, height = camera.frame
             self.add_view(
-                camera.prim,
-                (0.0, 0.0, camera.focus + 100.0),
-                (0.0, 0.0, camera.focus),
-                up=(0.0, 1.0, 0.0),
-                field_of_view=60.0,
-                aspect=1.0,
-                orthographic=True,
+                camera.prim, eye, target, up=up, field_of_view=width, aspect=width / height, orthographic=True
             )
         prim = self._stage.GetPrimAtPath(camera.prim)
         author_values(prim, vocabulary.CAMERA, camera)

@@ -22,7 +22,7 @@ from otwarp.scene import Scene
 from otwarp.scene.check.overlap import colliding_spheres, mesh_distance, signed_distance
 from otwarp.scene.period import nearest
 from otwarp.simulation.time_step.edges import REACHED
-from otwarp.simulation.time_step.observables import Observable
+from otwarp.simulation.time_step.observables import ErrorSource
 from otwarp.simulation.time_step.relaxation import TrapRelaxation
 from otwarp.units import BOLTZMANN
 
@@ -44,7 +44,7 @@ def in_contact(
     relaxation: TrapRelaxation,
     powers: np.ndarray,
     loads: list[Load],
-) -> list[Observable]:
+) -> list[ErrorSource]:
     """Errors of gaps between bodies and what traps, weight and other steady forces press them on.
 
     Args:
@@ -72,7 +72,7 @@ def in_contact(
         pressed = math.sqrt(worst * step)
         return min(MOST, SEVERAL * math.sqrt(pressed)) if contacts > 1 else ONE * min(1.0, pressed)
 
-    return [Observable(name="contact", error=error, longest=math.inf, limit="gaps in contact")]
+    return [ErrorSource(name="contact", error=error, longest=math.inf, limit="gaps in contact")]
 
 
 def travels(

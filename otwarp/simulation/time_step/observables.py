@@ -1,6 +1,6 @@
 """What is measured of a scene, by how much a time step makes it wrong, and how long a step the wanted accuracy allows.
 
-Whatever a step may falsify has a row here: a word of `OBSERVABLES`, and an `Observable` in what `time_scales` gathers.
+Whatever a step may falsify has a row here: a word of `OBSERVABLES`, and an `ErrorSource` in what `time_scales` gathers.
 Rows of one name are one observable with several causes: the largest error counts.
 """
 
@@ -40,8 +40,8 @@ step with which survival from there errs at most: found with `python -m benchmar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observable:
-    """One thing that a step may make wrong.
+class ErrorSource:
+    """One way in which a step makes an observable wrong.
 
     Attributes:
         name: Of `OBSERVABLES`.
@@ -57,7 +57,7 @@ class Observable:
     limit: str
 
 
-def errors(watched: Iterable[Observable], step: float) -> dict[str, float]:
+def errors(watched: Iterable[ErrorSource], step: float) -> dict[str, float]:
     """Estimated relative errors with a step [s], by the names of `OBSERVABLES`, of what a scene has of them."""
     found: dict[str, float] = {}
     for observable in watched:
@@ -102,7 +102,7 @@ class ExplicitStep:
     what: str = "time step"
     allow_large: bool = False
 
-    def check(self, watched: list[Observable], accuracy: float) -> None:
+    def check(self, watched: list[ErrorSource], accuracy: float) -> None:
         """Warn of a step that misses the wanted accuracy; refuse one that errs by `LARGE`.
 
         What no step makes right within reason is reported with every step, and so does not count.
@@ -132,7 +132,7 @@ class ExplicitStep:
         )
 
 
-def longest_within(watched: list[Observable], error: float, step: float) -> float:
+def longest_within(watched: list[ErrorSource], error: float, step: float) -> float:
     """Longest step up to `step` [s] with which no estimated error exceeds `error`; errors grow with the step."""
     low, high = 0.0, step
     for _ in range(50):
@@ -144,7 +144,7 @@ def longest_within(watched: list[Observable], error: float, step: float) -> floa
 
 def in_springs(
     scheme: Integrator, rate: float, accuracy: float, noise: str, *, brownian: bool = True
-) -> list[Observable]:
+) -> list[ErrorSource]:
     """What is known in closed form of a spring that relaxes at `rate` [1/s]; it bounds all slower ones."""
     if rate <= 0.0:
         return []
@@ -153,7 +153,7 @@ def in_springs(
     if brownian:
         known |= {"variance": scheme.variance_error, "displacement": scheme.displacement_error}
     return [
-        Observable(
+        ErrorSource(
             name=name,
             error=partial(_of_product, error, rate),
             longest=longest if scheme.vanishes(error) else math.inf,
@@ -163,7 +163,7 @@ def in_springs(
     ]
 
 
-def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[Observable]:
+def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[ErrorSource]:
     """Escapes, which are decided where forces are steepest: there a bead would relax at `steep` [1/s].
 
     What crossings between steps and cheaper noise make wrong is reported, but steps are not shortened for it.
@@ -176,12 +176,12 @@ def at_edges(scheme: Integrator, steep: float, accuracy: float, noise: str) -> l
         partial(_of_product, e, steep) for e in (scheme.rim_error, partial(scheme.lasting_error, noise=noise))
     )
     return [
-        Observable(name="escape", error=curable, longest=longest, limit=limit),
-        Observable(name="escape", error=lasting, longest=math.inf, limit=limit),
+        ErrorSource(name="escape", error=curable, longest=longest, limit=limit),
+        ErrorSource(name="escape", error=lasting, longest=math.inf, limit=limit),
     ]
 
 
-def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[Observable]:
+def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) -> list[ErrorSource]:
     """Survival of beads that start or are left close to where a trap ends, where they would relax at `steep` [1/s].
 
     It is decided within few steps, and not averaged over many as an escape is; so it errs more, and falls more slowly.
@@ -191,7 +191,7 @@ def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) ->
     order = 1.0 if noise == "uniform" else min(scheme.weak_order, CLOSE_ORDER)
     product = scheme.rim_product(0.01, noise) / CLOSE
     return [
-        Observable(
+        ErrorSource(
             name="escape",
             error=lambda step: PROMISED * 0.01 * (steep * step / product) ** order,
             longest=product * (accuracy / 0.01) ** (1.0 / order) / steep,
@@ -200,9 +200,9 @@ def from_close(scheme: Integrator, steep: float, accuracy: float, noise: str) ->
     ]
 
 
-def near_walls(longest: float, accuracy: float) -> Observable:
+def near_walls(longest: float, accuracy: float) -> ErrorSource:
     """Heights above hydrodynamic walls, whose error is the wanted accuracy with the step `longest` [s]."""
-    return Observable(
+    return ErrorSource(
         name="wall",
         error=lambda step: accuracy * step / longest,
         longest=longest,

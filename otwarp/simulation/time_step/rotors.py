@@ -21,7 +21,7 @@ from otwarp.scene import Scene
 from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.simulation.packing.coupling import takes_coupling
 from otwarp.simulation.packing.walls import hydrodynamic_walls
-from otwarp.simulation.time_step.observables import Observable
+from otwarp.simulation.time_step.observables import ErrorSource
 from otwarp.units import BOLTZMANN
 
 WIDEST = 1.0
@@ -145,10 +145,10 @@ def rotors(
     return [found[k] for k in sorted(chosen)]
 
 
-def in_rotation(turning: list[Rotor], accuracy: float) -> list[Observable]:
+def in_rotation(turning: list[Rotor], accuracy: float) -> list[ErrorSource]:
     """What the rotation of bodies within a step makes wrong."""
     return [
-        Observable(
+        ErrorSource(
             name=name,
             error=error,
             longest=rotor.longest(error, PROMISED * accuracy),

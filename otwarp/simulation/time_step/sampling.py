@@ -19,7 +19,7 @@ from otwarp.scene import Obstacle, Scene
 from otwarp.simulation.packing.bodies import obstacle_bound
 from otwarp.simulation.packing.commands import Course, Samples, interpolated, sampled_commands
 from otwarp.simulation.packing.traps import law
-from otwarp.simulation.time_step.observables import Observable
+from otwarp.simulation.time_step.observables import ErrorSource
 from otwarp.simulation.time_step.speeds import places
 
 ASTRAY = 0.01
@@ -80,7 +80,7 @@ def way_of(obstacle: Obstacle, reached: np.ndarray) -> Samples:
     return times, np.concatenate([place, 2.0 * arm * interpolated(obstacle.orientation.times, turns, times)], axis=1)
 
 
-def in_samples(scene: Scene, values: Mapping[str, np.ndarray], *, contacts: bool, longest: float) -> list[Observable]:
+def in_samples(scene: Scene, values: Mapping[str, np.ndarray], *, contacts: bool, longest: float) -> list[ErrorSource]:
     """What sampled commands and obstacles are falsified by a step, up to the step `longest` [s] that matters."""
     accuracy, watched = scene.settings.accuracy, []
     limits = values["trap_speed_limit"].min(axis=0)
@@ -111,10 +111,10 @@ def _relative(of: Callable[[Samples, float], float], samples: Samples, scale: fl
 
 def _row(
     name: str, limit: str, error: Callable[[float], float], allowed: float, samples: Samples, longest: float
-) -> Observable:
+) -> ErrorSource:
     """A row whose longest step is found from above, for errors grow with the step only on the whole."""
     least = SHORTEST * float(np.median(np.diff(samples[0])))
     step = longest
     while step > least and error(step) > allowed:
         step *= 0.8
-    return Observable(name=name, error=error, longest=math.inf if step == longest else max(step, least), limit=limit)
+    return ErrorSource(name=name, error=error, longest=math.inf if step == longest else max(step, least), limit=limit)

@@ -19,8 +19,8 @@ from otwarp.simulation.packing.walls import wall_time
 from otwarp.simulation.time_step.contact_errors import in_contact
 from otwarp.simulation.time_step.edges import Edges
 from otwarp.simulation.time_step.observables import (
+    ErrorSource,
     ExplicitStep,
-    Observable,
     at_edges,
     errors,
     from_close,
@@ -250,7 +250,7 @@ def time_scales(
     )
 
 
-def _observables(scene: Scene, scheme: Integrator, rate: float, edges: Edges, wall: float | None) -> list[Observable]:
+def _observables(scene: Scene, scheme: Integrator, rate: float, edges: Edges, wall: float | None) -> list[ErrorSource]:
     """What the step of a scene may make wrong, apart from contact, rotation and samples.
 
     Args:
@@ -279,7 +279,7 @@ def _step_limits(
     rate: float,
     stability: Stability,
     motions: Mapping[str, float | None],
-    watched: list[Observable],
+    watched: list[ErrorSource],
 ) -> dict[str, float]:
     """Longest step [s] that each of what limits it allows, by what is reported of it.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,23 @@ def test_a_whole_file_is_read_through_once(binary: Path, monkeypatch: pytest.Mon
     os.utime(binary, (0, 0))
     Scene.load(binary)
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize("under", [False, True], ids=["itself", "as a layer"])
+def test_a_table_that_asks_for_all_memory_is_refused(under: bool, binary: Path) -> None:
+    """The count of tokens damaged to 2⁴⁰: whoever opened that without a limit would fill the machine."""
+    data = bytearray(binary.read_bytes())
+    (contents,) = struct.unpack_from("<q", data, 16)
+    name, tokens, _ = struct.unpack_from("<16sqq", data, contents + 8)
+    assert name.startswith(b"TOKENS")
+    struct.pack_into("<Q", data, tokens, 2**40)
+    binary.write_bytes(data)
+    path = binary
+    if under:
+        path = binary.with_name("above.usda")
+        path.write_text(OVER.format("subLayers = [@scene.usdc@]", ""), encoding="utf-8")
+    with pytest.raises(InputError, match=r"contents = USD needs more than 8 GiB for [0-9]+ bytes"):
+        Scene.load(path)
 
 
 OVER = """#usda 1.0

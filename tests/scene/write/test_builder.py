@@ -266,7 +266,10 @@ def test_the_microscope_can_be_an_existing_view() -> None:
     )
     builder.add(CAMERA)
     assert view.GetAttribute("horizontalAperture").Get() == 400.0
-    assert builder.scene().camera == CAMERA
+    camera = builder.scene().camera
+    assert camera is not None
+    assert camera.frame[0] == 40.0
+    assert dataclasses.replace(camera, frame=CAMERA.frame) == CAMERA
 
 
 def test_saving_is_repeatable(tmp_path: Path) -> None:
