@@ -5,12 +5,17 @@
 | `study` | `Study`: what varies, what is asked, how many trials; open it first |
 | `axes`, `quantity` | values along the dimensions of a study, their units |
 | `targets`, `design` | what a name turns in a scene; the points, and the groups of them that share a model |
-| `observables` | what is asked of a trial: ends, times, numbers |
+| `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |
+| `named` | observables as files name them; those of a user's own file |
 | `runner` | trials on a device, a world each |
-| `stopping`, `intervals` | how many trials a point gets; intervals of rates, survival |
-| `store`, `results` | a study on disk; its results as a labelled table |
-| `run`, `engines`, `estimate` | who computes what is missing, where, and how long that takes |
-| `file`, `figure` | studies in TOML; pictures |
+| `stopping`, `search` | how many trials a point gets; the largest value along an axis that still does |
+| `intervals` | intervals of rates, survival |
+| `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
+| `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |
+| `run`, `engines` | who computes what is missing, and where |
+| `on_ray`, `sent` | the same by Ray; a study as bytes for its workers |
+| `file`, `figure`, `contours` | studies in TOML; pictures; lines of a map where a probability has a level |
+| `rare` | rates of escapes that are too rare to be waited for: `EscapeStudy` |
 
 A trial has a number, and is the same bits for that number wherever and beside whatever it runs: so results do not
 depend on batches, shards, order or interruptions.
@@ -24,6 +29,7 @@ from otwarp.lazy import lazy_names
 
 if TYPE_CHECKING:
     from otwarp.studies.axes import Axis, Scatter, grid, normal, random, sobol, values
+    from otwarp.studies.contours import contour_lines
     from otwarp.studies.file import load_study
     from otwarp.studies.intervals import interval, survival
     from otwarp.studies.observables import (
@@ -37,14 +43,20 @@ if TYPE_CHECKING:
         orientation_error,
         trapped,
     )
+    from otwarp.studies.outcomes import first_lost, left_behind, outcome, place
+    from otwarp.studies.plan import Plan
+    from otwarp.studies.rare.orders import Order, distance, order
+    from otwarp.studies.rare.study import EscapePlan, EscapeStudy
     from otwarp.studies.results import table
     from otwarp.studies.run import run_study
-    from otwarp.studies.stopping import Stop, half_width, trials
+    from otwarp.studies.search import largest, largest_in
+    from otwarp.studies.stopping import Stop, contour, half_width, trials
     from otwarp.studies.store import Store, open_store
-    from otwarp.studies.study import Plan, Study
+    from otwarp.studies.study import Study
 
 _NAMES = {
     "axes": ("Axis", "Scatter", "grid", "normal", "random", "sobol", "values"),
+    "contours": ("contour_lines",),
     "file": ("load_study",),
     "intervals": ("interval", "survival"),
     "observables": (
@@ -59,15 +71,23 @@ _NAMES = {
         "trapped",
     ),
     "run": ("run_study",),
-    "stopping": ("Stop", "half_width", "trials"),
+    "outcomes": ("first_lost", "left_behind", "outcome", "place"),
+    "plan": ("Plan",),
+    "search": ("largest", "largest_in"),
+    "stopping": ("Stop", "contour", "half_width", "trials"),
     "store": ("Store", "open_store"),
-    "study": ("Plan", "Study"),
+    "study": ("Study",),
+    "rare.orders": ("Order", "distance", "order"),
+    "rare.study": ("EscapePlan", "EscapeStudy"),
     "results": ("table",),
 }
 
 __all__ = [
     "Axis",
+    "EscapePlan",
+    "EscapeStudy",
     "Observable",
+    "Order",
     "Plan",
     "Scatter",
     "Stop",
@@ -75,17 +95,27 @@ __all__ = [
     "Study",
     "contact_dose",
     "contact_force",
+    "contour",
+    "contour_lines",
     "delivered",
+    "distance",
+    "first_lost",
     "first_passage",
     "grid",
     "half_width",
     "interval",
+    "largest",
+    "largest_in",
+    "left_behind",
     "load_study",
     "lost",
     "normal",
     "observable",
     "open_store",
+    "order",
     "orientation_error",
+    "outcome",
+    "place",
     "random",
     "run_study",
     "sobol",

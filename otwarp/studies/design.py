@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +12,13 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.scene.check.overlap import check_overlaps
 from otwarp.scene.read.variations import Variations
 from otwarp.studies.axes import Dimension
 from otwarp.studies.targets import Target, target_of, variant
+
+MOST_STARTS = 1_024
+"""Different starts that are looked at before a study runs."""
 
 MOST_POINTS = 2**24
 """Points of a study, at most."""
@@ -98,6 +103,15 @@ class Design:
             out.append((own, values))
         return out
 
+    def group_of(self, point: int) -> np.ndarray:
+        """All points that share their model with one."""
+        place = np.unravel_index(point, self.shape) if self.shape else ()
+        where = tuple(
+            int(i) if any(c.target.grouped for c in along) else slice(None)
+            for along, i in zip(self.columns, place, strict=True)
+        )
+        return np.arange(self.points).reshape(self.shape)[where].ravel()
+
     def scene_of(self, values: dict[Target, Any]) -> Scene:
         """The scene of a group.
 
@@ -123,6 +137,33 @@ class Design:
                     for letter, column in zip("xyz", axis.values.T, strict=True):
                         out[f"{label}_{letter}"] = ((d.name,), column, known | {"long_name": f"{name}, {letter}"})
         return out
+
+
+def check_starts(design: Design) -> None:
+    """Refuse points at which a body starts with its middle inside an obstacle or another body.
+
+    Of more than `MOST_STARTS` different starts as many, evenly chosen, are looked at; with turned bodies none is.
+
+    Raises:
+        InputError: Which point, and what overlaps.
+    """
+    kinds = [{c.target.kind for c in along} for along in design.columns]
+    turned = [n for n, along in enumerate(kinds) if "start" in along]
+    if not turned or any("turn" in along for along in kinds):
+        return
+    shape = [len(design.dimensions[n]) for n in turned]
+    count = int(np.prod(shape, dtype=np.int64))
+    scene = design.scene
+    for number in np.unique(np.linspace(0, count - 1, min(count, MOST_STARTS)).astype(int)):
+        places = np.array([b.position for b in scene.bodies], dtype=float)
+        said = []
+        for n, at in zip(turned, np.unravel_index(number, shape), strict=True):
+            for c in (c for c in design.columns[n] if c.target.kind == "start"):
+                places[c.target.index, slice(None) if c.target.component is None else c.target.component] = c.values[at]
+                said.append(f"{c.target.name} = {c.values[at]} {c.target.unit}")
+        bodies = [dataclasses.replace(b, position=tuple(p)) for b, p in zip(scene.bodies, places.tolist(), strict=True)]
+        where = f"at {', '.join(said)}"
+        check_overlaps(where, bodies, scene.obstacles, share=1.0, period=scene.settings.period)
 
 
 def blocks(shape: tuple[int, ...], size: int) -> list[tuple[slice, ...]]:

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.studies.store import Store
-from otwarp.studies.study import Study
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
 
 Progress = Callable[[int, int], None]
 """(blocks done, blocks in all), called when one is."""
+
+Engine = Callable[["Study", Store, Sequence[int], Progress], None]
+"""Computes blocks by their numbers, and keeps each in the store as soon as it is whole."""
 
 
 def parse_shard(text: str) -> tuple[int, int]:
@@ -33,49 +42,91 @@ def blocks_of(study: Study, store: Store, shard: tuple[int, int] | None) -> list
     """The blocks of a shard, or all, that are not done."""
     count = len(study.blocks())
     mine = range(count) if shard is None else range(shard[0] - 1, count, shard[1])
-    return [n for n in mine if not store.done(n)]
+    done = set(store.finished())
+    return [n for n in mine if n not in done]
 
 
-TOGETHER = {True: 2**20, False: 1}
-"""Trials that are computed together on a GPU, or a CPU: at least those of one block."""
+TOGETHER = 2**20
+"""Trials that a GPU computes together, at most."""
+FEWEST = 2**16
+"""Of long trials as many as fill it."""
+WORLD_STEPS = 2**36
+"""Steps of all trials of a task that is no smaller than that: what is lost, at most, when something ends it."""
 
 
-def tasks(study: Study, todo: Sequence[int], *, gpu: bool) -> list[list[int]]:
-    """Blocks in groups that fill a device."""
-    size = max(1, TOGETHER[gpu] // (study.stop.at_most * study.points_of_a_block))
+def tasks(study: Study, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
+    """Blocks in groups that fill a device without leaving other workers idle; on a CPU each is one."""
+    size = 1
+    if gpu:
+        most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps))
+        size = max(1, most // (study.stop.at_most * study.points_of_a_block))
+        size = min(size, -(-len(todo) // max(workers, 1)))
     return [list(todo[n : n + size]) for n in range(0, len(todo), size)]
 
 
-def compute_and_keep(study: Study, store: Store, numbers: Sequence[int], device: str) -> None:
+Found = dict[str, np.ndarray]
+"""Arrays of a block, by their names in the store."""
+
+
+def compute_and_keep(
+    study: Study, store: Store, numbers: Sequence[int], device: str, threads: int | None = None
+) -> None:
     """Compute blocks, and write each of them."""
+    keep(study, store, numbers, study.compute(numbers, device=device, threads=threads))
+
+
+def keep(study: Study, store: Store, numbers: Sequence[int], found: Sequence[Found]) -> None:
+    """Write blocks."""
     where = study.blocks()
-    for number, arrays in zip(numbers, study.compute(numbers, device=device), strict=True):
+    for number, arrays in zip(numbers, found, strict=True):
         store.write(number, where[number], arrays)
 
 
-def run_locally(study: Study, store: Store, todo: Sequence[int], devices: list[str], progress: Progress) -> None:
-    """Compute blocks on the devices of this host; a block is kept as soon as it is whole."""
-    waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda")))
-    count = len(study.blocks())
-    if len(devices) == 1:  # interrupts are answered where they arrive
-        for numbers in waiting:
-            compute_and_keep(study, store, numbers, devices[0])
-            progress(len(store.finished()), count)
-        return
+def on_this_host(devices: Sequence[str]) -> Engine:
+    """The engine of this process: every device computes blocks in a thread of its own."""
 
-    def work(device: str, numbers: list[int]) -> str:
-        compute_and_keep(study, store, numbers, device)
-        return device
+    def run(study: Study, store: Store, todo: Sequence[int], progress: Progress) -> None:
+        """Compute blocks; a block is kept as soon as it is whole."""
+        waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices)))
+        count = len(study.blocks())
+        done = len(store.finished())
+        alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
+        compute = _one_by_one(study, store, waiting) if alone else _side_by_side(study, store, waiting, devices)
+        for numbers in compute:
+            done += len(numbers)
+            progress(done, count)
 
-    with ThreadPoolExecutor(len(devices)) as pool:
-        running = {
-            pool.submit(work, d, n) for d, n in zip(devices, itertools.islice(waiting, len(devices)), strict=False)
-        }
-        while running:
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for task in done:
-                device = task.result()
-                progress(len(store.finished()), count)
-                numbers = next(waiting, None)
-                if numbers is not None:
-                    running.add(pool.submit(work, device, numbers))
+    return run
+
+
+def _one_by_one(study: Study, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
+    for numbers in waiting:
+        compute_and_keep(study, store, numbers, "cpu")
+        yield numbers
+
+
+def _side_by_side(
+    study: Study, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
+) -> Iterator[list[int]]:
+    """A thread per device computes, one more writes: disks do not keep devices waiting."""
+    free = list(devices)
+    computing: dict[Future[Any], tuple[str, list[int]]] = {}
+    writing: dict[Future[Any], list[int]] = {}
+    # Warp makes a device the default one while it copies from there to the host
+    with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
+        while True:
+            for numbers in itertools.islice(waiting, len(free)):
+                device = free.pop()
+                computing[pool.submit(study.compute, numbers, device=device)] = device, numbers
+            if not computing and not writing:
+                return
+            # what is computed waits for the writer in memory: not more than a task per device
+            pending = {*computing, *writing} if len(writing) <= len(devices) else {*writing}
+            for task in wait(pending, return_when=FIRST_COMPLETED).done:
+                if task in computing:
+                    device, numbers = computing.pop(task)
+                    free.append(device)
+                    writing[writer.submit(keep, study, store, numbers, task.result())] = numbers
+                else:
+                    task.result()
+                    yield writing.pop(task)

@@ -1,7 +1,8 @@
-"""Pictures of studies: a map with its contour and the width of its intervals, curves with bands, survival."""
+"""Pictures of studies: maps with contours and the width of intervals, curves with bands, survival, choices."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +10,46 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import written
+from otwarp.studies.contours import equal_factors
 from otwarp.studies.intervals import survival
-from otwarp.studies.results import place_of, table
+from otwarp.studies.rare.figure import draw_escapes
+from otwarp.studies.results import choices_of, place_of, table
 from otwarp.studies.store import Store
 
+COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
+"""Okabe and Ito's, which colour-blind people tell apart; more things than these share them."""
 
-def draw(store: Store, file: Path, *, name: str | None = None) -> Path:
-    """Draw an observable of a study of one or two dimensions; more dimensions are drawn at the middle of the others.
+PANELS = 4
+"""Values of a third dimension that are drawn side by side; of more, the one in the middle."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is drawn: an observable, or the `largest` value of a search.
+
+    Attributes:
+        name: In the table.
+        kind: As of an observable, or `largest`.
+        choices: Of a choice.
+        level: Of contours.
+    """
+
+    name: str
+    kind: str
+    choices: tuple[str, ...] = ()
+    level: float = 0.5
+
+
+def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.5) -> Path:
+    """Draw an observable of a study over its dimensions.
+
+    Two dimensions make a map, a third of up to `PANELS` values several; of more, their middle values are drawn.
 
     Args:
+        store: The study.
         file: Gets the picture, PNG, SVG or PDF by its ending.
-        name: Of the observable; None: the first.
+        name: Of the observable; None: what the study searched, or the first observable.
+        level: Of the contour of a probability.
 
     Raises:
         InputError: No such observable, nothing computed yet, or an ending that is none of these.
@@ -27,28 +57,62 @@ def draw(store: Store, file: Path, *, name: str | None = None) -> Path:
     if file.suffix not in (".png", ".svg", ".pdf"):
         raise InputError(f"--plot is {file}; allowed: a file that ends with .png, .svg or .pdf")
     asked = store.asked()
-    names = [o["name"] for o in asked["observables"]]
-    chosen = names[0] if name is None else name
-    if chosen not in names:
-        raise InputError(f"observable {chosen!r} is none of the study; allowed: {', '.join(names)}")
+    shown = _chosen(asked, name, level)
     found = table(store)
     if not np.any(found["trials"].values):
         raise InputError(f"{store.folder}: no point is computed yet; allowed: a study that has run")
-    kind = next(o["kind"] for o in asked["observables"] if o["name"] == chosen)
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
-    dims = [d for d in found["trials"].dims if found.sizes[d] > 1]
-    shown = found.isel({d: found.sizes[d] // 2 for d in dims[2:]})
-    if kind == "time" and not dims:
-        _survival(figure, store, asked, chosen)
-    elif len(dims) >= 2:
-        _map(figure, shown, chosen, kind, dims[:2])
+    if shown.kind == "escape":
+        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        draw_escapes(figure, found)
+        with written(file) as part:
+            figure.savefig(part, dpi=160)
+        return file
+    over = found["largest"].dims if shown.kind == "largest" else found["trials"].dims
+    dims = [str(d) for d in over if found.sizes[d] > 1]
+    maps = len(dims) > 1 and shown.kind != "largest"
+    panels = dims[0] if maps and len(dims) > 2 and found.sizes[dims[0]] <= PANELS else None
+    beside = dims[1:] if panels else dims
+    found = found.isel({d: found.sizes[d] // 2 for d in beside[2:]} | {d: 0 for d in over if found.sizes[d] == 1})
+    count = found.sizes[panels] if panels else 1
+    wide = maps and shown.kind == "probability" and not panels
+    figure = Figure(figsize=(3.1 + 3.3 * (2 * wide or count), 4.2), layout="constrained")
+    if not dims and shown.kind == "time":
+        _survival(figure.add_subplot(), store, asked, shown.name)
+    elif not maps:
+        _curves(figure.add_subplot(), found, shown, beside)
+    elif shown.kind == "choice":
+        _choices(figure, _sheets(found, panels), shown, beside[:2])
     else:
-        _curve(figure, shown, chosen, kind, dims)
+        _maps(figure, _sheets(found, panels), shown, beside[:2], width=wide)
+    figure.suptitle(f"{int(found['trials'].values.sum()):,} trials", fontsize=9)
     with written(file) as part:
         figure.savefig(part, dpi=160)
     return file
+
+
+def _chosen(asked: dict[str, Any], name: str | None, level: float) -> Shown:
+    """What is to be drawn."""
+    kinds = {o["name"]: o["kind"] for o in asked["observables"]}
+    if asked["stop"].get("rule") == "largest":
+        kinds = {"largest": "largest"} | kinds
+    chosen = next(iter(kinds)) if name is None else name
+    if chosen not in kinds:
+        raise InputError(f"observable {chosen!r} is none of the study; allowed: {', '.join(kinds)}")
+    if not 0.0 < level < 1.0:
+        raise InputError(f"contour is {level}; allowed: a probability above 0 and below 1")
+    said = next((o for o in asked["observables"] if o["name"] == chosen and o["kind"] == "choice"), None)
+    return Shown(chosen, kinds[chosen], choices_of(asked, said) if said else (), level)
+
+
+def _sheets(found: Any, panels: str | None) -> list[tuple[str, Any]]:
+    """Titles and tables of the panels."""
+    if panels is None:
+        return [("", found)]
+    about, x = found[panels].attrs if panels in found.coords else {}, _coordinate(found, panels)[0]
+    label = str(about.get("long_name", panels)).rsplit("/", 1)[-1].rsplit(":", 1)[-1]
+    return [(f"{label} = {v:g} {about.get('units', '')}", found.isel({panels: n})) for n, v in enumerate(x)]
 
 
 def _label(found: Any, name: str) -> str:
@@ -57,13 +121,11 @@ def _label(found: Any, name: str) -> str:
     return f"{about.get('long_name', name)}{unit}"
 
 
-def _shown(found: Any, name: str, kind: str) -> tuple[Any, Any, Any, str]:
+def _values(found: Any, shown: Shown) -> tuple[Any, Any, Any, str]:
     """Values, lower and upper ends, and what they are."""
-    if kind == "probability":
+    name = f"{shown.name}_rate" if shown.kind == "time" else shown.name
+    if shown.kind != "number":
         return found[name], found[f"{name}_low"], found[f"{name}_high"], _label(found, name)
-    if kind == "time":
-        rate = f"{name}_rate"
-        return found[rate], found[f"{rate}_low"], found[f"{rate}_high"], _label(found, rate)
     value, error = found[name], found[f"{name}_error"]
     return value, value - 2.0 * error, value + 2.0 * error, _label(found, name)
 
@@ -71,60 +133,134 @@ def _shown(found: Any, name: str, kind: str) -> tuple[Any, Any, Any, str]:
 def _coordinate(found: Any, dim: str) -> tuple[np.ndarray, str, bool]:
     """Numbers along a dimension, their label, and whether equal factors lie between them."""
     if dim not in found.coords or found[dim].dtype.kind not in "fiu":
-        return np.arange(found.sizes[dim]), dim, False
+        return np.arange(found.sizes[dim], dtype=float), dim, False
     x = np.asarray(found[dim].values, dtype=float)
-    steps = np.diff(x)
-    log = bool(len(x) > 2 and np.all(x > 0.0) and not np.allclose(steps, steps[0], rtol=1e-3) and np.all(steps > 0.0))
-    return x, _label(found, dim), log
+    return x, _label(found, dim), equal_factors(x)
 
 
-def _map(figure: Any, found: Any, name: str, kind: str, dims: list[str]) -> None:
-    value, low, high, text = _shown(found, name, kind)
-    (y, y_text, y_log), (x, x_text, x_log) = (_coordinate(found, d) for d in dims)
-    axes = figure.add_subplot()
-    ends = {"vmin": 0.0, "vmax": 1.0} if kind == "probability" else {}
-    order = np.argsort(x), np.argsort(y)
-    z = value.transpose(*dims).values[np.ix_(order[1], order[0])]
-    mesh = axes.pcolormesh(x[order[0]], y[order[1]], z, cmap="cividis", shading="nearest", **ends)
-    figure.colorbar(mesh, ax=axes, label=text)
-    if kind == "probability" and np.nanmin(z) < 0.5 < np.nanmax(z):
-        lines = axes.contour(x[order[0]], y[order[1]], z, levels=[0.5], colors="white", linewidths=1.6)
-        axes.clabel(lines, fmt="0.5")
-    axes.set(xlabel=x_text, ylabel=y_text)
+def _scaled(axes: Any, found: Any, dims: list[str], *, last: bool = True) -> None:
+    """Label the axes of a map, the first dimension upwards, and space them by factors where values are."""
+    (_, y_text, y_log), (_, x_text, x_log) = (_coordinate(found, d) for d in dims)
+    axes.set(xlabel=x_text, ylabel=y_text if last else "")
     if x_log:
-        axes.set_xscale("log")
+        _by_factors(axes.xaxis)
     if y_log:
-        axes.set_yscale("log")
-    widest = float(np.nanmax(0.5 * (high - low).values))
-    trials = found["trials"].values
-    axes.set_title(f"{int(trials.sum()):,} trials; intervals ±{widest:.2g} or narrower", fontsize=9)
+        _by_factors(axes.yaxis)
 
 
-def _curve(figure: Any, found: Any, name: str, kind: str, dims: list[str]) -> None:
-    value, low, high, text = _shown(found, name, kind)
-    axes = figure.add_subplot()
-    x, x_text, log = _coordinate(found, dims[0]) if dims else (np.zeros(1), "", False)
+def _by_factors(axis: Any) -> None:
+    """Space an axis by factors, with numbers as people write them at 1, 2, 5, 10, …"""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _sorted(found: Any, value: Any, dims: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, y and z of a map, both axes rising."""
+    y, x = (_coordinate(found, d)[0] for d in dims)
+    order = np.argsort(y), np.argsort(x)
+    return x[order[1]], y[order[0]], value.transpose(*dims).values[np.ix_(*order)]
+
+
+def _maps(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: list[str], *, width: bool) -> None:
+    """Heat maps; of a probability with the contour, the band it may lie in, and half the width of its intervals."""
+    axes = np.atleast_1d(figure.subplots(1, 2 if width else len(sheets), sharey=True))
+    values = [_values(found, shown) for _, found in sheets]
+    ends = (0.0, 1.0) if shown.kind == "probability" else _range([v[0].values for v in values])
+    mesh = None
+    for place, (title, found), (value, low, high, _) in zip(axes, sheets, values, strict=False):
+        x, y, z = _sorted(found, value, dims)
+        mesh = place.pcolormesh(x, y, z, cmap="cividis", shading="nearest", vmin=ends[0], vmax=ends[1])
+        if shown.kind == "probability":
+            for part, style in ((value, "solid"), (low, "dotted"), (high, "dotted")):
+                p = _sorted(found, part, dims)[2]
+                if np.nanmin(p) < shown.level < np.nanmax(p):
+                    place.contour(x, y, p, levels=[shown.level], colors="white", linewidths=1.4, linestyles=style)
+            title = title or f"line {shown.level:g}, dotted: its interval"
+        _scaled(place, found, dims, last=place is axes[0])
+        place.set_title(title, fontsize=9)
+    figure.colorbar(mesh, ax=axes[0] if width else axes, label=values[0][3])
+    if width:
+        _, low, high, _ = values[0]
+        x, y, z = _sorted(sheets[0][1], 0.5 * (high - low), dims)
+        mesh = axes[1].pcolormesh(x, y, z, cmap="Greys", shading="nearest", vmin=0.0)
+        _scaled(axes[1], sheets[0][1], dims, last=False)
+        figure.colorbar(mesh, ax=axes[1], label="half the width of the interval")
+
+
+def _range(values: list[np.ndarray]) -> tuple[float | None, float | None]:
+    """Least and largest of several maps, so that one scale serves all; None where nothing is known."""
+    known = np.concatenate([v[np.isfinite(v)] for v in values])
+    return (float(known.min()), float(known.max())) if len(known) else (None, None)
+
+
+def _choices(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: list[str]) -> None:
+    """What came most often, in its colour, the paler the smaller its share; blank where nothing did."""
+    from matplotlib.colors import to_rgb
+    from matplotlib.patches import Patch
+
+    colors = np.array([to_rgb(COLORS[n % len(COLORS)]) for n in range(len(shown.choices))])
+    axes = np.atleast_1d(figure.subplots(1, len(sheets), sharey=True))
+    for place, (title, found) in zip(axes, sheets, strict=True):
+        parts = [_sorted(found, found[f"{shown.name}_{c}"], dims) for c in shown.choices]
+        share = np.nan_to_num(np.stack([z for _, _, z in parts]))
+        first, most = share.argmax(axis=0), share.max(axis=0)[..., None]
+        x, y, _ = parts[0]
+        place.pcolormesh(x, y, 1.0 - most * (1.0 - colors[first]), shading="nearest")
+        _scaled(place, found, dims, last=place is axes[0])
+        place.set_title(title, fontsize=9)
+    seen = [Patch(color=c, label=n.replace("_", " ")) for n, c in zip(shown.choices, colors, strict=True)]
+    figure.legend(
+        handles=seen, loc="outside right upper", title=f"{shown.name.replace('_', ' ')};\npale: less often", fontsize=8
+    )
+
+
+def _curves(axes: Any, found: Any, shown: Shown, dims: list[str]) -> None:
+    """Curves with bands: over the last dimension, one for each value of the one before it; or one point."""
+    if shown.kind == "choice":
+        rows = [
+            (c, found[f"{shown.name}_{c}"], found[f"{shown.name}_{c}_low"], found[f"{shown.name}_{c}_high"])
+            for c in shown.choices
+        ]
+        text = f"share of trials, {shown.name.replace('_', ' ')}"
+    else:
+        value, low, high, text = _values(found, shown)
+        rows = [("", value, low, high)]
+        if len(dims) > 1:
+            numbers, title, _ = _coordinate(found, dims[0])
+            rows = [
+                (f"{title}: {v:g}", *(p.isel({dims[0]: n}) for p in (value, low, high))) for n, v in enumerate(numbers)
+            ]
+    x, x_text, log = _coordinate(found, dims[-1]) if dims else (np.zeros(1), "", False)
     order = np.argsort(x)
-    v, a, b = (np.atleast_1d(np.asarray(part.values, dtype=float).squeeze())[order] for part in (value, low, high))
-    axes.fill_between(x[order], a, b, color="#0072b2", alpha=0.25, linewidth=0)
-    axes.plot(x[order], v, "o-", color="#0072b2", markersize=3)
+    for n, (label, *parts) in enumerate(rows):
+        v, a, b = (np.atleast_1d(np.asarray(p.values, dtype=float).squeeze())[order] for p in parts)
+        color = COLORS[n % len(COLORS)]
+        axes.fill_between(x[order], a, np.where(np.isfinite(b), b, v), color=color, alpha=0.25, linewidth=0)
+        axes.plot(x[order], v, "o-", color=color, markersize=3, label=label)
     axes.set(xlabel=x_text, ylabel=text)
-    if kind == "probability":
+    if len(rows) > 1:
+        axes.legend(fontsize=8)
+    if shown.kind in ("probability", "choice"):
         axes.set_ylim(-0.03, 1.03)
     if log:
-        axes.set_xscale("log")
-    axes.set_title(f"{int(found['trials'].values.sum()):,} trials", fontsize=9)
+        _by_factors(axes.xaxis)
+        if shown.kind == "largest":
+            _by_factors(axes.yaxis)
 
 
-def _survival(figure: Any, store: Store, asked: dict[str, Any], name: str) -> None:
+def _survival(axes: Any, store: Store, asked: dict[str, Any], name: str) -> None:
+    """The share of trials that have not ended yet, over time, with its band."""
     with store.read() as raw:
         end, time = raw["end"].values.ravel(), raw["end_time"].values.ravel()
     good = end >= 0
     o = next(o for o in asked["observables"] if o["name"] == name)
     level = asked["stop"]["level"]
     t, s, low, high = survival(time[good], end[good] == 1 + place_of(asked, o), level=level)
-    axes = figure.add_subplot()
-    axes.fill_between(t, low, high, step="post", color="#0072b2", alpha=0.25, linewidth=0)
-    axes.step(t, s, where="post", color="#0072b2")
+    axes.fill_between(t, low, high, step="post", color=COLORS[0], alpha=0.25, linewidth=0)
+    axes.step(t, s, where="post", color=COLORS[0])
     axes.set(xlabel="time [s]", ylabel=f"P(no {name.replace('_', ' ')} yet)", ylim=(-0.03, 1.03))
-    axes.set_title(f"{int(good.sum()):,} trials, band {100 * level:g} %", fontsize=9)
+    axes.set_title(f"band {100 * level:g} %", fontsize=9)

@@ -21,6 +21,8 @@ until = "1 s"
 [stop]
 half_width = 0.01
 at_most = 4096
+
+With [escape] in the place of observables and stop, `EscapeStudy`: its runs, branches, method and all that.
 """
 
 from __future__ import annotations
@@ -33,12 +35,15 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.simulation.options import StepOptions
 from otwarp.studies.axes import Axis, axis_of, scatter_of
-from otwarp.studies.observables import observable_of
+from otwarp.studies.named import observable_of
+from otwarp.studies.plan import PER_POINT
 from otwarp.studies.quantity import quantity
-from otwarp.studies.stopping import stop_of
+from otwarp.studies.rare.file import escape_arguments
+from otwarp.studies.rare.study import EscapeStudy
+from otwarp.studies.search import stop_of
 from otwarp.studies.study import Study
 
-KEYS = ("scene", "seed", "horizon", "every", "time_step", "axis", "observable", "stop", "scatter", "options")
+KEYS = ("scene", "seed", "horizon", "every", "time_step", "axis", "observable", "stop", "scatter", "options", "escape")
 OPTIONS = ("integrator", "noise", "precision", "fast_math")
 
 
@@ -56,7 +61,10 @@ def load_study(file: str | Path) -> Study:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:
-        return Study(**_arguments(said, path))
+        arguments = _arguments(said, path)
+        if "escape" not in said:
+            return Study(**arguments)
+        return EscapeStudy(**escape_arguments(arguments, said, _table(said, "escape")))
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -72,7 +80,7 @@ def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:
     found: dict[str, Any] = {
         "scene": path.parent / said["scene"],
         "axes": _axes(_tables(said, "axis")),
-        "observables": [observable_of(o, f"observable {n + 1}") for n, o in enumerate(observables)],
+        "observables": [observable_of(o, f"observable {n + 1}", path.parent) for n, o in enumerate(observables)],
         "seed": said.get("seed", 0),
         "scatter": {name: scatter_of(text, f"scatter of {name}") for name, text in _table(said, "scatter").items()},
         "options": _options(_table(said, "options")),
@@ -81,7 +89,8 @@ def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:
         found["stop"] = stop_of(_table(said, "stop"))
     for name in ("horizon", "every", "time_step"):
         if name in said:
-            found[name] = quantity(said[name], "s", name)
+            whole = name == "time_step" and said[name] == PER_POINT
+            found[name] = PER_POINT if whole else quantity(said[name], "s", name)
     return found
 
 

@@ -62,6 +62,31 @@ def _clopper_pearson(k: np.ndarray, n: np.ndarray, level: float) -> tuple[np.nda
     return np.where(n > 0, low, 0.0), np.where(n > 0, high, 1.0)
 
 
+def rate_interval(events: ArrayLike, exposure: ArrayLike, *, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the intervals of rates, of so many events in so much time: 0 to inf where there was none.
+
+    Exact for Poisson events (Garwood 1936, doi:10.2307/2333958).
+
+    Args:
+        events, exposure: Counts and times, arrays that broadcast.
+        level: Probability with which an interval holds the truth, at least.
+
+    Raises:
+        InputError: Negative counts or times, or a level that is none.
+    """
+    from scipy.special import gammaincinv
+
+    check_level(level)
+    k, t = np.broadcast_arrays(np.asarray(events, dtype=float), np.asarray(exposure, dtype=float))
+    if not (np.all(k >= 0.0) and np.all(t >= 0.0)):
+        raise InputError("events and exposure; allowed: none of them negative")
+    tail = 0.5 * (1.0 - level)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = np.where(k > 0, gammaincinv(np.maximum(k, 1e-300), tail), 0.0) / t
+        high = gammaincinv(k + 1.0, 1.0 - tail) / t
+    return np.where(t > 0.0, low, 0.0), np.where(t > 0.0, high, np.inf)
+
+
 def _sequence(k: np.ndarray, n: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
     """All p whose likelihood is at least α times that of the beta(1/2, 1/2) mixture, found by bisection."""
     from scipy.special import betaln, xlog1py, xlogy

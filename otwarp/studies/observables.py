@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from otwarp.errors import InputError
 from otwarp.kernels.core.functions import arguments_of
 from otwarp.kernels.core.types import WorldNow
@@ -22,7 +24,7 @@ from otwarp.scene import Scene
 from otwarp.simulation.ends import KINDS, End, escaped, reached
 from otwarp.studies.quantity import quantity
 
-Kind = Literal["probability", "time", "number"]
+Kind = Literal["probability", "time", "number", "choice"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +33,9 @@ class Observable:
 
     Attributes:
         name: In tables.
-        kind: `probability` of what happened by `until`, `time` until it happened, or a `number` of the trial.
-        end: What must happen for it; None for a number.
+        kind: `probability` of what happened by `until`, `time` until it happened, a `number` of the trial, or a
+            `choice`: which of several things it was.
+        end: What must happen for it; None for a number or a choice.
         happens: Whether the trial counts where that happens, or where it does not.
         until: By when [s]; None for the study's horizon.
         function: How a number is read.
@@ -40,6 +43,7 @@ class Observable:
         values: Parameters of the function, by name.
         unit: Of the number.
         measured: Whether it needs trap forces, which are evaluated only where somebody asks.
+        choices: Names of the things that the function's numbers 0, 1, … stand for; without a function, of the ends.
     """
 
     name: str
@@ -52,6 +56,7 @@ class Observable:
     values: tuple[float, ...] = ()
     unit: str = ""
     measured: bool = False
+    choices: tuple[str, ...] = ()
 
     def called(self, name: str) -> Observable:
         """The same under another name."""
@@ -67,12 +72,12 @@ class OfScene:
 
 def trapped(*, until: float) -> Observable:
     """Whether no trap has lost its sphere by `until` [s]."""
-    return Observable("trapped", "probability", end=escaped, happens=False, until=_time("until", until))
+    return Observable("trapped", "probability", end=escaped, happens=False, until=check_time("until", until))
 
 
 def lost(*, until: float) -> Observable:
     """Whether some trap has lost its sphere by `until` [s]."""
-    return Observable("lost", "probability", end=escaped, until=_time("until", until))
+    return Observable("lost", "probability", end=escaped, until=check_time("until", until))
 
 
 def first_passage(end: End = escaped) -> Observable:
@@ -85,7 +90,7 @@ def delivered(goal: Sequence[float] | None = None, *, radius: float | None = Non
 
     A trial in which a trap loses its sphere before that was not.
     """
-    by = _time("until", until)
+    by = check_time("until", until)
     if goal is None:
         return OfScene(lambda scene: _delivered(*_goal(scene), by))
     if radius is None:
@@ -154,6 +159,7 @@ def observable(keep: str = "last", *, unit: str = "", measured: bool = False) ->
             )
 
         given.__name__, given.__doc__ = function.__name__, function.__doc__
+        given.makes_observable = True  # type: ignore[attr-defined]
         return given
 
     return made
@@ -162,47 +168,53 @@ def observable(keep: str = "last", *, unit: str = "", measured: bool = False) ->
 contact_force = observable(keep="largest", unit="pN")(numbers.contact_force)
 """Sum of the normal forces on `body` (its index, 0 if not given), the largest of the trial."""
 
-contact_dose = observable(keep="integral", unit="pN·s")(numbers.contact_dose)
-"""The same, integrated over the trial."""
+
+def contact_dose(body: int = 0) -> Observable:
+    """The same, integrated over the trial [pN·s]."""
+    return dataclasses.replace(contact_force(body=body), name="contact_dose", keep="integral", unit="pN·s")
+
 
 orientation_error = observable(keep="last", unit="rad")(numbers.orientation_error)
 """Angle between the orientation of `body` and a wanted one, a quaternion (x, y, z, w), at the end of the trial."""
 
-NAMED: dict[str, Callable[..., Any]] = {
-    "trapped": trapped,
-    "lost": lost,
-    "first_passage": first_passage,
-    "delivered": delivered,
-    "contact_force": contact_force,
-    "contact_dose": contact_dose,
-    "orientation_error": orientation_error,
-}
-"""Observables that a study file names by `kind`."""
+
+def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, ...]:
+    """The observables of a study, those that wait for its scene made.
+
+    Raises:
+        InputError: None at all, something else, or a name twice.
+    """
+    found: list[Observable] = []
+    for item in given if isinstance(given, list | tuple) else [given]:
+        made = item
+        # `contact_force`, or `delivered` by the scene's own goal: what needs a scene, or nothing
+        if isinstance(made, OfScene):
+            made = made.made(scene)
+        elif not isinstance(made, Observable) and callable(made):
+            made = made()
+        if not isinstance(made, Observable):
+            raise InputError(f"observables hold {item!r}; allowed: trapped(until=…), first_passage(), … or one's own")
+        found.append(made)
+    names = [o.name for o in found]
+    if not found or len(set(names)) < len(names):
+        again = next((n for n in names if names.count(n) > 1), None)
+        raise InputError(f"observables are {', '.join(names) or 'none'}; allowed: one or more"
+                         f"{f', {again} once or under another name' if again else ''}")  # fmt: skip
+    return tuple(found)
 
 
-def observable_of(given: dict[str, Any], what: str) -> Any:
-    """An observable as a study file writes it: `kind`, perhaps a `name`, and its parameters.
+def same_end(a: End, b: End) -> bool:
+    """Whether two ends are one: the same predicate with the same parameters."""
+    same = a.predicate == b.predicate and a.values.keys() == b.values.keys()
+    return same and all(np.array_equal(np.asarray(v), np.asarray(b.values[k])) for k, v in a.values.items())
+
+
+def check_time(name: str, value: Any) -> float:
+    """A time, as a number [s] or a text with its unit.
 
     Raises:
         InputError: Anything else.
     """
-    kind = given.get("kind")
-    if kind not in NAMED:
-        raise InputError(f"{what} has the kind {kind!r}; allowed: {', '.join(NAMED)}")
-    rest = {key: value for key, value in given.items() if key not in ("kind", "name")}
-    if "until" in rest:
-        rest["until"] = quantity(rest["until"], "s", f"until of {what}")
-    if "radius" in rest:
-        rest["radius"] = quantity(rest["radius"], "µm", f"radius of {what}")
-    try:
-        found = NAMED[kind](**rest)
-    except TypeError:
-        allowed = ", ".join(n for n in inspect.signature(NAMED[kind]).parameters)
-        raise InputError(f"{what} has {', '.join(rest) or 'no parameters'}; allowed: name, {allowed}") from None
-    return found.called(given["name"]) if "name" in given and isinstance(found, Observable) else found
-
-
-def _time(name: str, value: Any) -> float:
     number = quantity(value, "s", name) if isinstance(value, str) else value
     if not isinstance(number, int | float) or not 0.0 < number < float("inf"):
         raise InputError(f"{name} is {value!r}; allowed: a time above 0 s")

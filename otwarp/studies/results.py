@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.studies.intervals import interval, survival
+from otwarp.studies.intervals import interval, rate_interval, survival
+from otwarp.studies.rare.results import escape_table
+from otwarp.studies.search import largest_in
 from otwarp.studies.store import Store
 
 
@@ -18,17 +20,22 @@ def table(store: Store) -> Any:
     _exposure [s], _rate [1/s] with _rate_low and _rate_high, events over exposure as of a constant rate (its upper end
     alone says something where nothing was seen), and _median [s] by the product limit, NaN where less than half were
     seen. A number is the mean; behind it _error, the standard error, and _deviation. Trials with a fault, whose state
-    was no longer physical, count for nothing but `faults`.
+    was no longer physical, count for nothing but `faults`. A search along an axis has `largest`,
+    with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
 
     Raises:
         InputError: xarray is not installed.
     """
     xarray = _xarray()
     asked = store.asked()
+    if asked.get("kind") == "escape":
+        return escape_table(store)
     with store.read() as raw:
         raw.load()
         dims = raw["trials"].dims
-        out = xarray.Dataset(coords=raw.coords)
+        apart = ("trials", "time_step")
+        known = [n for n, v in raw.variables.items() if n not in apart and len(v.dims) == 1 and "trial" not in v.dims]
+        out = xarray.Dataset(coords={n: raw[n] for n in known})
         trials, end, time = (raw[name].values for name in ("trials", "end", "end_time"))
         ran = (np.arange(end.shape[-1]) < trials[..., None]) & (trials[..., None] >= 0)
         good = ran & (end != -1)
@@ -40,6 +47,9 @@ def table(store: Store) -> Any:
         for o in asked["observables"]:
             if o["kind"] == "number":
                 _number(out, raw, o, good, dims)
+                continue
+            if o["kind"] == "choice":
+                _choice(out, raw, o, choices_of(asked, o), good, level)
                 continue
             came = good & (end == 1 + place_of(asked, o)) & (time <= (np.inf if o["until"] is None else o["until"]))
             if o["kind"] == "probability":
@@ -53,7 +63,15 @@ def table(store: Store) -> Any:
                 out[f"{o['name']}_count"] = (dims, count, {"long_name": f"trials, {o['name']}"})
             else:
                 _time(out, o["name"], came, time, good, dims, level)
-    out.attrs = {"scene": asked["scene"]["file"], "seed": asked["seed"], "time_step_s": asked["time step"]}
+    step = asked["time step"]
+    if isinstance(step, dict):
+        out["time_step"] = raw["time_step"]
+    out.attrs = {"scene": asked["scene"]["file"], "seed": asked["seed"]}
+    out.attrs["time_step_s"] = step["least"] if isinstance(step, dict) else step
+    rule = asked["stop"]
+    if rule.get("rule") == "largest":
+        looked = rule["of"] or next(o["name"] for o in asked["observables"] if o["kind"] == "probability")
+        out.update(largest_in(out, looked, rule["probability"], str(dims[-1])))
     return out
 
 
@@ -80,14 +98,12 @@ def _time(
     out: Any, name: str, came: np.ndarray, time: np.ndarray, good: np.ndarray, dims: tuple[str, ...], level: float
 ) -> None:
     """Events, exposure, the constant rate they would have, and the median."""
-    from scipy.special import gammaincinv
-
     events = np.sum(came, axis=-1)
     exposure = np.sum(np.where(good, time, 0.0), axis=-1, dtype=float)
-    tail = 0.5 * (1.0 - level)
+    low, high = rate_interval(events, exposure, level=level)
+    low = np.where(exposure > 0.0, low, np.nan)
+    high = np.where(exposure > 0.0, high, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
-        low = np.where(events > 0, gammaincinv(np.maximum(events, 1e-300), tail), 0.0) / exposure
-        high = gammaincinv(events + 1.0, 1.0 - tail) / exposure
         rate = events / exposure
     median = np.full(events.shape, np.nan)
     for at in np.ndindex(events.shape):
@@ -115,6 +131,29 @@ def _number(out: Any, raw: Any, o: dict[str, Any], good: np.ndarray, dims: tuple
     out[o["name"]] = (dims, mean, unit | {"long_name": f"mean, {o['name']}"})
     out[f"{o['name']}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
     out[f"{o['name']}_deviation"] = (dims, deviation, unit | {"long_name": "standard deviation of trials"})
+
+
+def choices_of(asked: dict[str, Any], o: dict[str, Any]) -> tuple[str, ...]:
+    """What a choice may be: what it says, or the study's ends and `none`."""
+    return tuple(o["choices"]) or (*(key[0] for key in ends_of(asked)), "none")
+
+
+def _choice(out: Any, raw: Any, o: dict[str, Any], names: tuple[str, ...], good: np.ndarray, level: float) -> None:
+    """Of each thing that it may be its share of all trials, with its interval."""
+    dims = raw["trials"].dims
+    if o["choices"]:
+        which = raw[f"{o['name']}_of_trial"].values
+    else:  # which end came
+        which = np.where(raw["end"].values == 0, len(names) - 1, raw["end"].values - 1)
+    n = np.sum(good, axis=-1)
+    for place, name in enumerate(names):
+        count = np.sum(good & (which == place), axis=-1)
+        low, high = interval(count, n, level=level)
+        said = {"long_name": f"share, {o['name']} {name}", "level": level}
+        parts = {"": count / np.where(n > 0, n, np.nan), "_low": low, "_high": high}
+        for part, values in parts.items():
+            out[f"{o['name']}_{name}{part}"] = (dims, np.where(n > 0, values, np.nan), said)
+        out[f"{o['name']}_{name}_count"] = (dims, count, {"long_name": f"trials, {o['name']} {name}"})
 
 
 def _xarray() -> Any:

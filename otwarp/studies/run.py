@@ -6,15 +6,19 @@ import contextlib
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene import export_flattened
-from otwarp.studies.engines import blocks_of, run_locally
+from otwarp.scene import Scene, export_flattened
+from otwarp.scene.digest import scene_digest
+from otwarp.studies.differences import difference
+from otwarp.studies.engines import Engine, blocks_of, on_this_host
 from otwarp.studies.store import Store, Variable, create
-from otwarp.studies.study import Study
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
 
 
 def run_study(
@@ -23,6 +27,7 @@ def run_study(
     *,
     devices: list[str] | None = None,
     shard: tuple[int, int] | None = None,
+    engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Store:
     """Compute what is missing of a study; called again after whatever ended it, it goes on.
@@ -30,22 +35,24 @@ def run_study(
     Args:
         study: What is asked.
         folder: Gets the store; see `otwarp.studies.store`.
-        devices: Names of devices; None: all GPUs, or the CPU.
+        devices: Names of devices of this host; None: all GPUs, or the CPU.
         shard: Which of how many shares, counted from 1: no two compute the same block.
+        engine: Who computes, such as `otwarp.studies.on_ray.ray_engine(…)`; None: this process on `devices`.
         progress: Called with blocks done and blocks in all.
 
     Raises:
-        InputError: Another study is in the folder, another driver runs it, or an argument is out of range.
+        InputError: Another study is in the folder, it cannot be written, another driver runs it, or an argument is out
+            of range.
         OSError: The disk is full; what was finished is kept.
     """
     store = prepare(study, Path(folder))
     say = progress or (lambda done, blocks: None)
-    claim = store.claimed() if shard is None else contextlib.nullcontext()
-    with claim:
-        todo = blocks_of(study, store, shard)
-        say(len(store.finished()), len(study.blocks()))
-        if todo:
-            run_locally(study, store, todo, devices or all_devices(), say)
+    todo = blocks_of(study, store, shard)
+    say(len(store.finished()), len(study.blocks()))
+    if todo:
+        store.check_writable()
+        with store.claimed() if shard is None else contextlib.nullcontext():
+            (engine or on_this_host(devices or all_devices()))(study, store, todo, say)
     return store
 
 
@@ -66,22 +73,21 @@ def prepare(study: Study, folder: Path) -> Store:
         InputError: It holds another study, or cannot be written.
     """
     _need_zarr()
+    if (folder / "study.json").exists():
+        _check_scene(study, Store(folder))
     design, runner = study.design, study.runner
     dims = tuple(d.name for d in design.dimensions)
-    shape = dict(zip(dims, design.shape, strict=True)) | {"trial": study.stop.at_most}
+    variables, extents = study.variables(dims)
+    shape = dict(zip(dims, design.shape, strict=True)) | extents
     first = study.blocks()[0]
-    chunk = {d: s.stop - s.start for d, s in zip(dims, first, strict=True)} | {"trial": study.stop.at_most}
+    chunk = {d: s.stop - s.start for d, s in zip(dims, first, strict=True)} | extents
     found = design.coordinates()
     coordinates = {n: Variable(d, "f8", None if v.dtype.kind == "U" else np.nan, a) for n, (d, v, a) in found.items()}
-    variables = {
-        "trials": Variable(dims, "i4", -1, {"long_name": "trials, -1: not computed"}),
-        "end": Variable((*dims, "trial"), "i1", -128, {"long_name": "end that came first, from 1; 0 none, -1 a fault"}),
-        "end_time": Variable((*dims, "trial"), "f4", np.nan, {"units": "s", "long_name": "when it came"}),
-    }
-    for o in runner.numbers:
-        said = {"long_name": f"{o.name} of each trial, {o.keep}", **({"units": o.unit} if o.unit else {})}
-        variables[f"{o.name}_of_trial"] = Variable((*dims, "trial"), "f4", np.nan, said)
     arrays = {n: v for n, (_, v, _) in found.items()}
+    counts = study.step_counts
+    if np.any(counts != runner.steps):  # steps of their own are part of what was planned
+        coordinates["time_step"] = Variable(dims, "f8", np.nan, {"units": "s", "long_name": "time step"})
+        arrays["time_step"] = (study.horizon / counts).reshape(design.shape)
     return create(
         folder,
         study.asked(),
@@ -92,6 +98,20 @@ def prepare(study: Study, folder: Path) -> Store:
         shape,
         chunk,
     )
+
+
+def _check_scene(study: Study, store: Store) -> None:
+    """Refuse to go on with another scene than the one that the folder holds.
+
+    Raises:
+        InputError: They differ; the message says in what.
+    """
+    here = study.design.scene
+    if store.asked()["scene"]["sha256"] == scene_digest(here):
+        return
+    where, there, now = difference(Scene.load(store.scene), here) or ("digest", "one", "another")
+    raise InputError(f"{store.folder}: holds a study of another scene: {where} is {there} there, {now} now; "
+                     "allowed: the same scene, or a new folder")  # fmt: skip
 
 
 def _need_zarr() -> Any:

@@ -22,6 +22,9 @@ from otwarp.studies.observables import Observable
 from otwarp.studies.quantity import ratio
 from otwarp.studies.targets import Target
 
+MANY = 2**15
+"""Worlds from which on a GPU steps each in one thread."""
+
 GOING, FAULT = 0, -1
 """Codes of a trial that no end came to within its horizon, and of one whose state was no longer physical."""
 
@@ -47,9 +50,9 @@ class Runner:
 
     Attributes:
         seed: Key of the random numbers of all trials.
-        time_step: Of all of them [s].
+        horizon: How long a trial goes on at most [s].
         steps: Of the horizon.
-        every: Steps between looks at the worlds.
+        looks_every: Time between looks at the worlds, about [s].
         ends: What may end a trial.
         numbers: Observables of kind `number`.
         scatter: What varies from trial to trial.
@@ -57,17 +60,32 @@ class Runner:
     """
 
     seed: int
-    time_step: float
+    horizon: float
     steps: int
-    every: int
+    looks_every: float
     ends: tuple[End, ...]
     numbers: tuple[Observable, ...]
     scatter: tuple[tuple[Target, Scatter], ...]
     options: StepOptions
 
+    @property
+    def time_step(self) -> float:
+        """Of all of them [s]."""
+        return self.horizon / self.steps
+
+    @property
+    def every(self) -> int:
+        """Steps between looks at the worlds."""
+        return max(1, round(self.looks_every / self.time_step))
+
+    def in_steps(self, steps: int) -> Runner:
+        """The same horizon in so many steps."""
+        return self if steps == self.steps else dataclasses.replace(self, steps=steps)
+
     def shortened(self, steps: int) -> Runner:
-        """The same over so many steps."""
-        return dataclasses.replace(self, steps=steps, every=steps)
+        """So many of the same steps."""
+        part = steps * self.time_step
+        return dataclasses.replace(self, horizon=part, steps=steps, looks_every=part)
 
     def run(
         self,
@@ -75,6 +93,7 @@ class Runner:
         values: dict[Target, np.ndarray],
         trials: np.ndarray,
         *,
+        beside: dict[Target, np.ndarray] | None = None,
         device: str,
         threads: int | None = None,
     ) -> Outcomes:
@@ -84,15 +103,27 @@ class Runner:
             scene: The scene of their group.
             values: Per target that differs from world to world its (n) or (n, 3) values.
             trials: (n) numbers of the trials; one number has one outcome, whatever else runs beside it.
+            beside: Values of all points that these are some of. What is chosen for all worlds alike, such as which
+                sphere a trap holds and how contacts are solved, is chosen for all of them; None: for these alone.
             device: Where.
             threads: On a CPU; None for as many as there are cores.
         """
         n = len(trials)
-        origin = _origin(scene, self.options)
+        origin = origin_of(scene, self.options)
         rows = parameter_rows(origin, values | self._scattered(origin, values, trials), n)
+        worlds = n
+        if beside is not None:
+            more = self._extremes(origin, beside)
+            count = max((len(v) for v in more.values()), default=1)
+            # a GPU shares few worlds out to several threads each, which round otherwise
+            at = np.resize(np.arange(count), max(count, MANY - n if device.startswith("cuda") else 0))
+            others = parameter_rows(origin, {t: v[at] for t, v in more.items()}, len(at))
+            rows = {name: np.concatenate([row, others[name]]) for name, row in rows.items()}
+            worlds += len(at)
         sim = Simulation(
             scene,
-            worlds=n,
+            worlds=worlds,
+            part=(0, n),
             seed=self.seed,
             device=device,
             threads=threads,
@@ -122,7 +153,7 @@ class Runner:
         time = sim.episodes.step.numpy() * self.time_step
         for n, end in enumerate(self.ends, start=1):
             if end.predicate.function is escaped.predicate.function:
-                at = sim.readout.escape_step.numpy()
+                at = sim._readout.escape_step.numpy()  # forces and distances of the traps are not asked for
                 first = np.where(at >= 0, at, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
                 # a trial that another end came to at the same look may have lost its sphere before
                 came = (first < np.iinfo(np.int64).max) & (code != FAULT)
@@ -130,6 +161,25 @@ class Runner:
                 code = np.where(came, np.int8(n), code)
         numbers = np.zeros((len(code), 0), np.float32) if observer is None else observer.kept.numpy()
         return Outcomes(code=code, time=time, numbers=numbers)
+
+    def _extremes(self, origin: Model, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
+        """Values of points, twice where some scatter: those four deviations below and above, in the sign they have."""
+        if not self.scatter:
+            return values
+        count = max((len(v) for v in values.values()), default=1)
+        out = {t: np.concatenate([v, v]) for t, v in values.items()}
+        for target, scatter in self.scatter:
+            mean = np.broadcast_to(values.get(target, _base(origin, target)), count)
+            reach = 4.0 * self._width(mean, target, scatter)
+            low, high = np.where(mean > 0.0, np.maximum(mean - reach, 0.01 * mean), mean - reach), mean + reach
+            out[target] = np.concatenate([low, high])
+        return out
+
+    def _width(self, mean: np.ndarray, target: Target, scatter: Scatter) -> Any:
+        """Standard deviation of a scattered parameter, in its target's unit."""
+        if scatter.unit == "%":
+            return 0.01 * scatter.deviation * mean
+        return scatter.deviation * ratio(scatter.unit, target.unit, f"scatter of {target.name}")
 
     def _scattered(
         self, origin: Model, values: dict[Target, np.ndarray], trials: np.ndarray
@@ -140,14 +190,7 @@ class Runner:
             mean = values.get(target)
             if mean is None:
                 mean = _base(origin, target)
-            draw = normal_of(self.seed, n, trials)
-            relative = scatter.unit == "%"
-            width = (
-                0.01 * scatter.deviation * mean
-                if relative
-                else scatter.deviation * ratio(scatter.unit, target.unit, f"scatter of {target.name}")
-            )
-            out[target] = mean + width * draw
+            out[target] = mean + self._width(mean, target, scatter) * normal_of(self.seed, n, trials)
         return out
 
 
@@ -170,7 +213,7 @@ def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
     return out
 
 
-def _origin(scene: Scene, options: StepOptions) -> Model:
+def origin_of(scene: Scene, options: StepOptions) -> Model:
     """One world of the scene on the CPU: what parameters and starts are where nothing else is said."""
     return Model.build(scene, device="cpu", options=StepOptions(precision=options.precision, forces=options.forces))
 
@@ -228,7 +271,8 @@ def start_rows(origin: Model, values: dict[Target, np.ndarray], n: int) -> dict[
         vector[:, slice(None) if target.component is None else target.component] = given
     for b, vector in vectors.items():
         orientation[:, b] = turned(orientation[:, b], vector)
-    rows = {"position": place + rotate(orientation, origin.reference)}
+    # where all are turned alike, so are their reference points: a million of them need not be turned one by one
+    rows = {"position": place + rotate(orientation if turns else orientation[:1], origin.reference)}
     return rows | {"orientation": orientation} if turns else rows
 
 

@@ -7,13 +7,19 @@
         done/000012    written when all chunks of block 12 are
 
 A block is written by one task, and depends on nothing but the study: it may be computed twice, by anyone, in any order.
+The folder appears as a whole, so that a hundred shards may begin at once: the first makes it, the others find it.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import os
-from collections.abc import Iterator, Mapping
+import shutil
+import socket
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +29,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import check_place, written
+from otwarp.studies.differences import difference
 
 VERSION = 1
 """Of the layout of the folder."""
@@ -93,22 +100,37 @@ class Store:
         folder = self.folder / "done"
         return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
 
+    @functools.cached_property
+    def _arrays(self) -> Any:
+        """By name the arrays of results, opened once."""
+        import zarr
+
+        return dict(zarr.open_group(str(self.results), mode="r+").arrays())
+
+    def check_writable(self) -> None:
+        """Find out before anything is computed whether blocks can be kept.
+
+        Raises:
+            InputError: They cannot.
+        """
+        for folder in (self.folder, self.folder / "done"):
+            check_place(folder, "the folder of the study", folder=True)
+
     def write(self, block: int, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
         """Write a block, its marker last.
 
         Raises:
-            OSError: The disk is full, or the folder has gone.
+            OSError: The disk is full, or the folder has gone; it names a file.
         """
-        import zarr
-
-        group = zarr.open_group(str(self.results), mode="r+")
-        for name, values in arrays.items():
-            array = group[name]
-            assert isinstance(array, zarr.Array)
-            rest = (slice(None),) * (array.ndim - len(where))
-            array[(*where, *rest)] = values
-        with written(self.folder / "done" / f"{block:06d}") as part:
-            part.write_text("", encoding="utf-8")
+        try:
+            for name, values in arrays.items():
+                array = self._arrays[name]
+                rest = (slice(None),) * (array.ndim - len(where))
+                array[(*where, *rest)] = values
+            with written(self.folder / "done" / f"{block:06d}") as part:
+                part.write_text("", encoding="utf-8")
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(error.filename or self.results)) from error
 
     def read(self) -> Any:
         """All arrays as an `xarray.Dataset`, read when they are used."""
@@ -123,7 +145,7 @@ class Store:
         Raises:
             InputError: Another process has it.
         """
-        file = os.open(self.folder / "driver.lock", os.O_RDWR | os.O_CREAT, 0o644)
+        file = os.open(self.folder / "driver.lock", os.O_RDWR | os.O_CREAT, 0o664)
         try:
             _lock(file, self.folder)
             yield
@@ -139,10 +161,12 @@ def _lock(file: int, folder: Path) -> None:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         raise InputError(
             f"{folder}: another process runs this study; allowed: one driver, or --shard for several"
         ) from None
+    except OSError:  # file systems without locks: two drivers compute the same blocks twice, to the same bits
+        return
 
 
 def open_store(folder: Path) -> Store:
@@ -159,14 +183,14 @@ def open_store(folder: Path) -> Store:
 def create(
     folder: Path,
     asked: Mapping[str, Any],
-    scene: Any,
+    scene: Callable[[Path], object],
     coordinates: Mapping[str, Variable],
     values: Mapping[str, np.ndarray],
     variables: Mapping[str, Variable],
     shape: Mapping[str, int],
     chunk: Mapping[str, int],
 ) -> Store:
-    """Make the folder of a study, or find the same study in it.
+    """Make the folder of a study, or find the same study in it; many processes may do so at once.
 
     Args:
         asked: What `study.json` is to say.
@@ -183,13 +207,37 @@ def create(
         check_same(store, asked)
         return store
     check_place(folder, "--out", folder=True)
-    if folder.exists() and any(p.name not in ("driver.lock",) and not p.name.startswith(".") for p in folder.iterdir()):
+    _check_empty(folder)
+    with _made_apart(folder) as apart:
+        (apart / "done").mkdir()
+        scene(apart / store.scene.name)
+        _create_arrays(apart / store.results.name, coordinates, values, variables, shape, chunk)
+        text = json.dumps(asked, indent=1, ensure_ascii=False) + "\n"
+        (apart / "study.json").write_text(text, encoding="utf-8")
+    check_same(store, asked)  # somebody else's, if two made it at once
+    return store
+
+
+def _check_empty(folder: Path) -> None:
+    """Refuse a folder in which there is something else."""
+    if folder.exists() and any(not p.name.startswith(".") for p in folder.iterdir()):
+        if (folder / "study.json").exists():  # somebody has made it since
+            return
         raise InputError(f"--out is {folder}, which holds other files; allowed: a new or empty folder, or this study's")
+
+
+def _create_arrays(
+    place: Path,
+    coordinates: Mapping[str, Variable],
+    values: Mapping[str, np.ndarray],
+    variables: Mapping[str, Variable],
+    shape: Mapping[str, int],
+    chunk: Mapping[str, int],
+) -> None:
+    """The zarr group: coordinates with their values, and arrays of results that hold nothing yet."""
     import zarr
 
-    (folder / "done").mkdir(parents=True, exist_ok=True)
-    scene(store.scene)
-    group = zarr.open_group(str(store.results), mode="w", zarr_format=3)
+    group = zarr.open_group(str(place), mode="w", zarr_format=3)
     for name, variable in {**coordinates, **variables}.items():
         of = values.get(name)
         full = tuple(shape[d] for d in variable.dims)
@@ -206,9 +254,55 @@ def create(
         )
         if of is not None:
             array[...] = of
-    with written(folder / "study.json") as part:
-        part.write_text(json.dumps(asked, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    return store
+
+
+@contextmanager
+def _made_apart(folder: Path) -> Iterator[Path]:
+    """A hidden neighbour that becomes the folder in one move, unless somebody else's has become it in the meantime.
+
+    Raises:
+        InputError: The folder is there and cannot be replaced by another one.
+        OSError: The disk is full; nothing stays.
+    """
+    folder = folder.absolute()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    _remove_remains(folder)
+    name = f".{folder.name}.part-{socket.gethostname()}-{os.getpid()}-"
+    apart = Path(tempfile.mkdtemp(prefix=name, dir=folder.parent))
+    try:
+        apart.chmod(0o777 & ~_mask())  # a folder of one's own group's, perhaps: as mkdir makes it
+        yield apart
+        if os.name == "nt" and folder.is_dir():
+            folder.rmdir()
+        apart.rename(folder)
+    except OSError as error:
+        if (folder / "study.json").exists():
+            return
+        if error.filename2 is None:  # while it was made
+            raise
+        raise InputError(
+            f"--out is {folder}, which is there and cannot be replaced ({error.strerror}); allowed: a new folder"
+        ) from None
+    finally:
+        shutil.rmtree(apart, ignore_errors=True)
+
+
+def _mask() -> int:
+    """Permissions that new files lack; only setting it tells."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def _remove_remains(folder: Path) -> None:
+    """Remove what processes of this machine left beside a folder that were killed while they made it."""
+    for part in folder.parent.glob(f".{folder.name}.part-{socket.gethostname()}-*"):
+        try:
+            os.kill(int(part.name.split("-")[-2]), 0)
+        except ProcessLookupError:
+            shutil.rmtree(part, ignore_errors=True)
+        except (OSError, ValueError):
+            pass
 
 
 def check_same(store: Store, asked: Mapping[str, Any]) -> None:
@@ -218,16 +312,17 @@ def check_same(store: Store, asked: Mapping[str, Any]) -> None:
         InputError: They differ; the message says in what.
     """
     there, here = (json.loads(json.dumps(said)) for said in (store.asked(), asked))
-    differing = [key for key in {**there, **here} if there.get(key) != here.get(key) and key != "versions"]
-    if differing:
-        key = differing[0]
-        raise InputError(
-            f"{store.folder}: holds a study with another {key}: {_short(there.get(key))} there, "
-            f"{_short(here.get(key))} now; "
-            "allowed: the same study, or a new folder"
+    made, now = there.pop("versions", None), here.pop("versions", None)
+    for said in (there, here):  # where the scene lies does not matter, what it says does
+        said.get("scene", {}).pop("file", None)
+    found = difference(there, here)
+    if found is not None:
+        where, a, b = found
+        raise InputError(f"{store.folder}: holds a study with another {where}: {a} there, {b} now; "
+                         "allowed: the same study, or a new folder")  # fmt: skip
+    if made != now:
+        where, a, b = difference(made, now) or ("", "", "")
+        warnings.warn(
+            f"{store.folder}: was begun with another {where}: {a}, {b} now; blocks may differ in their last bits",
+            stacklevel=2,
         )
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 80 else f"{text[:77]}…"

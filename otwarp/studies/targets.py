@@ -16,7 +16,7 @@ Points that differ in the last two rows have models of their own: they are stepp
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -159,5 +159,6 @@ def variant(scene: Scene, variations: Variations, values: Mapping[Target, Any]) 
         raise InputError(f"axes {', '.join(t.name for t, _ in speeds)}; allowed: one speed, all paths go along")
     given = variations.scene(attributes) if attributes else scene
     for target, value in speeds:
-        given = given.with_trap_speed(value / fastest(given, target.key))
+        # how fast is what is asked: no speed is odd here
+        given = replace(given.with_trap_speed(value / fastest(given, target.key)), judged=True)
     return given

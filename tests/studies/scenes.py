@@ -4,13 +4,29 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import warp as wp
+
+import otwarp as ot
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
 
 
-def bead_in_a_well(folder: Path, *, stiffness: float = 0.5, cutoff: float = 0.4, accuracy: float = 0.05) -> Path:
-    """A bead of radius 0.5 µm in a harmonic trap that ends at `cutoff` [µm]; the file."""
-    builder = SceneBuilder(settings=Settings(duration=0.5, accuracy=accuracy))
+@ot.order(unit="k_BT")
+def energy(now: ot.WorldNow, stiffness: float = 0.5) -> float:  # type: ignore[valid-type]
+    """Energy of the bead in its well."""
+    away = now.state.position[now.world, 0] - wp.vec3(0.0, 0.0, 10.0)
+    return 0.5 * stiffness * wp.length_sq(away) / 0.0041164
+
+
+def bead_in_a_well(
+    folder: Path, *, stiffness: float = 0.5, cutoff: float = 0.4, accuracy: float = 0.05, speed: float = 0.0
+) -> Path:
+    """A bead of radius 0.5 µm in a harmonic trap that ends at `cutoff` [µm] and moves at `speed` [µm/s]; the file."""
+    duration = 2.0 if speed else 0.5
+    path = [(0.0, 0.0, 10.0), (0.0, 0.0, 10.0 + speed * duration)]
+    track = Track(times=np.array([0.0, duration]), values=np.array(path)) if speed else Track.constant(path[0])
+    builder = SceneBuilder(settings=Settings(duration=duration, accuracy=accuracy))
     builder.add(
         Body(
             prim="/World/bead",
@@ -21,7 +37,7 @@ def bead_in_a_well(folder: Path, *, stiffness: float = 0.5, cutoff: float = 0.4,
     builder.add(
         Trap(
             prim="/World/trap",
-            position=Track.constant((0.0, 0.0, 10.0)),
+            position=track,
             power=Track.constant(1.0),
             radial=TrapLaw(stiffness=stiffness, threshold=cutoff, cutoff=cutoff, power=1.0),
             holds="/World/bead/sphere",

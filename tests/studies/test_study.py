@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ import pytest
 from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.scene import Scene
+from otwarp.laws import TrapLaw
+from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
 from otwarp.studies.axes import Scatter, grid, sobol, values
 from otwarp.studies.observables import contact_force, delivered, first_passage, trapped
 from otwarp.studies.results import table
@@ -27,6 +29,8 @@ from otwarp.units import BOLTZMANN
 from tests.studies.scenes import bead_in_a_well
 
 pytest.importorskip("zarr")
+
+ROOT = Path(__file__).parents[2]
 
 FILE = """
 scene = "well.usda"
@@ -78,6 +82,22 @@ def test_results_do_not_depend_on_batches(scene):
     assert same(together, study.compute([0], device="cpu", worlds=17, threads=1)[0])
     assert together["trials"].tolist() == [[64, 64]] * 3
     assert np.all(together["end"] >= 0) and np.any(together["end"] == 1)
+
+
+def test_what_a_trap_holds_does_not_depend_on_batches(tmp_path):
+    """A trap that names no sphere, moved from one to another: it holds one sphere in all points, in whatever batch."""
+    builder = SceneBuilder(settings=Settings(duration=0.5, accuracy=0.05))
+    for n, x in enumerate((-1.0, 1.0)):
+        sphere = Sphere(prim=f"/World/bead{n}/sphere", radius=0.5, refractive_index=1.59)
+        builder.add(Body(prim=f"/World/bead{n}", position=(x, 0.0, 10.0), spheres=(sphere,)))
+    law = TrapLaw(stiffness=0.5, threshold=0.6, cutoff=0.6, power=1.0)
+    place = Track.constant((-1.0, 0.0, 10.0))
+    builder.add(Trap(prim="/World/trap", position=place, power=Track.constant(1.0), radial=law))
+    axes = {"trap_position.x:/World/trap": values([-1.0, 0.9], unit="µm")}
+    study = study_of(builder.save(tmp_path / "two.usda"), axes=axes, observables=[trapped(until=0.02)], stop=trials(8))
+    together = study.compute([0], device="cpu")[0]
+    assert same(together, study.compute([0], device="cpu", worlds=8)[0])
+    assert together["end"][0].tolist() != together["end"][1].tolist()
 
 
 def test_more_trials_keep_the_first_ones(scene):
@@ -138,10 +158,17 @@ def test_another_study_is_refused(tmp_path, scene, capsys):
 
 
 def test_two_drivers_are_refused(tmp_path, scene):
-    """One process at a time, but for shards."""
-    store = run_study(study_of(scene, stop=trials(4)), tmp_path / "out", devices=["cpu"])
-    with store.claimed(), pytest.raises(InputError, match="another process runs this study"):
-        run_study(study_of(scene, stop=trials(4)), tmp_path / "out", devices=["cpu"])
+    """One process at a time where there is something to do, but for shards."""
+    study = study_of(scene, stop=trials(4))
+    store = run_study(study, tmp_path / "out", devices=["cpu"])
+    marker = store.folder / "done" / "000000"
+    with store.claimed():
+        run_study(study, tmp_path / "out", devices=["cpu"])
+        marker.unlink()
+        with pytest.raises(InputError, match="another process runs this study"):
+            run_study(study, tmp_path / "out", devices=["cpu"])
+        run_study(study, tmp_path / "out", devices=["cpu"], shard=(1, 1))
+    assert marker.exists()
 
 
 def test_groups_and_scatter(tmp_path, scene):
@@ -222,6 +249,18 @@ def test_a_scene_that_is_not_its_file(scene):
     changed = dataclasses.replace(Scene.load(scene), traps=())
     with pytest.raises(InputError, match="is not that of its file"):
         study_of(changed, axes={"/World/bead/sphere.radius": values([0.4], unit="µm")})
+
+
+def test_a_start_inside_an_obstacle():
+    """Refused before anything runs; beside the pillar it is none of its business."""
+    scene = ROOT / "scenes" / "cell_delivery.usda"
+    for x, inside in ((-31.0, True), (-14.0, False)):
+        axes = {"start:/World/cell": values([[-58.0, -26.0, 8.0], [x, -9.0, 8.0]], unit="µm")}
+        if inside:
+            with pytest.raises(InputError, match=r"start:/World/cell = .* overlap with /World/Obstacles/pillar_1"):
+                study_of(scene, axes=axes)
+        else:
+            assert study_of(scene, axes=axes).design.points == 2
 
 
 def test_bad_lists():

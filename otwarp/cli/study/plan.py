@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from otwarp.cli.options import device_option, json_option
 from otwarp.cli.output import json_text
 from otwarp.cli.types import FILE
+
+if TYPE_CHECKING:
+    from otwarp.studies.rare.study import EscapeStudy
 
 
 @click.command()
@@ -19,11 +23,15 @@ from otwarp.cli.types import FILE
 def plan(file: Path, device: str | None, as_json: bool) -> None:
     """Say what the study in FILE will compute, and how long that takes on this machine."""
     from otwarp.device import pick_device
-    from otwarp.studies.estimate import estimate
     from otwarp.studies.file import load_study
+    from otwarp.studies.plan import estimate
+    from otwarp.studies.rare.study import EscapeStudy
 
     pick_device(device)  # refused before anything slow
     study = load_study(file)
+    if isinstance(study, EscapeStudy):
+        _escapes(study, device, as_json)
+        return
     found = study.plan()
     seconds, where = estimate(study, device)
     if as_json:
@@ -34,12 +42,32 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
     least, most = found.trials
     click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}"))
-    click.echo(f"steps     of {found.time_step:.3g} s, up to {found.horizon / found.time_step:,.0f} a trial")
+    own = f" to {found.longest_step:.3g} s" if found.longest_step > found.time_step else ""
+    click.echo(f"steps     of {found.time_step:.3g} s{own}, up to {found.horizon / found.time_step:,.0f} a trial")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
     click.echo(
         f"time      {_spell(seconds[0])}" + ("" if least == most else f" to {_spell(seconds[1])}") + f" on {where}"
     )
+
+
+def _escapes(study: EscapeStudy, device: str | None, as_json: bool) -> None:
+    """The same of a study of escapes."""
+    from otwarp.studies.rare.estimate import estimate
+
+    found, (seconds, where) = study.plan(), estimate(study, device)
+    if as_json:
+        click.echo(json_text(dataclasses.asdict(found) | {"seconds": seconds, "device": where}))
+        return
+    shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
+    click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
+    twice = ", each again with half the step" if study.halved else ""
+    click.echo(f"runs      {found.runs} a point with {found.branches:,} branches, {study.method}{twice}")
+    steps = f"{found.time_step:.3g}" + (f" to {found.longest_step:.3g}" if found.longest_step > found.time_step else "")
+    click.echo(f"steps     of {steps} s; how many follows from how rare escapes are")
+    click.echo(f"blocks    {found.blocks:,}, kept one by one")
+    click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(f"time      {_spell(seconds)} on {where}, from runs of {min(3, found.points)} points")
 
 
 def _spell(seconds: float) -> str:

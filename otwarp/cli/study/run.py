@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,19 +21,29 @@ from otwarp.cli.types import FILE, OutputPath
     "-o", "--out", type=OutputPath(folder=True), metavar="DIR", help="Folder of the study; default: out/FILE."
 )
 @click.option("--shard", metavar="N/OF", help="Compute this share of the blocks, as 3/16; several may run at once.")
+@click.option(
+    "--engine",
+    type=click.Choice(["local", "ray"]),
+    default="local",
+    show_default=True,
+    help="Who computes: all GPUs of this host, or its CPU; or Ray, on this host or several.",
+)
+@click.option(
+    "--address", metavar="HOST:PORT", help="Head of a Ray cluster, or auto; default: RAY_ADDRESS, or this host alone."
+)
 @device_option
-def run(file: Path, out: Path | None, shard: str | None, device: str | None) -> None:
+def run(file: Path, out: Path | None, shard: str | None, engine: str, address: str | None, device: str | None) -> None:
     """Compute the study in FILE. The same line goes on after whatever ended it.
 
-    Results do not depend on devices of one kind, shards, interruptions or the order of the work.
+    Results do not depend on devices of one kind, shards, interruptions or the order of the work. With --engine ray the
+    folder is one that all hosts share.
     """
-    from otwarp.device import pick_device
     from otwarp.studies.engines import parse_shard
     from otwarp.studies.file import load_study
     from otwarp.studies.run import run_study
 
     share = None if shard is None else parse_shard(shard)
-    devices = None if device is None else [str(pick_device(device))]
+    how = _engine(engine, address, device, shard)
     study = load_study(file)
     folder = out or Path("out") / file.stem
     stop.begin()
@@ -40,15 +51,32 @@ def run(file: Path, out: Path | None, shard: str | None, device: str | None) -> 
         store = run_study(
             study,
             folder,
-            devices=devices,
             shard=share,
             progress=progress,
+            **how,
         )
     done, blocks = len(store.finished()), len(study.blocks())
     click.echo(f"{done} of {blocks} blocks are done")
     if done == blocks:
         click.echo(f"look at   otwarp study show {folder} --plot {folder}.png")
         click.echo(f"export    otwarp study export {folder} -o {folder}.nc")
+
+
+def _engine(engine: str, address: str | None, device: str | None, shard: str | None) -> dict[str, Any]:
+    """Arguments of `run_study` that say who computes; wrong ones are refused before anything slow."""
+    from otwarp.errors import InputError
+
+    if engine == "ray":
+        from otwarp.studies.on_ray import ray_engine
+
+        if shard is not None:
+            raise InputError(f"--shard is {shard}; allowed with --engine ray: none, Ray shares the blocks out")
+        return {"engine": ray_engine(address, device=device)}
+    if address is not None:
+        raise InputError(f"--address is {address}; allowed with --engine ray alone")
+    from otwarp.device import pick_device
+
+    return {"devices": None if device is None else [str(pick_device(device))]}
 
 
 @contextmanager

@@ -1,0 +1,86 @@
+"""What a study asks, as its store says it: equal for equal studies, and only for them."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import platform
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from otwarp.kernels.core.functions import digest_of
+from otwarp.scene.digest import scene_digest
+from otwarp.studies import store as stores
+from otwarp.studies.observables import Observable
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
+
+
+def asked_by(study: Study) -> dict[str, Any]:
+    """All that its results follow from, as JSON: scene, axes, observables, rule, seed, step, versions."""
+    import warp
+
+    import otwarp
+
+    design, options, runner = study.design, study.options, study.runner
+    counts = study.step_counts
+    settings = design.scene.settings
+    axes = {
+        d.name: {name: {"values": axis.values.tolist(), "unit": axis.unit} for name, axis in d.columns.items()}
+        for d in design.dimensions
+    }
+    return {
+        "version": stores.VERSION,
+        "scene": {"file": str(design.scene.file), "sha256": scene_digest(design.scene)},
+        "axes": axes,
+        "observables": [described(o) for o in study.observables],
+        "stop": study.stop.said(),
+        "scatter": {t.name: dataclasses.asdict(s) for t, s in study.scatter},
+        "seed": study.seed,
+        "blocks": len(study.blocks()),
+        "horizon": study.horizon,
+        "time step": runner.time_step if np.all(counts == runner.steps) else _each(study),
+        "every": runner.every * runner.time_step,
+        "options": {
+            "integrator": options.integrator or settings.integrator,
+            "noise": options.noise or settings.noise,
+            "precision": options.precision,
+            "fast math": options.fast_math,
+            "forces": [f.body_force.name for f in options.forces],
+        },
+        "versions": {"otwarp": otwarp.__version__, "warp": warp.__version__, "python": platform.python_version()},
+    }
+
+
+def _each(study: Study) -> dict[str, Any]:
+    """Steps that differ from point to point; which ones stands in the results."""
+    digest = hashlib.sha256(study.step_counts.astype("<i8").tobytes()).hexdigest()
+    return {
+        "least": study.horizon / int(study.step_counts.max()),
+        "largest": study.horizon / int(study.step_counts.min()),
+        "sha256": digest,
+    }
+
+
+def described(o: Observable) -> dict[str, Any]:
+    """What the store says of an observable; of functions, their source's digest."""
+    said: dict[str, Any] = {"name": o.name, "kind": o.kind, "unit": o.unit}
+    if o.end is not None:
+        said |= {
+            "end": o.end.name,
+            "happens": o.happens,
+            "until": o.until,
+            "parameters": {k: np.asarray(v).tolist() for k, v in o.end.values.items()},
+            "sha256": digest_of(o.end.predicate.function, o.end.name, o.end.predicate.kinds),
+        }
+    if o.kind == "choice":
+        said["choices"] = list(o.choices)
+    if o.function is not None:
+        said |= {
+            "keep": o.keep,
+            "parameters": list(o.values),
+            "sha256": digest_of(o.function.function, o.name, o.function.kinds),
+        }
+    return said

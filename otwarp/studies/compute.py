@@ -1,0 +1,102 @@
+"""Blocks of a study computed side by side: trials in rounds, until every point has what the rule gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from otwarp.simulation.ends import End
+from otwarp.studies.observables import Observable, same_end
+from otwarp.studies.runner import Outcomes
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
+
+BESIDE = 4_096
+"""Points that say what is chosen for all worlds of a group alike, at most; beyond, some of them and the extremes."""
+
+
+def compute_blocks(
+    study: Study, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int
+) -> list[dict[str, np.ndarray]]:
+    """Of each block its arrays by the names of the store; see `Study.compute`."""
+    all_points = np.arange(study.design.points).reshape(study.design.shape)
+    own = [all_points[where] for where in (study.blocks()[n] for n in numbers)]
+    points = np.concatenate([p.ravel() for p in own])
+    row = study.design.shape[-1] if study.design.shape else 1
+    most, runner = study.stop.at_most, study.runner
+    done = np.zeros(len(points), dtype=np.int64)
+    code = np.full((len(points), most), -128, dtype=np.int8)
+    time = np.full((len(points), most), np.nan, dtype=np.float32)
+    kept = np.full((len(points), most, len(runner.numbers)), np.nan, dtype=np.float32)
+    while True:
+        wanted = study.stop.wanted(successes(study, code, time, done), done, row)
+        if np.all(wanted <= done):
+            break
+        more = wanted - done
+        which = np.repeat(np.arange(len(points)), more)
+        nth = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + done[which]
+        for start in range(0, len(which), worlds):
+            part = slice(start, start + worlds)
+            out = _run(study, points[which[part]], nth[part], device, threads)
+            at = which[part], nth[part]
+            code[at], time[at], kept[at] = out.code, out.time, out.numbers
+        done = wanted
+    found = {"trials": done.astype(np.int32), "end": code, "end_time": time}
+    found |= {f"{o.name}_of_trial": kept[..., n] for n, o in enumerate(runner.numbers)}
+    cuts = np.cumsum([p.size for p in own])[:-1]
+    parts = {name: np.split(values, cuts) for name, values in found.items()}
+    return [
+        {name: part[n].reshape((*p.shape, *part[n].shape[1:])) for name, part in parts.items()}
+        for n, p in enumerate(own)
+    ]
+
+
+def _run(study: Study, points: np.ndarray, nth: np.ndarray, device: str, threads: int | None) -> Outcomes:
+    """Trials of points, group by group, and in a group step by step."""
+    order = np.arange(len(points))
+    code, time = np.empty(len(points), np.int8), np.empty(len(points))
+    numbers = np.empty((len(points), len(study.runner.numbers)), np.float32)
+    for group, values in study.design.groups(np.unique(points)):
+        scene = study.design.scene_of(values)
+        for steps in np.unique(study.step_counts[group]):
+            own = group[study.step_counts[group] == steps]
+            mine = order[np.isin(points, own)]
+            at = {t: v for t, v in study.design.at(points[mine]).items() if not t.grouped}
+            trial = study.stop.streams(points[mine], study.design.shape) * study.stop.at_most + nth[mine]
+            runner = study.runner.in_steps(int(steps))
+            beside = {t: v for t, v in study.design.at(_spread(study, int(own[0]))).items() if not t.grouped}
+            out = runner.run(scene, at, trial, beside=beside, device=device, threads=threads)
+            code[mine], time[mine], numbers[mine] = out.code, out.time, out.numbers
+    return Outcomes(code=code, time=time, numbers=numbers)
+
+
+def _spread(study: Study, point: int) -> np.ndarray:
+    """Points that stand for all that share a model and a step with one: all, or the extremes and some between them."""
+    whole = study.design.group_of(point)
+    whole = whole[study.step_counts[whole] == study.step_counts[point]]
+    if len(whole) <= BESIDE:
+        return whole
+    chosen = [whole[np.linspace(0, len(whole) - 1, BESIDE).astype(int)]]
+    for v in study.design.at(whole).values():
+        if v.dtype.kind == "f":
+            chosen += [whole[np.argmin(v, axis=0)], whole[np.argmax(v, axis=0)]]
+    return np.unique(np.concatenate([np.atleast_1d(c) for c in chosen]))
+
+
+def successes(study: Study, code: np.ndarray, time: np.ndarray, done: np.ndarray) -> np.ndarray:
+    """(k, n) how often the event of each probability was seen that the rule looks at."""
+    ran = np.arange(code.shape[-1]) < done[..., None]
+    looked = [o for o in study.observables if o.kind == "probability" and study.stop.looks_at(o.name)]
+    rows = [np.sum(happened(o, code, time, study.ends) & ran, axis=-1) for o in looked]
+    return np.array(rows).reshape(len(rows), len(done))
+
+
+def happened(o: Observable, code: np.ndarray, time: np.ndarray, ends: Sequence[End]) -> np.ndarray:
+    """Whether trials count for a probability; a trial with a fault counts for none."""
+    assert o.end is not None
+    number = 1 + next(n for n, end in enumerate(ends) if same_end(o.end, end))
+    came = (code == number) & (time <= (np.inf if o.until is None else o.until))
+    return came if o.happens else ~came & (code >= 0)

@@ -1,0 +1,233 @@
+"""Ray: the blocks of a study as tasks on several GPUs or hosts, which may come and go.
+
+Tasks take the study as data and write whole blocks into the store, whose folder all hosts share; the driver gives them
+out and keeps nothing. A task whose worker is lost runs once more, elsewhere, to the same bits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib
+import importlib.util
+import os
+import signal
+import socket
+import sys
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from otwarp.errors import InputError
+from otwarp.studies.engines import Engine, Progress, compute_and_keep, tasks
+from otwarp.studies.sent import packed, unpacked
+from otwarp.studies.store import Store
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
+
+RETRIES = 20
+"""Times that a task may lose its worker."""
+LOOK = 0.5
+"""Time [s] after which a driver that waits for tasks looks whether it was asked to end."""
+PATIENCE = 5.0
+"""Time [s] within which a cluster has to answer."""
+LONGEST_FOLDER = 40
+"""Characters of the folder in which Ray's sockets lie, whose whole names may have 107."""
+
+
+def ray_engine(address: str | None = None, *, device: str | None = None) -> Engine:
+    """The engine of a Ray cluster.
+
+    Args:
+        address: `HOST:PORT` of its head, from a host that belongs to it; `auto`: the one that runs on this host; None:
+            that of `RAY_ADDRESS`, or all of this host for as long as the study runs.
+        device: `cpu`, or None: a task takes a GPU where the cluster has some, else a core.
+
+    Raises:
+        InputError: Ray is not installed, nothing answers there, or another device.
+    """
+    if device not in (None, "cpu", "cuda"):
+        raise InputError(f"--device is {device}; allowed with --engine ray: cpu, cuda: which of them is Ray's choice")
+    if importlib.util.find_spec("ray") is None:
+        raise InputError("--engine ray needs Ray; install otwarp[ray]")
+    address = address or os.environ.get("RAY_ADDRESS")
+    if address is not None and address != "auto":
+        check_reachable(address)
+
+    def run(study: Study, store: Store, todo: Sequence[int], progress: Progress) -> None:
+        """Give blocks out, until all are in the store."""
+        with _connected(address) as ray:
+            _give_out(ray, study, store, todo, progress, device)
+
+    return run
+
+
+def check_reachable(address: str) -> None:
+    """Find out at once whether a Ray head answers: Ray itself tries for minutes.
+
+    Raises:
+        InputError: Nothing answers, or it is no Ray.
+    """
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 2**16 or "/" in host:
+        raise InputError(f"--address is {address}; allowed: HOST:PORT of a Ray head, such as node01:6379, or auto")
+    preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])  # an empty SETTINGS frame
+    try:
+        with socket.create_connection((host, int(port)), timeout=PATIENCE) as peer:
+            peer.sendall(preface)
+            answer = peer.recv(9)
+    except OSError as error:
+        why = error.strerror or str(error) or type(error).__name__
+        raise InputError(f"--address is {address}, where nothing answers ({why}); allowed: a Ray head") from None
+    if len(answer) < 4 or answer[3] != 4:
+        raise InputError(f"--address is {address}, where something else than Ray answers; allowed: a Ray head")
+
+
+@contextlib.contextmanager
+def _connected(address: str | None) -> Iterator[Any]:
+    """Ray, connected; interrupts and SIGTERM stay the program's own.
+
+    Raises:
+        InputError: This host does not belong to the cluster, or its Ray is of another version.
+    """
+    import ray
+
+    kept = {number: signal.getsignal(number) for number in _handled()}
+    begun = not ray.is_initialized()
+    if begun:
+        how: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+        how |= {"address": address} if address else {"address": "local", "include_dashboard": False, **_short_folder()}
+        try:
+            with _quiet():
+                ray.init(**how)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            where = f"--address is {address}" if address else "--engine is ray"
+            raise InputError(f"{where}: {_first_line(error)}; allowed: a Ray head, from a host on which "
+                             "`ray start` has joined it") from None  # fmt: skip
+    worker: Any = importlib.import_module("ray._private.worker")
+    said = getattr(worker, "print_worker_logs", None)
+    try:
+        _handle(kept)
+        if said is not None:  # a lost worker is no news worth a hundred lines on standard output
+            worker.print_worker_logs = lambda *_: None
+        yield ray
+    finally:
+        if begun:
+            ray.shutdown()
+            _handle(kept)
+        if said is not None:
+            worker.print_worker_logs = said
+
+
+def _handle(handlers: dict[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def _handled() -> tuple[signal.Signals, ...]:
+    """Signals that Ray takes over, where a thread may have them back."""
+    return (signal.SIGTERM, signal.SIGINT) if threading.current_thread() is threading.main_thread() else ()
+
+
+def _short_folder() -> dict[str, str]:
+    """Where Ray puts its sockets on this host, if its own choice were too long for them."""
+    usual = os.environ.get("RAY_TMPDIR") or os.environ.get("TMPDIR") or "/tmp"
+    return {} if len(usual) <= LONGEST_FOLDER or os.name == "nt" else {"_temp_dir": f"/tmp/ray-{os.getuid()}"}
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without what Ray's C++ writes to standard error while it connects."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _give_out(
+    ray: Any, study: Study, store: Store, todo: Sequence[int], progress: Progress, device: str | None
+) -> None:
+    """Give tasks out, more than there are workers for, so that those who join find some."""
+    gpus = int(ray.cluster_resources().get("GPU", 0))
+    gpu = device == "cuda" or (device is None and gpus > 0)
+    if gpu and not gpus:
+        raise InputError("--device is cuda; allowed in this cluster: cpu, it has no GPU")
+    resources = {"num_gpus": 1, "num_cpus": 1} if gpu else {"num_cpus": 1}
+    if not gpu and ray.cluster_resources().get("CPU", 0) < 1:
+        warnings.warn("the cluster has no free core yet: waiting for workers to join", stacklevel=2)
+    work = ray.remote(max_retries=RETRIES, **resources)(_work)
+    given = ray.put((versions(), packed(study, store.scene.absolute())))
+    count, done = len(study.blocks()), len(store.finished())
+    folder = str(store.folder.absolute())
+    running = {
+        work.remote([given], folder, numbers, "cuda:0" if gpu else "cpu"): len(numbers)
+        for numbers in tasks(study, todo, gpu=gpu, workers=gpus)
+    }
+    try:
+        while running:
+            found, _ = ray.wait(list(running), num_returns=1, timeout=LOOK)
+            for task in found:
+                _result(ray, task)
+                done += running.pop(task)
+                progress(done, count)
+    except BaseException:
+        for task in running:
+            with contextlib.suppress(Exception):  # what ended first counts
+                ray.cancel(task)
+        raise
+
+
+def _result(ray: Any, task: Any) -> None:
+    """Pass on what went wrong in a task as what it was there."""
+    try:
+        ray.get(task)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause if isinstance(error.cause, Exception) else error from None
+    except ray.exceptions.RayError as error:
+        raise OSError(f"Ray gave a block up: {_first_line(error)}; the same line goes on") from None
+
+
+def _first_line(error: BaseException) -> str:
+    line = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+    return line.partition(". ")[0].removesuffix(".")
+
+
+def versions() -> dict[str, str]:
+    """What workers must have alike for their bits to be alike."""
+    import numpy
+    import warp
+
+    import otwarp
+
+    return {"otwarp": otwarp.__version__, "warp": warp.__version__, "numpy": numpy.__version__}
+
+
+@functools.lru_cache(maxsize=1)
+def _study_of(given: Any) -> tuple[dict[str, str], Study]:
+    """The study that tasks are of, once per worker."""
+    import ray
+
+    wanted, data = ray.get(given)
+    return wanted, unpacked(data)
+
+
+def _work(given: list[Any], folder: str, numbers: list[int], device: str) -> None:
+    """Compute blocks and write them: what a worker does."""
+    host = socket.gethostname()
+    store = Store(Path(folder))
+    if not store.scene.exists():
+        raise InputError(f"--out is {folder}, which worker {host} does not see; allowed: a folder that all hosts share")
+    wanted, study = _study_of(given[0])
+    if wanted != versions():
+        raise InputError(f"worker {host} has {versions()}, the driver {wanted}; allowed: the same on all hosts")
+    todo = [n for n in numbers if not store.done(n)]  # a task that lost its worker late has kept some
+    if todo:
+        compute_and_keep(study, store, todo, device, threads=None if device.startswith("cuda") else 1)

@@ -1,0 +1,175 @@
+"""What a study will take: how many trials and steps, which step each point has, how long that is on a machine."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from otwarp.device import pick_device
+from otwarp.errors import InputError
+from otwarp.simulation.model import Model
+from otwarp.studies.runner import parameter_rows
+from otwarp.studies.targets import Target
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
+
+SAMPLE = 256
+"""Points of a group, evenly chosen, whose time scales say which step all of it can take."""
+
+MOST_MODELS = 4_096
+"""Combinations of parameters that are judged one by one where every point has its own step."""
+
+PER_POINT = "per point"
+"""What `time_step` is where every point takes the step that it needs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What running a study means, before anything runs.
+
+    Attributes:
+        points, groups: Combinations of values, and how many models they need.
+        blocks: Tasks, each one chunk of the store.
+        trials: Least and largest number of trials.
+        time_step: The smallest of any point [s].
+        longest_step: The largest of any point [s]; the same but where each has its own.
+        steps: World-steps, at most.
+        bytes: Of the results, uncompressed.
+        horizon: How long a trial goes on at most [s].
+    """
+
+    points: int
+    groups: int
+    blocks: int
+    trials: tuple[int, int]
+    time_step: float
+    longest_step: float
+    steps: int
+    bytes: int
+    horizon: float
+
+
+def plan_of(study: Study) -> Plan:
+    """What running it means; nothing is simulated."""
+    design, runner, counts = study.design, study.runner, study.step_counts
+    per_trial = 5 + 4 * len(runner.numbers)
+    share = float(np.mean(counts / counts.max()))
+    least, most = study.stop.range_of(design.shape)
+    return Plan(
+        points=design.points,
+        groups=len(design.groups(np.arange(design.points))),
+        blocks=len(study.blocks()),
+        trials=(least, most),
+        time_step=study.horizon / int(counts.max()),
+        longest_step=study.horizon / int(counts.min()),
+        horizon=study.horizon,
+        steps=round(most * share * runner.steps),
+        bytes=design.points * (4 + study.stop.at_most * per_trial),
+    )
+
+
+def steps_of_points(study: Study, wanted: float | str | None) -> np.ndarray:
+    """(points) steps of each point over the horizon: whole numbers, all the same unless each has its own.
+
+    A step of its own is the study's smallest, or twice, four times, … that: as large as the point can take.
+
+    Args:
+        study: The study.
+        wanted: A step for all [s], `per point`, or None for the largest that all points can take.
+
+    Raises:
+        InputError: A scene of some point cannot be stepped, or too many combinations to judge one by one.
+    """
+    points = study.design.points
+    if isinstance(wanted, int | float):
+        return np.full(points, max(1, round(study.horizon / wanted)))
+    if wanted is None:
+        return np.full(points, int(np.ceil(study.horizon / _smallest(study))))
+    needed = np.ceil(study.horizon / _each(study)).astype(int)
+    most = int(needed.max())
+    ladder = np.array(sorted({-(-most // 2**j) for j in range(most.bit_length())}))
+    return ladder[np.searchsorted(ladder, needed)]
+
+
+def _smallest(study: Study) -> float:
+    """The largest step that every point can take [s]."""
+    smallest = np.inf
+    for points, values in study.design.groups(np.arange(study.design.points)):
+        scene = study.design.scene_of(values)
+        sample = points[np.unique(np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(int))]
+        origin = Model.build(scene, device="cpu", options=study.options)
+        rows = parameter_rows(origin, _worst(study, study.design.at(sample)), len(sample))
+        model = Model.build(scene, worlds=len(sample), device="cpu", parameters=rows, options=study.options)
+        smallest = min(smallest, model.time_step)
+    return float(smallest)
+
+
+def _each(study: Study) -> np.ndarray:
+    """(points) the largest step that each can take [s]; where a body starts does not count."""
+    steps = np.empty(study.design.points)
+    models = 0
+    for points, values in study.design.groups(np.arange(study.design.points)):
+        scene = study.design.scene_of(values)
+        own = _worst(study, {t: v for t, v in study.design.at(points).items() if t.kind == "parameter"})
+        table = np.concatenate([v.reshape(len(points), -1) for v in own.values()] or [np.zeros((len(points), 1))], 1)
+        _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        models += len(first)
+        if models > MOST_MODELS:
+            raise InputError(
+                f"time step is per point, of more than {MOST_MODELS} models; allowed: fewer, or one step for all"
+            )
+        origin = Model.build(scene, device="cpu", options=study.options)
+        found = [
+            Model.build(
+                scene,
+                device="cpu",
+                parameters=parameter_rows(origin, {t: v[n : n + 1] for t, v in own.items()}, 1),
+                options=study.options,
+            ).time_step
+            for n in first
+        ]
+        steps[points] = np.array(found)[which.ravel()]
+    return steps
+
+
+def _worst(study: Study, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
+    """Parameters of points, those that scatter four deviations above where they are."""
+    return values | {
+        t: (1.0 + 0.04 * s.deviation) * v
+        for t, s in study.scatter
+        if s.unit == "%" and (v := values.get(t)) is not None
+    }
+
+
+TIMED = {True: 2**16, False: 256}
+"""Trials that are timed, on a GPU or a CPU."""
+
+
+def estimate(study: Study, device: str | None = None) -> tuple[tuple[float, float], str]:
+    """Least and largest time [s], and the device: if no trial ended before its horizon.
+
+    Some trials of points all over the study are run twice, the second time with compiled kernels, over a part of their
+    horizon.
+    """
+    place = pick_device(device)
+    runner = study.runner
+    count = min(TIMED[place.is_cuda], study.design.points * study.stop.at_most)
+    points = np.unique(np.linspace(0, study.design.points - 1, min(count, study.design.points)).astype(int))
+    group, values = study.design.groups(points)[0]
+    chosen = np.resize(group, count)
+    at = {t: v for t, v in study.design.at(chosen).items() if not t.grouped}
+    scene = study.design.scene_of(values)
+    most = min(runner.steps, 256)
+    taken: list[float] = []
+    for steps in (1, 1, most):
+        begun = time.perf_counter()
+        runner.shortened(steps).run(scene, at, np.arange(count), device=str(place))
+        taken.append(time.perf_counter() - begun)
+    per_step = max(taken[2] - taken[1], 1e-9) / max(most - 1, 1) / count
+    plan = study.plan()
+    last = plan.steps * per_step
+    return (last * plan.trials[0] / plan.trials[1], last), str(place)

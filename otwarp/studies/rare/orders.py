@@ -1,0 +1,136 @@
+"""Order parameters: numbers that say how far a world has come on its way to an escape."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from otwarp.errors import InputError
+from otwarp.kernels.core.functions import arguments_of, digest_of
+from otwarp.kernels.core.types import WorldNow
+from otwarp.kernels.drivers.episodes import WorldFunction
+from otwarp.scene import Scene
+from otwarp.scene.read.variations import nearest
+from otwarp.simulation.ends import KINDS
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """An order parameter.
+
+    Attributes:
+        name: In tables.
+        function: How it is read; None for the distance of held spheres from their traps.
+        values: Parameters of the function, by name, in their order.
+        unit: Of the number.
+        measured: Whether it needs trap forces, which are evaluated only where somebody asks.
+        trap: Path of the trap whose sphere counts, for the distance; None: the farthest of all.
+    """
+
+    name: str
+    function: WorldFunction | None = None
+    values: tuple[float, ...] = ()
+    unit: str = ""
+    measured: bool = False
+    trap: str | None = None
+
+    def values_in(self, scene: Scene) -> Sequence[float]:
+        """Numbers that its function reads in a scene.
+
+        Raises:
+            InputError: The scene has no trap of that name, or it holds nothing.
+        """
+        if self.function is not None:
+            return self.values
+        held = [t.prim for t in scene.traps if t.holds]
+        if self.trap is not None and self.trap not in held:
+            raise InputError(f"order {self.name}: {self.trap} is none of the traps that hold a sphere: "
+                             f"{', '.join(held) or 'there are none'}{nearest(self.trap, held)}")  # fmt: skip
+        only = -1 if self.trap is None else [t.prim for t in scene.traps].index(self.trap)
+        return (only, *self.values)
+
+    def described(self) -> dict[str, Any]:
+        """What a store says of it."""
+        said: dict[str, Any] = {"name": self.name, "unit": self.unit, "parameters": list(self.values)}
+        if self.function is None:
+            return said | {"trap": self.trap}
+        return said | {"sha256": digest_of(self.function.function, self.name, self.function.kinds)}
+
+
+def distance(trap: str | None = None, *, relative: bool = False) -> Order:
+    """How far a held sphere is from the equilibrium point of its trap [µm], the farthest where several are held.
+
+    Args:
+        trap: Path of the one trap that counts.
+        relative: Whether in units of the distance at which the sphere has escaped, for traps of unequal reach.
+    """
+    return Order("distance", values=(float(relative),), unit="" if relative else "µm", trap=trap)
+
+
+def order(*, unit: str = "", measured: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Order]]:
+    """Make an order parameter of a function: a number that grows on the way to an escape.
+
+    The function is Warp code `(now: otwarp.WorldNow, *parameters) -> float`; parameters are annotated as `float`, `int`
+    or `wp.vec3` and are given when it is used, or have defaults. Which function it is decides how long an estimate
+    takes, not what it tends to.
+
+    Args:
+        unit: Of the number.
+        measured: Whether it reads forces or distances of traps.
+
+    Raises:
+        InputError: The function is no such function.
+
+    Example:
+        >>> @ot.order(unit="µm")
+        ... def height(now: ot.WorldNow, body: int = 0) -> float:
+        ...     return now.state.position[now.world, body][2]
+    """
+
+    def made(function: Callable[..., Any]) -> Callable[..., Order]:
+        """What makes order parameters of the function, for the values of its parameters."""
+        rest, _ = arguments_of("order", function, WorldNow)
+        for p in rest:
+            if p.annotation not in KINDS:
+                raise InputError(f"order {function.__name__}: argument {p.name} is annotated as {p.annotation!r}; "
+                                 "allowed: float, int, wp.vec3")  # fmt: skip
+        read = WorldFunction(function, tuple(p.annotation for p in rest))
+        defaults = {p.name: p.default for p in rest}
+
+        def given(**values: Any) -> Order:
+            """The order parameter with these values; replaced by the function's own text."""
+            return Order(function.__name__, read, _row(function.__name__, defaults, values), unit, measured)
+
+        given.__name__, given.__doc__ = function.__name__, function.__doc__
+        return given
+
+    return made
+
+
+def _row(name: str, defaults: dict[str, Any], values: dict[str, Any]) -> tuple[float, ...]:
+    """Parameters of a function as numbers, in their order."""
+    row: list[float] = []
+    for given in values:
+        if given not in defaults:
+            raise InputError(f"order {name} has no parameter {given}; allowed: {', '.join(defaults) or 'none'}")
+    for key, value in (defaults | values).items():
+        if value is inspect.Parameter.empty:
+            raise InputError(f"order {name}: parameter {key} has no value; allowed: {name}({key}=…)")
+        row += [float(v) for v in (value if hasattr(value, "__len__") else [value])]
+    return tuple(row)
+
+
+def order_of(given: Any) -> Order:
+    """An order parameter from what a user gives: one, or what makes one without arguments.
+
+    Raises:
+        InputError: Anything else.
+    """
+    found = given() if callable(given) and not isinstance(given, Order | wp.Function) else given
+    if not isinstance(found, Order):
+        raise InputError(f"order is {given!r}; allowed: ot.distance(), or a function decorated with ot.order()")
+    return found

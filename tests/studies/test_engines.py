@@ -1,0 +1,316 @@
+"""Who computes a study does not matter: Ray whose nodes are lost and come, drivers that are killed, shards beside."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import otwarp as ot
+from otwarp.cli.main import main
+from otwarp.errors import InputError
+from otwarp.studies.engines import tasks
+from otwarp.studies.on_ray import ray_engine
+from otwarp.studies.run import run_study
+from otwarp.studies.sent import packed, unpacked
+from otwarp.studies.store import open_store
+from tests.studies.scenes import bead_in_a_well
+
+pytest.importorskip("zarr")
+needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
+
+FILE = """
+scene = "well.usda"
+seed = 3
+[[axis]]
+name = "trap_power"
+grid = { from = 0.2, to = 1, count = 12 }
+unit = "mW"
+[[axis]]
+name = "start.x:/World/bead"
+values = [0, 0.1, 0.2, 0.3]
+unit = "µm"
+[[observable]]
+kind = "trapped"
+until = "0.1 s"
+[[observable]]
+kind = "first_passage"
+[stop]
+trials = 2048
+"""
+"""Six blocks."""
+
+
+@ot.observable(keep="largest", unit="µm")
+def height(now: ot.WorldNow, body: int = 0) -> float:
+    """Of this file, which workers may not be able to import."""
+    return now.state.position[now.world, body][2]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A study and its scene."""
+    place = tmp_path_factory.mktemp("study")
+    bead_in_a_well(place)
+    (place / "s.toml").write_text(FILE)
+    return place
+
+
+@pytest.fixture(scope="module")
+def whole(folder):
+    """What an undisturbed run of one process gives."""
+    assert main(["study", "run", str(folder / "s.toml"), "--device", "cpu", "-o", str(folder / "whole")]) == 0
+    return open_store(folder / "whole").read().load()
+
+
+def command(folder: Path, out: Path, *more: str) -> list[str]:
+    line = [sys.executable, "-m", "otwarp", "study", "run", str(folder / "s.toml"), "--device", "cpu"]
+    return [*line, "-o", str(out), *more]
+
+
+def begin(line: list[str]) -> subprocess.Popen:
+    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@contextlib.contextmanager
+def cluster():
+    """A head that computes nothing, and two nodes of a core each."""
+    utils = pytest.importorskip("ray.cluster_utils")
+    made = utils.Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+    try:
+        yield made, [made.add_node(num_cpus=1) for _ in range(2)]
+    finally:
+        made.shutdown()
+
+
+@pytest.mark.quick
+@needs_ray
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("127.0.0.1:1", "where nothing answers"),
+        ("nohost.invalid:6379", "where nothing answers"),
+        ("head", "HOST:PORT"),
+        ("ray://127.0.0.1:10001", "HOST:PORT"),
+    ],
+)
+def test_an_address_where_no_cluster_is(folder, tmp_path, capsys, address, said):
+    """One line, exit code 2, at once, and no folder."""
+    more = ["--engine", "ray", "--address", address]
+    assert main(["study", "run", str(folder / "s.toml"), "-o", str(tmp_path / "out"), *more]) == 2
+    assert said in (error := capsys.readouterr().err) and address in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.quick
+@needs_ray
+def test_something_else_than_ray_answers():
+    """A web server, say."""
+    with http.server.HTTPServer(("127.0.0.1", 0), http.server.SimpleHTTPRequestHandler) as server:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        with pytest.raises(InputError, match="something else than Ray"):
+            ray_engine(f"127.0.0.1:{server.server_port}")
+
+
+@pytest.mark.quick
+def test_engines_that_cannot_be(folder, tmp_path, capsys, monkeypatch):
+    """Without Ray, with shards, an address without an engine: one line each."""
+    run = ["study", "run", str(folder / "s.toml"), "-o", str(tmp_path / "out")]
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    for more, said in (
+        (["--engine", "ray"], "install otwarp[ray]"),
+        (["--engine", "ray", "--shard", "1/2"], "--shard is 1/2"),
+        (["--engine", "ray", "--device", "cuda:1"], "Ray's choice"),
+        (["--address", "head:6379"], "with --engine ray alone"),
+    ):
+        assert main([*run, *more]) == 2
+        assert said in (error := capsys.readouterr().err) and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_tasks_of_gpus(folder):
+    """They fill a device, leave no other idle, and are short enough that not much is lost with one."""
+    study = ot.Study(
+        folder / "well.usda",
+        axes={"trap_power": ot.grid(0.2, 1.0, 4_096, unit="mW")},
+        observables=[ot.trapped(until=1.0)],
+        stop=ot.trials(1_024),
+    )
+    todo = range(len(study.blocks()))
+    assert len(todo) == 256
+    assert [len(t) for t in tasks(study, todo, gpu=True)] == [64] * 4
+    assert [len(t) for t in tasks(study, todo, gpu=True, workers=8)] == [32] * 8
+    assert [len(t) for t in tasks(study, todo, gpu=False)] == [1] * 256
+    long = ot.Study(
+        folder / "well.usda",
+        axes={"trap_power": ot.grid(0.2, 1.0, 4_096, unit="mW")},
+        observables=[ot.trapped(until=1e4)],
+        stop=ot.trials(1_024),
+    )
+    assert long.runner.steps > 2**20 and {len(t) for t in tasks(long, todo, gpu=True)} == {4}
+
+
+def test_nodes_that_are_lost_and_come(folder, whole, tmp_path):
+    """One of two nodes is killed in mid-work and another one joins: bit for bit the one process's."""
+    from otwarp.studies.file import load_study
+
+    with cluster() as (made, nodes):
+        changed = False
+
+        def change(done: int, blocks: int) -> None:
+            nonlocal changed
+            if done >= 1 and not changed:
+                changed = True
+                made.remove_node(nodes[1], allow_graceful=False)
+                made.add_node(num_cpus=1)
+
+        engine = ray_engine(str(made.address), device="cpu")
+        store = run_study(load_study(folder / "s.toml"), tmp_path / "out", engine=engine, progress=change)
+        assert changed and store.read().load().identical(whole)
+        # the driver is killed, and started again; shards beside it change nothing
+        out = tmp_path / "driver"
+        line = command(folder, out, "--engine", "ray", "--address", str(made.address))
+        driver = begin(line)
+        while not (out / "done").is_dir() or not any((out / "done").iterdir()):
+            assert driver.poll() is None
+            time.sleep(0.01)
+        driver.send_signal(signal.SIGKILL)
+        driver.wait()
+        assert len(open_store(out).finished()) < 6
+        shard = begin(command(folder, out, "--shard", "2/2"))
+        assert subprocess.run(line, capture_output=True, text=True).returncode == 0
+        assert shard.wait() == 0
+        assert open_store(out).read().load().identical(whole)
+        # a second driver is refused, and SIGTERM ends one with its own code
+        (out / "done" / "000005").unlink()
+        with open_store(out).claimed():
+            refused = subprocess.run(line, capture_output=True, text=True)
+        assert refused.returncode == 2 and "another process runs this study" in refused.stderr
+
+
+@pytest.mark.quick
+def test_a_study_as_bytes(folder):
+    """A process that has never heard of this file makes the same numbers of it."""
+    study = ot.Study(
+        folder / "well.usda",
+        axes={"trap_power": ot.values([0.5, 1.0], unit="mW"), "/World/bead/sphere.radius": ot.values([0.5], unit="µm")},
+        observables=[ot.trapped(until=0.001), height],
+        stop=ot.trials(4),
+    )
+    study.plan()
+    data = packed(study, folder / "well.usda")
+    assert b"test_engines" not in data
+    again = unpacked(data)
+    assert again.asked() == study.asked()
+    (a,), (b,) = (s.compute([0], device="cpu") for s in (study, again))
+    assert all(np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a)
+
+
+def test_one_point(folder, tmp_path):
+    """A study without axes."""
+    study = ot.Study(folder / "well.usda", observables=[ot.trapped(until=0.001)], stop=ot.trials(4))
+    assert run_study(study, tmp_path / "out", devices=["cpu"]).read()["trials"].item() == 4
+
+
+def test_functions_of_ones_own_reach_the_workers(folder, tmp_path):
+    """A number that a function in this file reads, by Ray on this host alone: as in this process."""
+    pytest.importorskip("ray")
+    study = ot.Study(
+        folder / "well.usda",
+        axes={"trap_power": ot.values([0.5, 1.0], unit="mW")},
+        observables=[ot.trapped(until=0.01), height],
+        stop=ot.trials(64),
+    )
+    a, b = (
+        run_study(study, tmp_path / name, devices=["cpu"], engine=engine)
+        for name, engine in (("here", None), ("ray", ray_engine(device="cpu")))
+    )
+    found = b.read().load()
+    assert a.read().load().identical(found)
+    assert np.all(found["height_of_trial"] > 9.0)
+
+
+def test_kills_at_any_moment(folder, whole, tmp_path):
+    """kill -9 at ten random moments of a run, each time the same line again: the bits of an undisturbed one."""
+    moments = np.random.default_rng(1).uniform(0.3, 6.0, 10)
+    out = tmp_path / "killed"
+    for moment in moments:
+        child = begin(command(folder, out))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(moment)
+        child.kill()
+        child.wait()
+    assert main(command(folder, out)[3:]) == 0
+    assert open_store(out).read().load().identical(whole)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["killed"]
+
+
+def test_shards_that_begin_together(folder, whole, tmp_path):
+    """Three shards and a driver of all on a folder that none has made yet."""
+    out = tmp_path / "out"
+    lines = [command(folder, out, "--shard", f"{n}/3") for n in (1, 2, 3)] + [command(folder, out)]
+    assert [child.wait() for child in [begin(line) for line in lines]] == [0, 0, 0, 0]
+    assert open_store(out).read().load().identical(whole)
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "cluster.md"
+SBATCH = {
+    *("job-name", "array", "nodes", "ntasks-per-node", "gpus", "gpus-per-node", "cpus-per-task"),
+    *("time", "requeue", "output", "open-mode"),
+}
+"""Options of sbatch that the page uses, from its manual."""
+
+
+def scripts() -> list[str]:
+    """The scripts of the page: the array, and Ray."""
+    return [part.split("```")[0] for part in PAGE.read_text(encoding="utf-8").split("```bash\n")[1:]]
+
+
+def batch(folder: Path, script: str, out: Path, **variables: str) -> subprocess.Popen:
+    """A script of the page as Slurm would start it, with another study and folder."""
+    text = script.replace("studies/capture.toml", str(folder / "s.toml")).replace("out/capture", f"{out} --device cpu")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    cache = os.environ.get("WARP_CACHE_PATH", "")
+    environment = os.environ | {"PATH": path} | {f"SLURM_{name}": value for name, value in variables.items()}
+    text = text.replace("export WARP_CACHE_PATH=", f"export WARP_CACHE_PATH={cache} #" if cache else "#")
+    return subprocess.Popen(["bash", "-c", text], cwd=folder, env=environment)
+
+
+@pytest.mark.quick
+def test_scripts_of_the_page():
+    """Bash reads them, and sbatch knows their options."""
+    assert len(scripts()) == 2
+    for script in scripts():
+        assert script.startswith("#!/bin/bash\n")
+        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+        options = [line.split("--")[1].split("=")[0] for line in script.splitlines() if line.startswith("#SBATCH")]
+        assert len(options) > 5 and SBATCH.issuperset(options)
+
+
+def test_the_array_as_slurm_starts_it(folder, whole, tmp_path):
+    """Two tasks side by side."""
+    out = tmp_path / "out"
+    of = {"ARRAY_TASK_COUNT": "2", "JOB_ID": "7"}
+    tasks = [batch(folder, scripts()[0], out, ARRAY_TASK_ID=str(n), **of) for n in (1, 2)]
+    assert [task.wait() for task in tasks] == [0, 0]
+    assert open_store(out).read().load().identical(whole)
+
+
+def test_ray_as_slurm_starts_it(folder, whole, tmp_path):
+    """One host of the script's: its head, a driver, and nothing that stays."""
+    pytest.importorskip("ray")
+    out = tmp_path / "out"
+    job = {"JOB_ID": str(os.getpid()), "CPUS_PER_TASK": "2", "JOB_NUM_NODES": "1"}
+    assert batch(folder, scripts()[1], out, **job).wait() == 0
+    assert open_store(out).read().load().identical(whole)

@@ -1,0 +1,155 @@
+"""Folders of studies where something goes wrong: full disks, two at once, another scene, remains of the dead."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import resource
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from otwarp.errors import InputError
+from otwarp.studies.axes import grid, values
+from otwarp.studies.differences import difference
+from otwarp.studies.engines import on_this_host
+from otwarp.studies.observables import trapped
+from otwarp.studies.run import prepare, run_study
+from otwarp.studies.stopping import trials
+from otwarp.studies.store import Store, open_store
+from otwarp.studies.study import Study
+from tests.studies.scenes import bead_in_a_well
+
+pytest.importorskip("zarr")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return bead_in_a_well(tmp_path_factory.mktemp("well"))
+
+
+def study_of(scene) -> Study:
+    """Three blocks of short trials."""
+    axes = {
+        "trap_power": grid(0.2, 1.0, 6, unit="mW"),
+        "start.x:/World/bead": values([0.0, 100.0, 200.0, 300.0], unit="nm"),
+    }
+    return Study(scene, axes=axes, observables=[trapped(until=0.004)], stop=trials(2_048), seed=3)
+
+
+@contextlib.contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """A disk that takes no longer files."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture(scope="module")
+def whole(scene, tmp_path_factory) -> Store:
+    """What an undisturbed run gives."""
+    return run_study(study_of(scene), tmp_path_factory.mktemp("whole") / "out", devices=["cpu"])
+
+
+def same(store: Store, other: Store) -> bool:
+    return store.read().load().identical(other.read().load())
+
+
+def test_a_disk_that_fills_up(scene, whole, tmp_path):
+    """The error names a file, finished blocks are kept, and with more room the study goes on to the same bits."""
+    out = tmp_path / "out"
+    with contextlib.ExitStack() as full:
+
+        def filled(done: int, blocks: int) -> None:
+            if done == 1:
+                full.enter_context(largest_file(1))
+
+        with pytest.raises(OSError, match="File too large") as error:
+            run_study(study_of(scene), out, devices=["cpu"], progress=filled)
+        assert str(out) in error.value.filename
+        with pytest.raises(InputError, match="cannot be written"):  # before anything is computed
+            run_study(study_of(scene), out, devices=["cpu"])
+        with pytest.raises((InputError, OSError)):
+            prepare(study_of(scene), tmp_path / "new")
+    assert open_store(out).finished() == [0]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
+    assert np.sum(open_store(out).read()["trials"].values == 2_048) == 8
+    assert same(run_study(study_of(scene), out, devices=["cpu"]), whole)
+
+
+def test_two_that_begin_at_once(scene, tmp_path):
+    """A folder that another process makes in the meantime, and fills, is found and not made anew."""
+    study, out = study_of(scene), tmp_path / "out"
+    gate = threading.Barrier(6)
+    made: list[Store] = []
+
+    def begin() -> None:
+        gate.wait()
+        made.append(prepare(study, out))
+
+    threads = [threading.Thread(target=begin) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(made) == 6
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
+    run_study(study, out, devices=["cpu"], shard=(1, 3))
+    prepare(study, out)
+    assert open_store(out).finished() == [0]
+    assert int(open_store(out).read()["trials"].values.max()) == 2_048
+
+
+def test_remains_of_a_killed_process_go(scene, tmp_path):
+    """What a process left that was killed while it made a folder: removed by the next, unless its owner lives."""
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    dead, alive = (tmp_path / f".out.part-{socket.gethostname()}-{pid}-x" for pid in (child.pid, os.getpid()))
+    for folder in (dead, alive):
+        folder.mkdir()
+    prepare(study_of(scene), tmp_path / "out")
+    assert not dead.exists() and alive.exists()
+
+
+def test_a_changed_scene_is_refused_with_the_difference(scene, whole, tmp_path):
+    """Value by value; a scene that only lies elsewhere is the same one."""
+    moved = tmp_path / "elsewhere.usda"
+    shutil.copy(scene, moved)
+    run_study(study_of(moved), whole.folder, devices=["cpu"])
+    (tmp_path / "other").mkdir()
+    other = bead_in_a_well(tmp_path / "other", stiffness=0.6)
+    with pytest.raises(InputError, match=r"traps\[0\]\.radial\.stiffness is 0\.5 there, 0\.6 now"):
+        run_study(study_of(other), whole.folder, devices=["cpu"])
+    said = json.loads((whole.folder / "study.json").read_text())
+    copied = tmp_path / "copied"
+    shutil.copytree(whole.folder, copied)
+    (copied / "study.json").write_text(json.dumps(said | {"versions": said["versions"] | {"warp": "0.1"}}))
+    with pytest.warns(UserWarning, match="blocks may differ in their last bits"):
+        run_study(study_of(scene), copied, devices=["cpu"])
+
+
+def test_difference():
+    """The first place, or none."""
+    assert difference({"a": [1, {"b": 2.0}]}, {"a": [1, {"b": 2.0}]}) is None
+    assert difference({"a": [1, {"b": 2.0}]}, {"a": [1, {"b": 3.0}]}) == ("a[1].b", "2.0", "3.0")
+    assert difference({"a": 1}, {}) == ("a", "1", "none")
+    assert difference([1], [1, 2]) == (" (its length)", "1", "2")
+    assert difference({"a": np.array([1.0, np.nan])}, {"a": np.array([1.0, np.nan])}) is None
+
+
+def test_devices_side_by_side(scene, whole, tmp_path):
+    """Several devices, one thread that writes: the same bits, each block said once."""
+    said: list[int] = []
+    engine = on_this_host(["cpu", "cpu"])
+    store = run_study(study_of(scene), tmp_path / "out", engine=engine, progress=lambda done, _: said.append(done))
+    assert said == [0, 1, 2, 3] and same(store, whole)
