@@ -1,0 +1,20 @@
+"""`otwarp vision`: what the microscope of a scene sees; one module for every command.
+
+`render`: images in focal planes, by `otwarp.vision` (open `picture` there).
+"""
+
+from __future__ import annotations
+
+import click
+
+from otwarp.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "render": "Draw what the scene's microscope sees, in one or more focal planes.",
+}
+"""Commands and their one-line help; each lives in the module of its name and is imported when called."""
+
+
+@click.group(cls=LazyGroup, package=__name__, rows=COMMANDS)
+def vision() -> None:
+    """Images of transparent robots and cells, computed from waves."""

@@ -1,0 +1,45 @@
+"""The microscope: images of transparent robots and cells, computed from waves, as a camera records them.
+
+Lengths are µm; light travels along +z, x points right and y up in an image, whose row 0 is the lowest. In comes a
+`Specimen` of spheres and capsules and a `Microscope`, out come intensities that are 1 where light is unhindered. Open
+`render` first; floor plan, each file importing only from those above it:
+
+    microscope, sensor         optics and light; photoelectrons and grey levels
+    specimen, grid, fourier    solids; where light is computed and looked at; arrays that FFTs and kernels share
+    illumination               points of the condenser, whose waves do not interfere
+    propagation                light through any solids, slice by slice
+    harmonics, scattering      exact light of several spheres: vector spherical waves, and what passes between spheres
+    pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
+    render                     all of these together: `expose` once, look in many planes
+    view, moment, picture      a scene's camera and bodies; where they are at a time; what is recorded of it
+    stack                      images on disk
+    kernels                    what runs between Fourier transforms
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from otwarp.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from otwarp.vision.microscope import Microscope as Microscope
+    from otwarp.vision.moment import moments as moments
+    from otwarp.vision.picture import picture as picture
+    from otwarp.vision.render import Rendering as Rendering
+    from otwarp.vision.render import expose as expose
+    from otwarp.vision.render import render as render
+    from otwarp.vision.sensor import Sensor as Sensor
+    from otwarp.vision.specimen import Specimen as Specimen
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "microscope": ("Microscope",),
+        "moment": ("moments",),
+        "picture": ("picture",),
+        "render": ("Rendering", "expose", "render"),
+        "sensor": ("Sensor",),
+        "specimen": ("Specimen",),
+    },
+)

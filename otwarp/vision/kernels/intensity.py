@@ -1,0 +1,39 @@
+"""Intensities of the points of a condenser, summed: they do not interfere."""
+
+from __future__ import annotations
+
+import warp as wp
+
+
+@wp.kernel(enable_backward=False)
+def add_intensity(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)):
+    """image += Σ weight · |field|², over (source, pixel)."""
+    i = wp.tid()
+    total = float(0.0)
+    for s in range(field.shape[0]):
+        total += weight[s] * wp.length_sq(field[s, i])
+    image[i] += total
+
+
+@wp.func_native("""
+    const int n = image.shape[0];
+    const int sources = field.shape[0];
+    float* __restrict__ out = (float*)image.data;
+    for (int s = 0; s < sources; ++s) {
+        const float share = ((const float*)weight.data)[s];
+        const float* __restrict__ e = (const float*)field.data + 2 * (size_t)s * n;
+        for (int i = 0; i < n; ++i)
+            out[i] += share * (e[2 * i] * e[2 * i] + e[2 * i + 1] * e[2 * i + 1]);
+    }
+""")
+def add_intensity_all(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)):
+    """`add_intensity` for all pixels, in a CPU's vector registers."""
+    ...
+
+
+@wp.kernel(enable_backward=False)
+def add_intensity_at_once(
+    field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)
+):
+    """`add_intensity` on a CPU: one thread for all pixels."""
+    add_intensity_all(field, weight, image)

@@ -1,0 +1,105 @@
+"""What forms an image: objective, condenser and light, as the equations of the microscope need them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from otwarp.errors import InputError
+
+Condenser = Literal["disc", "annulus"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Microscope:
+    """Bright field by Köhler illumination, with whatever stands in the pupils.
+
+    Attributes:
+        numerical_aperture: Of the objective; waves steeper than the medium lets through do not reach it.
+        condenser_aperture: Numerical aperture of the condenser; 0 for coherent light along the axis.
+        condenser: Shape of its opening: a disc, or an annulus from `condenser_inner` on, as dark field needs.
+        condenser_inner: Numerical aperture where an annulus begins.
+        wavelength: In vacuum [µm].
+        bandwidth: Full width at half maximum of the spectrum, a Gaussian [µm]; 0 for one wavelength.
+        medium_index: Refractive index of the liquid.
+        immersion_index: Refractive index between objective and cover glass.
+        depth: Of the focal plane below the cover glass, nominal [µm], where index mismatch aberrates; 0 for none.
+        zernike: Wavefront error of the objective: Noll's number → root mean square [wavelengths].
+        pixel: Size of a pixel in the object plane [µm].
+
+    Raises:
+        InputError: A number out of its range.
+    """
+
+    numerical_aperture: float = 1.2
+    condenser_aperture: float = 0.4
+    condenser: Condenser = "disc"
+    condenser_inner: float = 0.0
+    wavelength: float = 0.55
+    bandwidth: float = 0.0
+    medium_index: float = 1.33
+    immersion_index: float = 1.518
+    depth: float = 0.0
+    zernike: Mapping[int, float] = field(default_factory=dict)
+    pixel: float = 0.1
+
+    def __post_init__(self) -> None:
+        limits = {
+            "numerical_aperture": (0.0, self.immersion_index, "the index of the immersion"),
+            "condenser_aperture": (-1e-12, self.medium_index, "the index of the medium"),
+            "wavelength": (0.1, 10.0, "10 µm"),
+            "bandwidth": (-1e-12, 0.5 * self.wavelength, "half the wavelength"),
+            "pixel": (0.0, self.nyquist_pixel * (1.0 + 1e-9), "λ/(4 NA), which resolves what the objective passes"),
+        }
+        for name, (low, high, what) in limits.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and low < value <= high):
+                raise InputError(f"{name} of the microscope is {value:g}; allowed: above {max(low, 0.0):g}, "
+                                 f"up to {high:.4g}, {what}")  # fmt: skip
+        if self.condenser not in ("disc", "annulus"):
+            raise InputError(f"condenser is {self.condenser!r}; allowed: disc, annulus")
+        if not 0.0 <= self.condenser_inner <= self.condenser_aperture:
+            raise InputError(f"condenser_inner is {self.condenser_inner:g}; allowed: 0 to {self.condenser_aperture:g}")
+        for noll, rms in self.zernike.items():
+            if not 1 <= noll <= 45 or not math.isfinite(rms):
+                raise InputError(f"zernike has {noll}: {rms}; allowed: Noll's numbers 1 to 45, finite wavelengths")
+
+    @property
+    def wavenumber(self) -> float:
+        """Of the light in the medium [1/µm]."""
+        return 2.0 * math.pi * self.medium_index / self.wavelength
+
+    @property
+    def cutoff(self) -> float:
+        """Largest transverse wavenumber that reaches the image [1/µm]."""
+        return 2.0 * math.pi / self.wavelength * min(self.numerical_aperture, 0.9999 * self.medium_index)
+
+    @property
+    def nyquist_pixel(self) -> float:
+        """Largest pixel that loses nothing of an image [µm]: two for the finest beat of waves through the objective."""
+        return self.wavelength / (4.0 * min(self.numerical_aperture, self.medium_index))
+
+    def at(self, wavelength: float) -> Microscope:
+        """The same in light of one wavelength [µm]; the wavefront keeps its length."""
+        factor = self.wavelength / wavelength
+        scaled = {noll: rms * factor for noll, rms in self.zernike.items()}
+        # the pixel is that of the central wavelength
+        other = dataclasses.replace(self, bandwidth=0.0, zernike=scaled, pixel=1e-6)
+        object.__setattr__(other, "wavelength", wavelength)
+        object.__setattr__(other, "pixel", self.pixel)
+        return other
+
+    def lines(self, count: int = 5) -> list[tuple[float, float]]:
+        """Wavelengths [µm] and weights that stand for the spectrum: Gauss–Hermite nodes, one where it is narrow."""
+        if self.bandwidth <= 0.0:
+            return [(self.wavelength, 1.0)]
+        nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+        sigma = self.bandwidth / math.sqrt(8.0 * math.log(2.0))
+        return [
+            (self.wavelength + sigma * float(x), float(w / weights.sum())) for x, w in zip(nodes, weights, strict=True)
+        ]

@@ -1,0 +1,126 @@
+"""Where the bodies of a scene are: at a time of a simulation, or in a frame of a recorded run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+from otwarp.simulation.simulation import Simulation
+from otwarp.vision.view import camera_of
+
+BLUR_SAMPLES = 16
+"""Moments of an exposure that are averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """A scene and the poses of its bodies during one exposure.
+
+    Attributes:
+        scene: What is seen.
+        time: When the exposure begins [s].
+        position: (e, B, 3) origins of the bodies' prims [µm].
+        orientation: (e, B, 4) quaternions (x, y, z, w).
+    """
+
+    scene: Scene
+    time: float
+    position: np.ndarray
+    orientation: np.ndarray
+
+
+def moments(
+    path: str | Path,
+    *,
+    time: float = 0.0,
+    world: int = 0,
+    seed: int = 0,
+    device: str | None = None,
+    center: str | None = None,
+) -> Moments:
+    """The bodies of a scene at a time, or of a recorded run in the frame nearest to it.
+
+    A scene is simulated up to that time; where its camera exposes for longer than a moment, on through the exposure.
+
+    Args:
+        path: Of a scene, or the folder of a recorded run.
+        time: From the start [s].
+        world: Of a recorded run.
+        seed: Of the simulation.
+        device: Of the simulation.
+        center: A body that must be there.
+
+    Raises:
+        InputError: No such scene, run, world, time or body.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _recorded(path, time, world, center)
+    scene = Scene.load(path, duration=max(time, 1e-9) if time > 0.0 else None)
+    check_body(scene, center)
+    exposure = camera_of(scene).exposure
+    if time == 0.0 and exposure == 0.0:
+        place, turn = ([getattr(b, name) for b in scene.bodies] for name in ("position", "orientation"))
+        return Moments(scene, time, np.array(place).reshape(1, -1, 3), np.array(turn).reshape(1, -1, 4))
+    sim = Simulation(scene, seed=seed, device=device)
+    _advance(sim, time)
+    places, turns = [], []
+    for n in range(BLUR_SAMPLES if exposure > 0.0 else 1):
+        if n:
+            _advance(sim, time + exposure * n / (BLUR_SAMPLES - 1))
+        position, orientation = sim.prim_poses()
+        places.append(np.array(position[0], dtype=float))
+        turns.append(np.array(orientation[0], dtype=float))
+    return Moments(scene, time, np.array(places), np.array(turns))
+
+
+def _advance(sim: Simulation, time: float) -> None:
+    steps = round((time - sim.time) / sim.time_step)
+    if steps > 0:
+        sim.step(steps)
+
+
+def check_body(scene: Scene, name: str | None) -> None:
+    """Refuse a body that is not there.
+
+    Raises:
+        InputError: Of that name is none.
+    """
+    names = [b.name for b in scene.bodies]
+    if name is not None and name not in names:
+        raise InputError(f"--center is {name}; allowed: {', '.join(names[:8]) or 'nothing, there is no body'}")
+
+
+def _recorded(folder: Path, time: float, world: int, center: str | None) -> Moments:
+    """Poses from `run.nc`, of the frame nearest to a time; an exposure is not resolved by frames, and left out."""
+    import netCDF4
+
+    file = folder / "run.nc"
+    if not file.is_file():
+        raise InputError(f"{folder}: holds no run.nc; allowed: a scene, or the folder of a recorded run")
+    scene = Scene.load(folder / "run.usda")
+    check_body(scene, center)
+    with _opened(netCDF4, file) as data:
+        data.set_auto_mask(False)
+        worlds, times = len(data.dimensions["world"]), np.asarray(data["time"][:])
+        if not 0 <= world < worlds:
+            raise InputError(f"{file}: world = {world}; allowed: 0 … {worlds - 1}")
+        if not len(times) or not times[0] - 1e-9 <= time <= times[-1] + 1e-9:
+            until = f"{times[0]:g} to {times[-1]:g} s" if len(times) else "none, the run has no frames"
+            raise InputError(f"{file}: time = {time:g} s; allowed: {until}")
+        frame = int(np.argmin(np.abs(times - time)))
+        position = np.asarray(data["position"][frame, world], dtype=float)
+        orientation = np.asarray(data["orientation"][frame, world], dtype=float)
+    return Moments(scene, float(times[frame]), position[None], orientation[None])
+
+
+def _opened(netCDF4: Any, file: Path) -> Any:
+    try:
+        return netCDF4.Dataset(file)
+    except OSError as error:
+        raise InputError(f"{file}: contents = {error.strerror}; allowed: the netCDF file of a recorded run") from None

@@ -1,0 +1,219 @@
+"""Light through a specimen, slice by slice: what leaves it above, as spectra of plane waves.
+
+In every slice light that is inside a solid goes on as in the solid's index, and all other light as in the medium's.
+With U the spectrum at the lower face of a slice of thickness h, k_z and k_z′ the axial wavenumbers in medium and
+solid, and f the filled share of the slice,
+
+    U ← e^{i k_z h} U + (e^{i k_z′ h} − e^{i k_z h}) e^{−i k_z h/2} F[ f F⁻¹[ e^{i k_z h/2} U ] ].
+
+This is the wave propagation method (Brenner and Singer 1993, doi:10.1364/AO.32.004984; with two indices: Schmidt et al.
+2016, doi:10.1364/OE.24.030188), but light is divided in the middle of the slice and *before* it goes on, where they
+divide it at its end. The order matters: dividing afterwards leaves at the faces of a solid several times the
+error (`benchmarks/vision.py`), because each share must go on as a whole in an index of its own.
+
+Amplitudes are kept relative to light that meets nothing, so that a slice adds to them and empty slices cost nothing.
+Waves that fade within the medium are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+
+from otwarp.errors import InputError
+from otwarp.vision.fourier import Fourier
+from otwarp.vision.grid import Grid
+from otwarp.vision.illumination import Illumination
+from otwarp.vision.kernels.advance import add_scattered, add_scattered_by_source, carry, carry_by_source
+from otwarp.vision.kernels.voxels import fill_cells
+from otwarp.vision.microscope import Microscope
+from otwarp.vision.specimen import Specimen
+
+Method = Literal["two_index", "beam", "projection"]
+METHODS = ("two_index", "beam", "projection")
+"""Rungs of the ladder that take any shape, from the most to the least exact; all cost about the same per slice."""
+
+BATCH_BYTES = 2**20
+"""Of the spectra that go through a specimen together on a CPU: so much stays in its cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slices:
+    """A specimen as slices, of which empty ones are left out.
+
+    Attributes:
+        corner: Cell of the grid where the box around the specimen begins (x, y).
+        middle: (m) height of the middle of each slice [µm].
+        thickness: Of all of them [µm].
+        filled: Per index, (m, height, width) share of each cell.
+    """
+
+    corner: tuple[int, int]
+    middle: np.ndarray
+    thickness: float
+    filled: dict[float, Any]
+
+
+def sliced(specimen: Specimen, grid: Grid, fourier: Fourier, thickness: float) -> Slices:
+    """Cut a specimen into slices.
+
+    Args:
+        specimen: With the optical axis at x = y = 0.
+        grid: Its square must hold the specimen.
+        fourier: Where.
+        thickness: Of a slice, at most [µm].
+
+    Raises:
+        InputError: The specimen reaches beyond the square.
+    """
+    low, high = specimen.low, specimen.high
+    half, dx = 0.5 * grid.length, grid.spacing
+    if np.any(low[:2] < -half) or np.any(high[:2] > half):
+        worst = max(np.abs(low[:2]).max(), np.abs(high[:2]).max())
+        raise InputError(f"the specimen reaches {worst:.3g} µm from the optical axis; allowed: up to {half:.3g} µm, "
+                         "the image and its margin")  # fmt: skip
+    first = np.floor((low[:2] + half) / dx).astype(int)
+    count = np.ceil((high[:2] + half) / dx).astype(int) - first
+    layers = max(1, math.ceil((high[2] - low[2]) / thickness - 1e-9))
+    h = (high[2] - low[2]) / layers
+    corner = wp.vec3(*(first * dx - half), low[2])
+    size = wp.vec3(dx, dx, h)
+    filled, device = {}, fourier.device
+    for index in specimen.indices():
+        mine = specimen.index == index
+        solids = [wp.array(a[mine], dtype=wp.vec3, device=device) for a in (specimen.start, specimen.end)]
+        radius = wp.array(specimen.radius[mine], dtype=float, device=device)
+        share = fourier.array(np.zeros((layers, count[1], count[0]), np.float32))
+        wp.launch(
+            fill_cells, dim=share.shape, inputs=[*solids, radius, corner, size, fourier.warp(share)], device=device
+        )
+        filled[float(index)] = share
+    some = np.any([fourier.numpy(f).any(axis=(1, 2)) for f in filled.values()], axis=0)
+    keep = np.flatnonzero(some)
+    if len(keep) < layers:
+        filled = {index: share[keep] for index, share in filled.items()}
+    return Slices((int(first[0]), int(first[1])), low[2] + (keep + 0.5) * h, h, filled)
+
+
+def propagate(
+    specimen: Specimen,
+    microscope: Microscope,
+    light: Illumination,
+    grid: Grid,
+    fourier: Fourier,
+    *,
+    method: Method = "two_index",
+    thickness: float = 0.1,
+) -> Any:
+    """Light that has passed a specimen.
+
+    Args:
+        specimen: Relative to the optical axis.
+        microscope: Of one wavelength.
+        light: Plane waves, each of which passes alone.
+        grid: Where.
+        fourier: On what.
+        method: One of `METHODS`.
+        thickness: Of a slice, at most [µm].
+
+    Returns:
+        (s, cells, cells) complex64 amplitudes of plane waves, as if they had travelled back to height 0 in the medium;
+        1 in the wave that a point of the condenser sends where nothing stands in its way. The origin is the middle
+        of the grid.
+
+    Raises:
+        InputError: An unknown method, or a specimen outside the grid.
+    """
+    if method not in METHODS:
+        raise InputError(f"method is {method!r}; allowed: {', '.join(METHODS)}, mie")
+    if not (math.isfinite(thickness) and thickness > 0.0):
+        raise InputError(f"thickness of slices is {thickness:g} µm; allowed: above 0")
+    axial, travels = axial_wavenumbers(microscope.wavenumber, grid)
+    n, sources = grid.cells, len(light.weights)
+    amplitude = fourier.zeros(sources, n, n)
+    rows, columns = light.steps[:, 1] % n, light.steps[:, 0] % n
+    # while light passes, the origin is the middle of the first cell of the box around the specimen
+    slices = sliced(specimen, grid, fourier, thickness) if len(specimen) else None
+    at = np.zeros(2) if slices is None else (np.array(slices.corner) + 0.5) * grid.spacing - 0.5 * grid.length
+    x, y = grid.wavenumbers()
+    shift = x * at[0] + y * at[1]
+    amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
+    if slices is not None:
+        count = max(1, BATCH_BYTES // (8 * n * n)) if not fourier.device.is_cuda else sources
+        media = _media(specimen, microscope, grid, slices, axial, travels, fourier, method)
+        middles = slices.middle if method != "projection" else slices.middle.mean(keepdims=True)
+        carriers = _carriers(middles, axial, travels, fourier)
+        for start in range(0, sources, count):
+            _pass(amplitude[start : start + count], carriers, media, fourier)
+    amplitude *= fourier.array(np.where(travels, np.exp(-1j * shift), 0.0))
+    return amplitude
+
+
+def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Axial wavenumber of every component of the spectrum [1/µm], 0 where it fades; and whether it travels."""
+    x, y = grid.wavenumbers()
+    square = k * k - x * x - y * y
+    return np.sqrt(np.maximum(square, 0.0)), square > 0.0
+
+
+def _media(
+    specimen: Specimen,
+    microscope: Microscope,
+    grid: Grid,
+    slices: Slices,
+    axial: np.ndarray,
+    travels: np.ndarray,
+    fourier: Fourier,
+    method: Method,
+) -> list[tuple[Any, Any]]:
+    """Per index: what multiplies the field within a slice (m, height, width), and what multiplies its spectrum."""
+    vacuum, out = 2.0 * math.pi / microscope.wavelength, []
+    for index, share in slices.filled.items():
+        if method == "two_index":
+            inside, _ = axial_wavenumbers(vacuum * index, grid)
+            gain = np.where(travels, np.exp(1j * (inside - axial) * slices.thickness) - 1.0, 0.0)
+            out.append((share, fourier.array(gain)))
+        else:
+            delay = vacuum * (index - microscope.medium_index) * slices.thickness
+            phase = fourier.numpy(share) * delay
+            out.append((fourier.array(np.exp(1j * phase) - 1.0), fourier.array(travels.astype(complex))))
+    if method == "projection":
+        phase = sum(fourier.numpy(share).sum(axis=0) * vacuum * (index - microscope.medium_index) * slices.thickness
+                    for index, share in slices.filled.items())  # fmt: skip
+        out = [(fourier.array(np.exp(1j * phase)[None] - 1.0), fourier.array(travels.astype(complex)))]
+    return out
+
+
+def _carriers(middles: np.ndarray, axial: np.ndarray, travels: np.ndarray, fourier: Fourier) -> list[Any]:
+    """What travelling to the middle of each slice makes of every component of the spectrum."""
+    out, at = [], 0.0
+    phase, step, gap = travels.astype(complex), np.ones_like(axial, dtype=complex), 0.0
+    for z in middles:
+        if abs((z - at) - gap) > 1e-9:
+            gap = z - at
+            step = np.exp(1j * axial * gap)
+        phase, at = phase * step, z
+        out.append(fourier.array(phase.ravel()))
+    return out
+
+
+def _pass(amplitude: Any, carriers: list[Any], media: list[tuple[Any, Any]], fourier: Fourier) -> None:
+    """Lead the amplitudes (s, n, n) of some sources through all slices."""
+    gpu, device = fourier.device.is_cuda, fourier.device
+    sources, n, _ = amplitude.shape
+    spectrum = fourier.zeros(sources, n, n)
+    flat = [fourier.warp(a.reshape(sources, n * n)) for a in (amplitude, spectrum)]
+    gains = [fourier.warp(gain.reshape(n * n)) for _, gain in media]
+    height, width = media[0][0].shape[1:]
+    each = (sources, n * n) if gpu else sources
+    for m, carrier in enumerate(fourier.warp(c) for c in carriers):
+        wp.launch(carry if gpu else carry_by_source, dim=each, inputs=[carrier, *flat], device=device)
+        field = fourier.field(spectrum, width, height)
+        for (share, _), gain in zip(media, gains, strict=True):
+            scattered = fourier.spectrum(field * share[m], n).reshape(sources, n * n)
+            inputs = [fourier.warp(scattered), gain, carrier, flat[0]]
+            wp.launch(add_scattered if gpu else add_scattered_by_source, dim=each, inputs=inputs, device=device)

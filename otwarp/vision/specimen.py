@@ -1,0 +1,62 @@
+"""What stands in the light: spheres and capsules, each of one refractive index, in the frame of the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from otwarp.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """Transparent solids; light travels along +z, y points up in the image.
+
+    Attributes:
+        start, end: (n, 3) centres of their rounded ends [µm], equal for spheres.
+        radius: (n) [µm].
+        index: (n) refractive indices. Where solids of one index overlap they are one solid.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    radius: np.ndarray
+    index: np.ndarray
+
+    @classmethod
+    def of_spheres(cls, centers: Sequence[Sequence[float]] | np.ndarray, radius: object, index: object) -> Specimen:
+        """Spheres: (n, 3) centres, radii and indices, one for all or one for each."""
+        place = np.atleast_2d(np.asarray(centers, dtype=float))
+        return cls(place, place, *(np.broadcast_to(np.asarray(v, dtype=float), len(place)) for v in (radius, index)))
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end", "radius", "index"):
+            if not np.all(np.isfinite(getattr(self, name))):
+                raise InputError(f"{name} of the specimen has values that are not finite; allowed: finite numbers")
+        if np.any(self.radius <= 0.0):
+            raise InputError(f"radius of the specimen is {self.radius.min():g} µm; allowed: above 0")
+        if np.any(self.index < 1.0):
+            raise InputError(f"index of the specimen is {self.index.min():g}; allowed: 1 or more")
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    @property
+    def low(self) -> np.ndarray:
+        """(3) lower corner of all solids [µm]."""
+        return (np.minimum(self.start, self.end) - self.radius[:, None]).min(axis=0)
+
+    @property
+    def high(self) -> np.ndarray:
+        """(3) upper corner of all solids [µm]."""
+        return (np.maximum(self.start, self.end) + self.radius[:, None]).max(axis=0)
+
+    def moved(self, by: Sequence[float] | np.ndarray) -> Specimen:
+        """The same elsewhere."""
+        return Specimen(self.start + np.asarray(by), self.end + np.asarray(by), self.radius, self.index)
+
+    def indices(self) -> np.ndarray:
+        """The refractive indices there are, in order."""
+        return np.unique(self.index)

@@ -1,0 +1,147 @@
+"""Images against Mie's solution, symmetries of light, and what a microscope cannot be."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from otwarp.errors import InputError
+from otwarp.vision.exact import scattered_spectra
+from otwarp.vision.fourier import Fourier
+from otwarp.vision.grid import Grid
+from otwarp.vision.illumination import illumination
+from otwarp.vision.image import _pixel_response, images
+from otwarp.vision.microscope import Microscope
+from otwarp.vision.propagation import propagate
+from otwarp.vision.render import Rendering, expose, render
+from otwarp.vision.specimen import Specimen
+from tests.vision.mie import error, sphere_image
+
+FOCUS = np.array([-4.0, -1.0, 1.0, 4.0])
+GRID = Grid(96, 96, 96, 96, 0.11)
+"""Of one spacing for light and pixels, so that images can be compared point by point."""
+
+
+@pytest.fixture(scope="module")
+def fourier() -> Fourier:
+    return Fourier("cpu")
+
+
+def sharp(image: np.ndarray) -> np.ndarray:
+    """Without the averaging over pixels."""
+    n = image.shape[-1]
+    return np.fft.irfft2(np.fft.rfft2(image) / _pixel_response(n), s=(n, n))
+
+
+def microscope(**changes: object) -> Microscope:
+    return dataclasses.replace(Microscope(condenser_aperture=0.0, pixel=0.11), **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("radius", "index", "source"),
+    [pytest.param(0.5, 1.59, 4, marks=pytest.mark.quick), (1.0, 1.52, 6), (1.5, 1.38, 6)],
+)
+def test_a_sphere_agrees_with_mie(fourier: Fourier, radius: float, index: float, source: int) -> None:
+    m = microscope()
+    step = 2 * np.pi / GRID.length
+    light = dataclasses.replace(illumination(m, GRID.length), steps=np.array([[source, source // 2]]))
+    reference = sphere_image(
+        radius, index, medium=1.33, wavelength=0.55, aperture=1.2, count=96, spacing=0.11, focus=FOCUS,
+        source=(source * step, source // 2 * step),
+    )  # fmt: skip
+    ball = Specimen.of_spheres([[0, 0, 0]], radius, index)
+    exact = sharp(images(scattered_spectra(ball, m, light, GRID, fourier), m, light, GRID, fourier, FOCUS))
+    assert error(exact, reference).max() < 2e-4  # single precision
+    waves = sharp(images(propagate(ball, m, light, GRID, fourier), m, light, GRID, fourier, FOCUS))
+    assert error(waves, reference).mean() < 0.08
+    assert np.corrcoef(waves.ravel(), reference.ravel())[0, 1] > 0.99
+    # light that is divided before it goes on is several times as exact as a beam of one index
+    beam = sharp(images(propagate(ball, m, light, GRID, fourier, method="beam"), m, light, GRID, fourier, FOCUS))
+    assert error(waves, reference).mean() < error(beam, reference).mean()
+
+
+def test_libraries_agree() -> None:
+    pytest.importorskip("torch")
+    pair = Specimen.of_spheres([[0.4, 0.2, -1.0], [-1.0, 0.5, 0.8]], [0.8, 0.7], [1.5, 1.4])
+    m = microscope(condenser_aperture=0.4)
+    both = [
+        render(pair, m, 32, rendering=Rendering(rings=1), fourier=Fourier("cpu", library))
+        for library in ("torch", "scipy")
+    ]
+    assert np.abs(both[0] - both[1]).max() < 1e-4
+
+
+def test_mirrored_specimens_have_mirrored_images(fourier: Fourier) -> None:
+    m = microscope(condenser_aperture=0.5, pixel=0.1)
+    place = np.array([[0.9, 0.3, 0.7], [-0.8, -0.4, -0.6]])
+    there = [Specimen.of_spheres(place * turn, [0.8, 0.6], 1.52) for turn in ((1, 1, 1), (-1, 1, 1), (1, -1, 1))]
+    how = Rendering(rings=3, margin=1.0)
+    seen = [render(s, m, 61, focus=(-3, 3), rendering=how, fourier=fourier) for s in there]
+    contrast = np.sqrt(np.mean((seen[0] - 1) ** 2))
+    for image, axis in ((seen[1], 2), (seen[2], 1)):
+        assert np.sqrt(np.mean((np.flip(image, axis) - seen[0]) ** 2)) < 0.03 * contrast
+
+
+def test_light_is_kept_and_depth_has_a_sign(fourier: Fourier) -> None:
+    ball = Specimen.of_spheres([[0, 0, 0]], 1.0, 1.45)
+    whole = expose(ball, microscope(condenser_aperture=0.3), 96, fourier=fourier, rendering=Rendering(margin=0.0))
+    below, above = whole.images((-3.0, 3.0))
+    assert np.mean([below, above]) == pytest.approx(1.0, abs=0.005)
+    # a ball of glass gathers light above itself
+    assert above[48, 48] > 1.5 > below[48, 48]
+
+
+def test_an_empty_field_is_even_and_dark_field_is_dark(fourier: Fourier) -> None:
+    nothing = Specimen.of_spheres(np.zeros((0, 3)), 1.0, 1.5)
+    assert np.allclose(render(nothing, microscope(condenser_aperture=0.4), 40, fourier=fourier), 1.0, atol=1e-4)
+    ring = microscope(
+        numerical_aperture=0.7, condenser_aperture=1.1, condenser="annulus", condenser_inner=0.8, pixel=0.15
+    )
+    assert np.allclose(render(nothing, ring, 40, fourier=fourier), 0.0, atol=1e-6)
+    ball = Specimen.of_spheres([[0, 0, 0]], 0.6, 1.5)
+    assert render(ball, ring, 40, fourier=fourier).max() > 0.02
+
+
+def test_aberrations_and_bandwidth_change_images_alone(fourier: Fourier) -> None:
+    ball = Specimen.of_spheres([[0, 0, 0]], 0.6, 1.5)
+    m = microscope(condenser_aperture=0.3)
+    how = Rendering(rings=1, margin=0.5)
+    once = expose(ball, m, 32, rendering=how, fourier=fourier)
+    plain = once.images((0.0, 1.0))
+    aberrated = once.images((0.0, 1.0), objective=dataclasses.replace(m, zernike={11: 0.1}))
+    assert np.abs(aberrated - plain).max() > 0.02
+    assert np.array_equal(once.images((0.0, 1.0), objective=m), plain)
+    broad = render(ball, dataclasses.replace(m, bandwidth=0.03), 32, focus=(0.0, 1.0), rendering=how, fourier=fourier)
+    assert 1e-3 < np.abs(broad - plain).max() < 0.2
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        (lambda: Microscope(numerical_aperture=1.6), "numerical_aperture of the microscope is 1.6"),
+        (lambda: Microscope(pixel=0.2), "pixel of the microscope is 0.2"),
+        (lambda: Microscope(condenser_aperture=1.4), "condenser_aperture of the microscope is 1.4"),
+        (lambda: Microscope(zernike={99: 0.1}), "zernike has 99"),
+        (lambda: Rendering(method="magic"), "method is 'magic'"),
+        (lambda: Specimen.of_spheres([[0, 0, np.nan]], 1.0, 1.5), "start of the specimen"),
+        (lambda: Specimen.of_spheres([[0, 0, 0]], -1.0, 1.5), "radius of the specimen is -1"),
+        (lambda: render(Specimen.of_spheres([[90, 0, 0]], 1.0, 1.5), Microscope(), 32), "the specimen reaches 91"),
+        (lambda: Fourier("cpu", "fftw"), "library is 'fftw'"),
+        (
+            lambda: render(
+                Specimen.of_spheres([[0, 0, 0], [0.5, 0, 0]], 1.0, 1.5),
+                Microscope(),
+                32,
+                rendering=Rendering(method="mie"),
+            ),
+            "spheres 0 and 1 of the specimen overlap",
+        ),
+    ],
+)
+def test_bad_input(what: object, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        what()  # type: ignore[operator]
+    assert "allowed" in str(caught.value)
