@@ -1,13 +1,15 @@
 """Golden digests: SHA-256 of what the simulation computes, to prove that a change of code changes no number.
 
     python -m benchmarks.golden record golden.json
-    python -m benchmarks.golden compare golden.json [--scenes DIR] [--only PART]...
+    python -m benchmarks.golden compare golden.json [--scenes DIR] [--only PART]... [--recorded-step]
 
 `record` steps every case of `CASES` on the CPU and writes the digests of positions, orientations, foci and every array
 of the readout, beside the time step; `compare` does so again and lists what differs; arrays that the record does not
-know are new, and pass. A case is a shipped scene, or one with a few attributes edited so that together they reach every
-driver and term. Digests depend on the processor, and so on machine and compiler: they compare two states of the code on
-one machine. `--recording FILE.mcap` also replays haptic recordings, whose forces must be equal bit for bit.
+know are new, and pass. Where another time step is chosen now, all else differs, too: `--recorded-step` takes that of
+the record instead, and shows what differs besides. A case is a shipped scene, or one with a few attributes edited so
+that together they reach every driver and term. Digests depend on the processor, and so on machine and compiler: they
+compare two states of the code on one machine. `--recording FILE.mcap` also replays haptic recordings, whose forces must
+be equal bit for bit.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -262,7 +264,9 @@ def digest(array: np.ndarray) -> str:
     return hashlib.sha256(head + np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
-def stepped(scene: ot.Scene, case: Case, integrator: str, precision: str) -> dict[str, str]:
+def stepped(
+    scene: ot.Scene, case: Case, integrator: str, precision: str, time_step: float | None = None
+) -> dict[str, str]:
     """Digests of state and readout halfway and at the end of one run, or what was refused."""
     try:
         sim = ot.Simulation(
@@ -272,6 +276,7 @@ def stepped(scene: ot.Scene, case: Case, integrator: str, precision: str) -> dic
             device="cpu",
             parameters=sweep(scene, case.swept, case.worlds),
             integrator=integrator,
+            time_step=time_step,
             noise=case.noise,
             precision=precision,
             fast_math=case.fast_math,
@@ -299,8 +304,8 @@ def runs(only: list[str]) -> Iterator[tuple[str, Case, str, str]]:
                 yield name, case, integrator, precision
 
 
-def measure(folder: Path, only: list[str]) -> Iterator[tuple[str, dict[str, str]]]:
-    """Name and digests of run after run."""
+def measure(folder: Path, only: list[str], steps: Mapping[str, str] = {}) -> Iterator[tuple[str, dict[str, str]]]:
+    """Name and digests of run after run; `steps` holds the time steps of those that do not choose their own [s]."""
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as work:
         loaded: tuple[Case, ot.Scene] | None = None
@@ -308,7 +313,8 @@ def measure(folder: Path, only: list[str]) -> Iterator[tuple[str, dict[str, str]
             if loaded is None or loaded[0] is not case:
                 loaded = case, load(case, folder, Path(work))
             begun = time.perf_counter()
-            found = stepped(loaded[1], case, integrator, precision)
+            given = float.fromhex(steps[name]) if name in steps else None
+            found = stepped(loaded[1], case, integrator, precision, given)
             print(f"{time.perf_counter() - begun:6.1f} s  {name}{'  refused' * ('refused' in found)}", flush=True)
             yield name, found
 
@@ -327,6 +333,7 @@ def main() -> None:
     parser.add_argument("file", type=Path, help="where the digests are")
     parser.add_argument("--scenes", type=Path, default=SCENES, help="folder of the scenes; default: the shipped ones")
     parser.add_argument("--only", action="append", default=[], metavar="PART", help="runs whose name contains PART")
+    parser.add_argument("--recorded-step", action="store_true", help="compare: take the time steps of the record")
     parser.add_argument("--recording", action="append", default=[], type=Path, help="haptic recording to replay")
     asked = parser.parse_args()
     if asked.what == "record":
@@ -337,7 +344,8 @@ def main() -> None:
             asked.file.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
         return
     known, bad = json.loads(asked.file.read_text()), []
-    for name, found in measure(asked.scenes, asked.only):
+    steps = {name: kept["time_step"] for name, kept in known.items() if asked.recorded_step and "time_step" in kept}
+    for name, found in measure(asked.scenes, asked.only, steps):
         kept = known.get(name, {})
         bad += [f"{name}: {key}" for key in sorted(kept) if kept.get(key) != found.get(key)]
     for file in asked.recording:

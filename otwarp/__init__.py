@@ -17,6 +17,8 @@ docstring (docs/architecture.md shows who may import whom):
     laws           what several rooms evaluate, each in its own way
     studies        trials of a scene at many points, with intervals
     record         frames of a run to files
+    vision         what the microscope of a scene sees
+    analysis       what a run or a study tells: calibrations, spectra, work, escapes
     preview        pictures and movies of them
     haptics        what operators feel, a thousand times a second
     teleop         live sessions: page, operators, budget, recording
@@ -36,6 +38,7 @@ from typing import TYPE_CHECKING
 from otwarp.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from otwarp import analysis
     from otwarp.errors import InputError, PlausibilityWarning, SimulationError
     from otwarp.kernels.core.types import ForceInput, WorldNow, Wrench
     from otwarp.scene import Scene
@@ -45,12 +48,17 @@ if TYPE_CHECKING:
     from otwarp.simulation.simulation import Simulation
     from otwarp.simulation.user_forces import force
     from otwarp.studies import (
+        EscapeStudy,
         Scatter,
         Study,
+        contour,
+        distance,
         first_passage,
         grid,
         half_width,
+        largest,
         observable,
+        order,
         sobol,
         trapped,
         trials,
@@ -60,6 +68,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "EscapeStudy",
     "ForceInput",
     "InputError",
     "PlausibilityWarning",
@@ -73,13 +82,18 @@ __all__ = [
     "WorldNow",
     "Wrench",
     "__version__",
+    "analysis",
+    "contour",
+    "distance",
     "end",
     "escaped",
     "first_passage",
     "force",
     "grid",
     "half_width",
+    "largest",
     "observable",
+    "order",
     "reached",
     "sobol",
     "strayed",
@@ -101,16 +115,22 @@ __getattr__, __dir__ = lazy_names(
         "simulation.simulation": ("Simulation",),
         "simulation.user_forces": ("force",),
         "studies": (
+            "EscapeStudy",
             "Scatter",
             "Study",
+            "contour",
+            "distance",
             "first_passage",
             "grid",
             "half_width",
+            "largest",
             "observable",
+            "order",
             "sobol",
             "trapped",
             "trials",
             "values",
         ),
     },
+    rooms=("analysis",),
 )

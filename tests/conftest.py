@@ -49,6 +49,7 @@ THOROUGH = (
     "simulation/test_optics.py",
     "simulation/test_periodic.py",
     "simulation/test_walls.py",
+    "studies/test_engines.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_examples.py",
@@ -56,6 +57,7 @@ THOROUGH = (
     "validation/test_strong_order.py",
     "validation/test_symmetry.py",
     "validation/test_weak_order.py",
+    "vision/",
 )
 """Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`
 always run, one of each thing that is promised: an installed package, a force of one's own, an example, a benchmark."""

@@ -26,6 +26,8 @@ ALLOWED: dict[str, set[str]] = {
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},
+    "analysis": ROOT | {"studies"},
+    "vision": ROOT | {"device", "scene", "optics", "simulation"},
     "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "cache": set(),
@@ -76,9 +78,14 @@ INNER: dict[str, set[str]] = {
     "cli.bench": {"cli"},
     "cli.haptics": {"cli"},
     "cli.study": {"cli"},
+    "cli.vision": {"cli"},
     "preview": {"preview.kernels"},
     "preview.kernels": set(),
+    "vision": {"vision.kernels"},
+    "vision.kernels": set(),
     "ros": set(),
+    "studies": {"studies.rare"},
+    "studies.rare": {"studies"},
     "ros.ros1": {"ros"},
     "ros.ros2": {"ros"},
     "haptics.core": set(),
@@ -101,7 +108,8 @@ HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotli
 HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr"}
 ONLY_IN = {
     "pxr": {"scene"},
-    "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "warp_internals"},
+    "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "vision"}
+    | {"warp_internals"},
     "rospy": set(),
 }
 """Third-party packages that only some rooms may touch at all."""

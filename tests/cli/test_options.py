@@ -28,14 +28,16 @@ NEEDED = {
     "forces": ["--radius", "1", "--curves"],
     "mobility": [BEAD],
     "decompose": ["absent.stl"],
+    "analyse": ["absent.nc"],
     "study plan": [STUDY],
     "study run": [STUDY],
     "study show": ["absent"],
     "study export": ["absent"],
+    "vision render": [BEAD, "--size", "16x16"],
 }
 """What a command needs beside the option under test."""
 
-ANY_TEXT = {"--node", "--namespace", "--namespaces", "--token"}
+ANY_TEXT = {"--body", "--node", "--namespace", "--namespaces", "--token"}
 """Options whose text is a name that is made up."""
 
 

@@ -186,7 +186,10 @@ class Session:
 
     def lives(self, who: str) -> bool:
         stat = Path(f"/proc/{self.numbers[who]}/stat")
-        return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+        try:  # it may end between two looks
+            return stat.read_text().rpartition(")")[2].split()[0] != "Z"
+        except (FileNotFoundError, ProcessLookupError):
+            return False
 
     def close(self) -> None:
         for who in ("parent", "servo"):

@@ -63,7 +63,7 @@ SECONDS, CALL = 60.0, 0.05
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Study:
+class Setup:
     """The two wells, what is true in them, and what a measurement may take.
 
     Attributes:
@@ -98,7 +98,7 @@ class Study:
         worlds: int | None,
         seconds: float,
         note: Note,
-    ) -> Study:
+    ) -> Setup:
         """Find the wells, and what is true in them for the force models of the cases.
 
         Raises:
@@ -217,22 +217,22 @@ def bench_integrators(
     cases = all_cases(axes, fast_math=fast_math)
     place = pick_device(device)
     machine = Machine.look(place)
-    study = Study.of(beam, sphere, cases, place, worlds=worlds, seconds=seconds, note=note)
+    setup = Setup.of(beam, sphere, cases, place, worlds=worlds, seconds=seconds, note=note)
     beads = worlds or WORLDS[machine.kind]
-    costs = _costs(cases, study.deep, place, worlds=beads, rounds=rounds, call=call, note=note)
+    costs = _costs(cases, setup.deep, place, worlds=beads, rounds=rounds, call=call, note=note)
     return IntegratorsBench(
         **machine.about(fast_math=fast_math),
         **bead_fields(beam, sphere),
         worlds=beads,
         rounds=rounds,
         seconds=seconds,
-        powers=(study.deep.power, study.shallow.power),
-        relaxations=(study.deep.relaxation, study.shallow.relaxation),
-        lags=study.deep.lags,
+        powers=(setup.deep.power, setup.shallow.power),
+        relaxations=(setup.deep.relaxation, setup.shallow.relaxation),
+        lags=setup.deep.lags,
         default=DEFAULT,
-        default_product=study.product,
-        references={m: {k: Mean(e.value, e.error) for k, e in of.items()} for m, of in study.references.items()},
-        lines=tuple(_lines(study, cases, {c.name: study.ladder(c, steps) for c in cases}, costs)),
+        default_product=setup.product,
+        references={m: {k: Mean(e.value, e.error) for k, e in of.items()} for m, of in setup.references.items()},
+        lines=tuple(_lines(setup, cases, {c.name: setup.ladder(c, steps) for c in cases}, costs)),
     )
 
 
@@ -273,9 +273,9 @@ def _costs(
     return interleaved(turns, rounds, note=lambda name: note(f"{labels[name]}: timing"))
 
 
-def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], costs: dict[str, Pairs]) -> list[Line]:
+def _lines(setup: Setup, cases: Sequence[Case], ladder: dict[str, list[int]], costs: dict[str, Pairs]) -> list[Line]:
     """Measure the errors of all cases; `ladder` is that of each."""
-    seconds = study.seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
+    seconds = setup.seconds / sum(len(ladder[c.name]) * (1 if c.name == PLAIN else 2) for c in cases)
     points: dict[str, tuple[Point, ...]] = {}
     for case in cases:
         cost = Quartiles.of(costs[case.name].first).median
@@ -284,7 +284,7 @@ def _lines(study: Study, cases: Sequence[Case], ladder: dict[str, list[int]], co
         found = []
         for i, n in enumerate(ladder[case.name]):
             wanted = PANELS["escape"] if before else (*STATIONARY, "escape")
-            errors = study.errors(case, n, cost, wanted, seconds)
+            errors = setup.errors(case, n, cost, wanted, seconds)
             if before:
                 errors = {**before[i].errors, **errors}
             found.append(Point(product=1.0 / n, errors=errors))
