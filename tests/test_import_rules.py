@@ -83,6 +83,8 @@ INNER: dict[str, set[str]] = {
     "preview.kernels": set(),
     "vision": {"vision.kernels"},
     "vision.kernels": set(),
+    "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
+    "vision.networks.modules": {"vision.networks"},
     "ros": set(),
     "studies": {"studies.rare"},
     "studies.rare": {"studies"},
@@ -119,6 +121,10 @@ LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "r
 """Packages that nobody may import at the top of a file."""
 
 ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}
+ADAPTERS |= {
+    f"otwarp/vision/networks/modules/{name}.py": "torch"
+    for name in ("augment", "heads", "loss", "network", "resnet", "small", "vgg")
+}
 """Files that are made of a package, and that others import by name when it is wanted."""
 
 
