@@ -1,9 +1,11 @@
-"""Files that appear under their name only when they are whole."""
+"""Files and folders that appear under their name only when they are whole, and folders that one process works in."""
 
 from __future__ import annotations
 
 import errno
 import os
+import shutil
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -81,3 +83,89 @@ def check_full(error: OSError, path: Path) -> None:
     """Raise an error of a full disk, which is no fault of the input, with the path that could not be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextmanager
+def made_apart(folder: Path, whole: str) -> Iterator[Path]:
+    """A hidden neighbour that becomes the folder in one move, unless somebody else's has become it in the meantime.
+
+    Args:
+        folder: Where; there may be an empty one.
+        whole: A file in it that says that somebody has made it.
+
+    Raises:
+        InputError: The folder is there and cannot be replaced by another one.
+        OSError: The disk is full; nothing stays.
+    """
+    folder = folder.absolute()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    _remove_remains(folder)
+    name = f".{folder.name}.part-{socket.gethostname()}-{os.getpid()}-"
+    apart = Path(tempfile.mkdtemp(prefix=name, dir=folder.parent))
+    try:
+        apart.chmod(0o777 & ~_mask())  # a folder of one's own group's, perhaps: as mkdir makes it
+        yield apart
+        if os.name == "nt" and folder.is_dir():
+            folder.rmdir()
+        apart.rename(folder)
+    except OSError as error:
+        if (folder / whole).exists():
+            return
+        if error.filename2 is None:  # while it was made
+            raise
+        raise InputError(
+            f"--out is {folder}, which is there and cannot be replaced ({error.strerror}); allowed: a new folder"
+        ) from None
+    finally:
+        shutil.rmtree(apart, ignore_errors=True)
+
+
+def _mask() -> int:
+    """Permissions that new files lack; only setting it tells."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def _remove_remains(folder: Path) -> None:
+    """Remove what processes of this machine left beside a folder that were killed while they made it."""
+    for part in folder.parent.glob(f".{folder.name}.part-{socket.gethostname()}-*"):
+        try:
+            os.kill(int(part.name.split("-")[-2]), 0)
+        except ProcessLookupError:
+            shutil.rmtree(part, ignore_errors=True)
+        except (OSError, ValueError):
+            pass
+
+
+@contextmanager
+def claimed(folder: Path, doing: str) -> Iterator[None]:
+    """Hold a folder against a second process of this machine that would work in it.
+
+    Args:
+        folder: Which is there.
+        doing: What another process does, and what is allowed, for the message.
+
+    Raises:
+        InputError: Another process has it.
+    """
+    file = os.open(folder / "driver.lock", os.O_RDWR | os.O_CREAT, 0o664)
+    try:
+        _lock(file, folder, doing)
+        yield
+    finally:
+        os.close(file)
+
+
+def _lock(file: int, folder: Path, doing: str) -> None:
+    """Lock a file for as long as it is open, where the system can."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has no such locks; there two drivers compute the same twice
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(f"{folder}: another process {doing}") from None
+    except OSError:  # file systems without locks: two drivers compute the same twice, to the same bits
+        return

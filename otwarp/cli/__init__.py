@@ -7,7 +7,7 @@ command lives in the module of its name and imports its room when it is called, 
   that import on demand. `types`: numbers in a range, files that can be written.
 - `options`, `bead_options`, `live_options`, `forces_options`: options that several commands share, those of a sphere in
   its beam, of a live session, of `forces`.
-- `output`: JSON and tables. `stop`: SIGTERM and Ctrl-C.
+- `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
 - Commands: `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `teleop`, `ros1`, `ros2`, `decompose`;
   `study`, `vision`, `bench`, `haptics`: commands with commands of their own.
 """

@@ -14,13 +14,9 @@ from __future__ import annotations
 
 import functools
 import json
-import os
-import shutil
-import socket
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.files import check_place, written
+from otwarp.files import check_place, claimed, made_apart, written
 from otwarp.studies.differences import difference
 
 VERSION = 1
@@ -138,35 +134,13 @@ class Store:
 
         return xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
 
-    @contextmanager
-    def claimed(self) -> Iterator[None]:
+    def claimed(self) -> AbstractContextManager[None]:
         """Hold the folder against a second driver on this machine; shards claim nothing, they share no block.
 
         Raises:
             InputError: Another process has it.
         """
-        file = os.open(self.folder / "driver.lock", os.O_RDWR | os.O_CREAT, 0o664)
-        try:
-            _lock(file, self.folder)
-            yield
-        finally:
-            os.close(file)
-
-
-def _lock(file: int, folder: Path) -> None:
-    """Lock a file for as long as it is open, where the system can."""
-    try:
-        import fcntl
-    except ImportError:  # Windows has no such locks; there two drivers compute the same blocks twice
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(
-            f"{folder}: another process runs this study; allowed: one driver, or --shard for several"
-        ) from None
-    except OSError:  # file systems without locks: two drivers compute the same blocks twice, to the same bits
-        return
+        return claimed(self.folder, "runs this study; allowed: one driver, or --shard for several")
 
 
 def open_store(folder: Path) -> Store:
@@ -208,7 +182,7 @@ def create(
         return store
     check_place(folder, "--out", folder=True)
     _check_empty(folder)
-    with _made_apart(folder) as apart:
+    with made_apart(folder, "study.json") as apart:
         (apart / "done").mkdir()
         scene(apart / store.scene.name)
         _create_arrays(apart / store.results.name, coordinates, values, variables, shape, chunk)
@@ -254,55 +228,6 @@ def _create_arrays(
         )
         if of is not None:
             array[...] = of
-
-
-@contextmanager
-def _made_apart(folder: Path) -> Iterator[Path]:
-    """A hidden neighbour that becomes the folder in one move, unless somebody else's has become it in the meantime.
-
-    Raises:
-        InputError: The folder is there and cannot be replaced by another one.
-        OSError: The disk is full; nothing stays.
-    """
-    folder = folder.absolute()
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    _remove_remains(folder)
-    name = f".{folder.name}.part-{socket.gethostname()}-{os.getpid()}-"
-    apart = Path(tempfile.mkdtemp(prefix=name, dir=folder.parent))
-    try:
-        apart.chmod(0o777 & ~_mask())  # a folder of one's own group's, perhaps: as mkdir makes it
-        yield apart
-        if os.name == "nt" and folder.is_dir():
-            folder.rmdir()
-        apart.rename(folder)
-    except OSError as error:
-        if (folder / "study.json").exists():
-            return
-        if error.filename2 is None:  # while it was made
-            raise
-        raise InputError(
-            f"--out is {folder}, which is there and cannot be replaced ({error.strerror}); allowed: a new folder"
-        ) from None
-    finally:
-        shutil.rmtree(apart, ignore_errors=True)
-
-
-def _mask() -> int:
-    """Permissions that new files lack; only setting it tells."""
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
-
-
-def _remove_remains(folder: Path) -> None:
-    """Remove what processes of this machine left beside a folder that were killed while they made it."""
-    for part in folder.parent.glob(f".{folder.name}.part-{socket.gethostname()}-*"):
-        try:
-            os.kill(int(part.name.split("-")[-2]), 0)
-        except ProcessLookupError:
-            shutil.rmtree(part, ignore_errors=True)
-        except (OSError, ValueError):
-            pass
 
 
 def check_same(store: Store, asked: Mapping[str, Any]) -> None:

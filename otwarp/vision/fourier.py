@@ -72,13 +72,21 @@ class Fourier:
         """(…, n, n) spectra of fields that are (…, height, width) at the origin and 0 elsewhere."""
         return self._forward(self._forward(field, n, -2), n, -1)
 
-    def image(self, spectrum: Any) -> Any:
-        """Fields (…, n, n) of spectra (…, n, n)."""
+    def block(self, spectra: Any, index: np.ndarray) -> Any:
+        """(…, b, b) components of spectra (…, n, n) whose rows and columns have these numbers, side by side."""
+        if self.library == "scipy":
+            return np.ascontiguousarray(spectra[..., index, :][..., index])
+        which = _torch().from_numpy(index).to(spectra.device)
+        return spectra.index_select(-2, which).index_select(-1, which)
+
+    def image(self, spectrum: Any, m: int) -> Any:
+        """(…, m, m) fields, but for a phase, of b × b neighbouring components of their spectra; m is b or more."""
         if self.library == "scipy":
             from scipy import fft
 
-            return fft.ifft2(spectrum, norm="forward", overwrite_x=True)
-        return _torch().fft.ifft2(spectrum, norm="forward")
+            return fft.ifft(fft.ifft(spectrum, n=m, axis=-1, norm="forward"), n=m, axis=-2, norm="forward")
+        fft = _torch().fft
+        return fft.ifft(fft.ifft(spectrum, n=m, dim=-1, norm="forward"), n=m, dim=-2, norm="forward").contiguous()
 
     def _inverse(self, values: Any, axis: int) -> Any:
         if self.library == "scipy":

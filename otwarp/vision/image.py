@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
+from scipy.fft import next_fast_len
 
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.grid import Grid
@@ -19,11 +21,12 @@ from otwarp.vision.pupil import pupil
 
 def images(
     spectra: Any,
-    microscope: Microscope,
+    microscope: Microscope | Sequence[Microscope],
     light: Illumination,
     grid: Grid,
     fourier: Fourier,
     focus: Sequence[float] | np.ndarray,
+    shift: np.ndarray | None = None,
 ) -> np.ndarray:
     """(f, pixels, pixels) intensities in the focal planes, 1 where light is unhindered in bright field.
 
@@ -31,48 +34,66 @@ def images(
 
     Args:
         spectra: (s, cells, cells) of `propagate`, or (2, s, cells, cells) for the two components of a vector field.
-        microscope: With the objective to look through; the wavelength must be that of the propagation.
+        microscope: With the objective to look through, one for all planes or one for each; the wavelength must be that
+            of the propagation.
         light: Which was propagated.
         grid: Of the spectra.
         fourier: Where they are.
-        focus: Heights of the focal planes [µm].
+        focus: (f) heights of the focal planes [µm].
+        shift: (f, 2) by which the specimen is seen moved in each (x, y) [µm]; None: nowhere.
     """
     n, p, device = grid.cells, grid.pixels, fourier.device
+    objectives = [microscope] * len(focus) if isinstance(microscope, Microscope) else list(microscope)
     fields = spectra.reshape(-1, *spectra.shape[-2:])
-    repeats = fields.shape[0] // len(light.weights)
-    axial, _ = axial_wavenumbers(microscope.wavenumber, grid)
-    through = pupil(microscope, grid)
-    x, y = grid.wavenumbers()
+    if not objectives:
+        return np.zeros((0, p, p), dtype=np.float32)
+    reach = max(int(o.cutoff * grid.length / (2.0 * math.pi)) for o in objectives)
+    # beats of waves through the objective need so many points; pixels that are finer say nothing more
+    m = min(p, next_fast_len(4 * reach + 1) or p)
+    reach = min(reach, (min(n, m) - 1) // 2)
+    block = np.arange(-reach, reach + 1) % n
+    here = np.ix_(block, block)
+    some = fourier.block(fields, block)
+    axial = axial_wavenumbers(objectives[0].wavenumber, grid)[0][here]
+    x, y = (q[here] for q in grid.wavenumbers())
     # an image is looked at in the middles of its pixels; the specimen's origin is the middle of one of them
-    corner = np.exp(-1j * (x + y) * (grid.pixels // 2) * grid.pixel)
-    weight = np.tile(_weights(microscope, light, through), repeats)
-    inner = np.flatnonzero(np.abs(np.fft.fftfreq(n, 1.0 / n)) < min(n, p) / 2.0)
-    where = inner.astype(int) if p >= n else inner
-    target = np.where(where < (n + 1) // 2, where, where - n) % p
+    corner = np.tile([(p // 2) * grid.pixel], (len(focus), 2)) + (0.0 if shift is None else np.asarray(shift))
     out = np.zeros((len(focus), p, p), dtype=np.float32)
-    count = max(1, BATCH_BYTES // (8 * p * p)) if not device.is_cuda else len(fields)
-    rows, columns = np.ix_(target, target)
-    first, second = np.ix_(where, where)
+    count = max(1, BATCH_BYTES // (8 * m * m)) if not device.is_cuda else len(fields)
+    launched = (add_intensity, m * m) if device.is_cuda else (add_intensity_at_once, 1)
     blur = _pixel_response(p)
-    for f, z in enumerate(focus):
-        passed = fourier.array((through * corner * np.exp(1j * axial * z))[first, second])
-        image = fourier.array(np.zeros(p * p, dtype=np.float32))
+    through, weight, last = axial, axial, None
+    for f, (z, objective) in enumerate(zip(focus, objectives, strict=True)):
+        if objective != last:
+            whole, last = pupil(objective, grid), objective
+            through, weight = whole[here], np.tile(_weights(light, whole), len(fields) // len(light.weights))
+            weight = weight.astype(np.float32)
+        phase = axial * z - x * corner[f, 0] - y * corner[f, 1]
+        passed = fourier.array(through * np.exp(1j * phase))
+        image = fourier.array(np.zeros(m * m, dtype=np.float32))
         for start in range(0, len(fields), count):
-            some = fields[start : start + count]
-            spectrum = fourier.zeros(some.shape[0], p, p)
-            spectrum[:, rows, columns] = some[:, first, second] * passed
-            field = fourier.image(spectrum).reshape(some.shape[0], p * p)
-            shares = fourier.array(weight[start : start + count].astype(np.float32))
-            inputs = [fourier.warp(field), fourier.warp(shares), fourier.warp(image)]
-            wp.launch(
-                add_intensity if device.is_cuda else add_intensity_at_once,
-                dim=p * p if device.is_cuda else 1, inputs=inputs, device=device,
-            )  # fmt: skip
-        out[f] = np.fft.irfft2(np.fft.rfft2(fourier.numpy(image).reshape(p, p)) * blur, s=(p, p))
+            field = fourier.image(some[start : start + count] * passed, m)
+            shares = fourier.array(weight[start : start + count])
+            inputs = [fourier.warp(field.reshape(-1, m * m)), fourier.warp(shares), fourier.warp(image)]
+            wp.launch(launched[0], dim=launched[1], inputs=inputs, device=device)
+        out[f] = _resampled(fourier.numpy(image).reshape(m, m), p, blur)
     return out
 
 
-def _weights(microscope: Microscope, light: Illumination, through: np.ndarray) -> np.ndarray:
+def _resampled(image: np.ndarray, pixels: int, blur: np.ndarray) -> np.ndarray:
+    """(pixels, pixels) means over pixels of an image (m, m) of the same square, m at most pixels."""
+    m = len(image)
+    spectrum = np.fft.rfft2(image)
+    if m < pixels:
+        whole = np.zeros((pixels, pixels // 2 + 1), dtype=complex)
+        half = (m + 1) // 2  # the highest frequency of an even number of points is empty
+        whole[:half, :half] = spectrum[:half, :half]
+        whole[pixels - half + 1 :, :half] = spectrum[m - half + 1 :, :half]
+        spectrum = whole * (pixels / m) ** 2
+    return np.fft.irfft2(spectrum * blur, s=(pixels, pixels))
+
+
+def _weights(light: Illumination, through: np.ndarray) -> np.ndarray:
     """Share of each source, such that the unhindered image is 1; in dark field, that it would be if light passed."""
     rows, columns = light.steps[:, 1] % len(through), light.steps[:, 0] % len(through)
     direct = np.abs(through[rows, columns]) ** 2

@@ -61,20 +61,31 @@ class Exposed:
     grid: Grid
     fourier: Fourier
 
-    def images(self, focus: Sequence[float] | np.ndarray, *, objective: Microscope | None = None) -> np.ndarray:
+    def images(
+        self,
+        focus: Sequence[float] | np.ndarray,
+        *,
+        objective: Microscope | Sequence[Microscope] | None = None,
+        shift: Sequence[Sequence[float]] | np.ndarray | None = None,
+    ) -> np.ndarray:
         """(f, height, width) intensities in focal planes [µm], 1 where light is unhindered; row 0 is the lowest.
 
         Args:
-            focus: Heights of the planes.
-            objective: Another microscope to look through, of the same light, condenser, medium and pixel.
+            focus: (f) heights of the planes.
+            objective: Another microscope to look through, of the same light, condenser, medium and pixel; or one for
+                each plane.
+            shift: (f, 2) by which the specimen is seen moved in each plane (x, y) [µm], within the margin.
 
         Raises:
             InputError: It differs in more.
         """
-        total = 0.0
+        total, moved = 0.0, None if shift is None else np.asarray(shift, dtype=float).reshape(len(focus), 2)
         for microscope, light, spectra, share in self.parts:
-            through = microscope if objective is None else _other(microscope, objective)
-            total = total + share * images(spectra, through, light, self.grid, self.fourier, focus)
+            if objective is None or isinstance(objective, Microscope):
+                through = microscope if objective is None else _other(microscope, objective)
+            else:
+                through = [_other(microscope, one) for one in objective]
+            total = total + share * images(spectra, through, light, self.grid, self.fourier, focus, moved)
         return self.grid.image(np.asarray(total))
 
 

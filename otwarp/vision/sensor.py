@@ -50,16 +50,17 @@ class Sensor:
             return np.ones(shape)
         return 1.0 + self.nonuniformity * np.random.default_rng([seed, 1]).standard_normal(shape)
 
-    def levels(self, intensity: np.ndarray, *, seed: int = 0) -> np.ndarray:
+    def levels(self, intensity: np.ndarray, *, seed: int = 0, image: int = 0) -> np.ndarray:
         """Grey levels of images (…, height, width) whose unhindered light is 1: uint8 up to eight bits, else uint16.
 
         Args:
             intensity: 0 or more.
-            seed: Key of the noise; the first image of one seed has the same noise wherever it is made.
+            seed: Key of the noise and of the pixels' sensitivities.
+            image: Another key of the noise alone: its number in a series from one sensor.
         """
         light = self.brightness * np.maximum(np.asarray(intensity, dtype=float), 0.0)
         light = light * self.sensitivities(light.shape[-2:], seed)
-        rng = np.random.default_rng([seed, 0])
+        rng = np.random.default_rng([seed, 0, image])
         if math.isfinite(self.electrons):
             light = rng.poisson(np.maximum(light, 0.0) * self.electrons) / self.electrons
         if self.noise:

@@ -16,6 +16,8 @@ HANDS = str(Path(__file__).parents[2] / "scenes" / "teleop_small.usda")
 BEAD = str(Path(__file__).parents[2] / "scenes" / "single_bead.usda")
 STUDY = str(Path(__file__).parents[2] / "studies" / "capture.toml")
 
+SMOKE = str(Path(__file__).parents[2] / "vision" / "smoke.toml")
+
 NEEDED = {
     "run": [BEAD],
     "info": [BEAD],
@@ -34,6 +36,7 @@ NEEDED = {
     "study show": ["absent"],
     "study export": ["absent"],
     "vision render": [BEAD, "--size", "16x16"],
+    "vision dataset": [SMOKE],
 }
 """What a command needs beside the option under test."""
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +9,7 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.options import device_option
+from otwarp.cli.progress import parts
 from otwarp.cli.types import FILE, OutputPath
 
 
@@ -47,7 +45,7 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     study = load_study(file)
     folder = out or Path("out") / file.stem
     stop.begin()
-    with _progress() as progress:
+    with parts("block", "blocks") as progress:
         store = run_study(
             study,
             folder,
@@ -77,29 +75,3 @@ def _engine(engine: str, address: str | None, device: str | None, shard: str | N
     from otwarp.device import pick_device
 
     return {"devices": None if device is None else [str(pick_device(device))]}
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A bar with the time left on standard error, if that is a terminal; at every block, end on SIGTERM."""
-    if not sys.stderr.isatty():
-
-        def say(done: int, blocks: int) -> None:
-            stop.check()
-            click.echo(f"otwarp: block {done} of {blocks}", err=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("blocks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:
-        task = bar.add_task("blocks", total=None)
-
-        def update(done: int, blocks: int) -> None:
-            """Move the bar."""
-            stop.check()
-            bar.update(task, completed=done, total=blocks)
-
-        yield update

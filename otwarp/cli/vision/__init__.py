@@ -1,6 +1,7 @@
 """`otwarp vision`: what the microscope of a scene sees; one module for every command.
 
-`render`: images in focal planes, by `otwarp.vision` (open `picture` there).
+`render`: images in focal planes, by `otwarp.vision` (open `picture` there). `dataset`: many of them with their labels,
+by `otwarp.vision.datasets`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
     "render": "Draw what the scene's microscope sees, in one or more focal planes.",
+    "dataset": "Render a data set of robots with exact labels, or go on with it.",
 }
 """Commands and their one-line help; each lives in the module of its name and is imported when called."""
 

@@ -1,0 +1,187 @@
+"""A data set on disk: zarr arrays of images and labels, what they mean, and checksums that say that it is whole.
+
+    out/vision/paper/
+        manifest.json      what was asked, versions: written first, never changed
+        data.zarr          zarr v3: images (n, height, width) uint8, and an array (n) for every label
+        done/000012        while it is made: pose 12 is whole, with the checksums of its chunks
+        README.md          data card
+        samples.png        some images, to look at
+        checksums.json     sha256 of every file of data.zarr, written last
+
+A pose is rendered by one task and fills whole chunks; it depends on nothing but the manifest, so that it may be
+rendered twice, by anyone, in any order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.files import written
+from otwarp.vision.datasets.domain import PARAMETERS
+from otwarp.vision.datasets.labels import Labels
+
+VERSION = 1
+"""Of the layout of the folder."""
+
+ATTRIBUTES = {
+    "pose": ("1", "number of the rendered pose"),
+    "robot": ("1", "number of the robot of the class"),
+    "tilt": ("deg", "angle of the robot's long axis to the focal plane, positive towards where light goes"),
+    "tilt_class": ("1", "index of the tilt among the manifest's classes, -1 for none"),
+    "depth": ("um", "height of the robot's centre above the focal plane, along the light"),
+    "depth_normalized": ("1", "depth between 0 and 1 of the focus sweep of its pose"),
+}
+"""Labels that are no parameters: units and meaning."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of a data set."""
+
+    folder: Path
+
+    @property
+    def data(self) -> Path:
+        """The zarr group."""
+        return self.folder / "data.zarr"
+
+    def manifest(self) -> dict[str, Any]:
+        """What `manifest.json` says.
+
+        Raises:
+            InputError: It is not there, not readable, or of another version.
+        """
+        file = self.folder / "manifest.json"
+        try:
+            said = json.loads(file.read_text(encoding="utf-8"))
+        except (FileNotFoundError, NotADirectoryError):
+            raise InputError(
+                f"{self.folder}: holds no data set; allowed: a folder that otwarp vision dataset has made"
+            ) from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{file}: cannot be read ({error}); allowed: what otwarp vision dataset wrote") from None
+        if not isinstance(said, dict) or said.get("version") != VERSION:
+            version = said.get("version") if isinstance(said, dict) else None
+            raise InputError(f"{file}: version = {version!r}; allowed: {VERSION}, as this otwarp writes it")
+        return said
+
+    def checksums(self) -> dict[str, str] | None:
+        """Of all files of the zarr group, or None while it is made.
+
+        Raises:
+            InputError: They cannot be read.
+        """
+        file = self.folder / "checksums.json"
+        try:
+            return json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{file}: cannot be read ({error}); allowed: what otwarp vision dataset wrote") from None
+
+    def finished(self) -> list[int]:
+        """Poses that are whole."""
+        folder = self.folder / "done"
+        return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
+
+    def chunk_files(self, rows: slice, chunk: int) -> list[str]:
+        """Files of the chunks that hold some rows, relative to the zarr group."""
+        return [f"images/c/{n}/0/0" for n in range(rows.start // chunk, -(-rows.stop // chunk))]
+
+    def keep(self, pose: int, rows: slice, chunk: int, images: np.ndarray) -> None:
+        """Write the images of a pose, its marker last.
+
+        Raises:
+            OSError: The disk is full, or the folder has gone; it names a file.
+        """
+        import zarr
+
+        try:
+            zarr.open_array(str(self.data / "images"), mode="r+")[rows] = images
+            sums = {name: sha256(self.data / name) for name in self.chunk_files(rows, chunk)}
+            with written(self.folder / "done" / f"{pose:06d}") as part:
+                part.write_text(json.dumps(sums), encoding="utf-8")
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(error.filename or self.data)) from error
+
+    def finish(self) -> None:
+        """Write the checksums of everything, those of images as they were when they were written."""
+        sums = {}
+        for pose in self.finished():
+            sums |= json.loads((self.folder / "done" / f"{pose:06d}").read_text(encoding="utf-8"))
+        for file in sorted(p for p in self.data.rglob("*") if p.is_file()):
+            name = file.relative_to(self.data).as_posix()
+            if name not in sums:
+                sums[name] = sha256(file)
+        write_json(self.folder / "checksums.json", dict(sorted(sums.items())))
+
+
+def sha256(file: Path) -> str:
+    """Of the bytes of a file."""
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def write_json(file: Path, what: Mapping[str, Any]) -> None:
+    """Write a file that appears whole."""
+    with written(file) as part:
+        part.write_text(json.dumps(what, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def manifest_of(labels: Labels, versions: Mapping[str, str]) -> dict[str, Any]:
+    """What a manifest says of a data set."""
+    spec = labels.spec
+    names = [name for name in labels.arrays if name.startswith("split_")]
+    return {
+        "version": VERSION,
+        "format": "otwarp vision dataset",
+        "versions": dict(versions),
+        "count": labels.count,
+        "poses": labels.poses,
+        "shape": [spec.height, spec.width],
+        "chunk": labels.chunk,
+        "labels": sorted(labels.arrays),
+        "splits_made": [name.removeprefix("split_") for name in names],
+        **spec.described(),
+        "file": spec.text,
+    }
+
+
+def create_arrays(place: Path, labels: Labels) -> None:
+    """The zarr group: labels with their values, and images that are not there yet."""
+    import zarr
+
+    spec, n = labels.spec, labels.count
+    group = zarr.open_group(str(place), mode="w", zarr_format=3)
+    group.create_array(
+        "images",
+        shape=(n, spec.height, spec.width),
+        chunks=(labels.chunk, spec.height, spec.width),
+        dtype="uint8",
+        fill_value=0,
+        dimension_names=("image", "y", "x"),
+        attributes={"units": "grey level", "long_name": "image; row 0 is the lowest"},
+        config={"write_empty_chunks": True},
+    )
+    for name, values in labels.arrays.items():
+        units, about = label_attributes(name)
+        array = group.create_array(
+            name, shape=(n,), chunks=(n,), dtype=values.dtype, fill_value=0, dimension_names=("image",),
+            attributes={"units": units, "long_name": about}, config={"write_empty_chunks": True},
+        )  # fmt: skip
+        array[...] = values
+
+
+def label_attributes(name: str) -> tuple[str, str]:
+    """Units and meaning of a label."""
+    if name in PARAMETERS:
+        return PARAMETERS[name].units, PARAMETERS[name].about
+    return ATTRIBUTES.get(name, ("1", "0 train, 1 validation, 2 test, -1 unused"))

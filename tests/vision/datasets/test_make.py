@@ -1,0 +1,163 @@
+"""Data sets on disk: labels, checksums, the same bits however they were made, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from otwarp.cli.main import main
+from otwarp.errors import InputError
+from otwarp.vision.datasets import load_spec, make_dataset, open_dataset
+from otwarp.vision.datasets.labels import labels_of
+from otwarp.vision.datasets.shots import pose_intensities
+from otwarp.vision.datasets.store import Store
+from otwarp.vision.fourier import Fourier
+from otwarp.vision.render import render
+from tests.vision.datasets.small import TEXT, written
+
+pytest.importorskip("zarr")
+SHIPPED = Path(__file__).parents[3] / "vision"
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    return make_dataset(written(folder), folder / "out", device="cpu")
+
+
+@pytest.mark.quick
+def test_a_data_set_is_made_by_the_command_and_read(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["vision", "dataset", str(written(tmp_path)), "--out", str(out), "--processes", "1"]) == 0
+    said, errors = capfd.readouterr()
+    assert "5 poses, 48 images of 32 × 32 pixels" in said and "pose 5 of 5" in errors
+    found = open_dataset(out)
+    found.verify()
+    assert (found.count, found.shape) == (48, (32, 32)) and found.classes.tolist() == [0, 40, 90]
+    assert found.images(slice(0, 2)).shape == (2, 32, 32) and found.images([47, 3]).dtype == np.uint8
+    assert {n: len(r) for n, r in found.split("random").items()} == {"train": 18, "validation": 9, "test": 9}
+    assert (out / "samples.png").stat().st_size > 5000 and "| random | 18 | 9 | 9 |" in (out / "README.md").read_text()
+    assert not (out / "done").exists() and not (out / "driver.lock").exists()
+    assert main(["vision", "dataset", str(tmp_path / "small.toml"), "--out", str(out), "--processes", "1"]) == 0
+
+
+def test_labels_are_what_was_rendered(small: Path) -> None:
+    found = open_dataset(small)
+    row = 30
+    label = {name: values[row] for name, values in found.labels.items()}
+    spec = load_spec(small.parent / "small.toml")
+    turned = spec.robot.at(label["tilt"], label["yaw"])
+    there = turned.moved([label["x"], label["y"], label["depth"]])  # above a focal plane at height 0
+    alone = render(there, spec.microscope, 32, rendering=spec.rendering, fourier=Fourier("cpu"))[0]
+    light = pose_intensities(labels_of(spec), int(label["pose"]), Fourier("cpu"), np.array([row]))[0]
+    # slices lie elsewhere; light that leaves the small square comes in again elsewhere
+    assert np.sqrt(np.mean((alone - light) ** 2) / np.mean((alone - 1) ** 2)) < 0.12
+    levels = found.images(row)[0] / 255 / label["brightness"]
+    assert np.corrcoef(levels.ravel(), light.ravel())[0, 1] > 0.97
+
+
+def test_several_processes_and_interruptions_change_no_bit(small: Path, tmp_path: Path) -> None:
+    file = small.parent / "small.toml"
+    labels = labels_of(load_spec(file))
+    whole = open_dataset(small).images(slice(None))
+
+    class Interrupted(Exception):
+        pass
+
+    def stop(done: int, poses: int) -> None:
+        if done == 2:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        make_dataset(labels, tmp_path / "again", device="cpu", progress=stop)
+    with pytest.raises(InputError, match="is not finished, 2 of 5 poses"):
+        open_dataset(tmp_path / "again")
+    make_dataset(labels, tmp_path / "again", device="cpu", processes=2)
+    again = open_dataset(tmp_path / "again")
+    assert np.array_equal(again.images(slice(None)), whole)
+    sums = [json.loads((folder / "checksums.json").read_text()) for folder in (small, tmp_path / "again")]
+    assert sums[0] == sums[1]
+
+
+def test_a_killed_command_goes_on(small: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    line = [sys.executable, "-m", "otwarp", "vision", "dataset", str(small.parent / "small.toml"), "-o", str(out),
+            "--processes", "2", "--device", "cpu"]  # fmt: skip
+    begun = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        while begun.poll() is None and not Store(out).finished():
+            time.sleep(0.02)
+    finally:
+        begun.send_signal(signal.SIGKILL)
+        begun.wait()
+    done = subprocess.run(line, capture_output=True, text=True, env=dict(os.environ))
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(open_dataset(out).images(slice(None)), open_dataset(small).images(slice(None)))
+
+
+def test_a_corrupt_or_lost_chunk_is_named(small: Path, tmp_path: Path) -> None:
+    import shutil
+
+    copy = tmp_path / "copy"
+    shutil.copytree(small, copy)
+    chunk = copy / "data.zarr" / "images" / "c" / "3" / "0" / "0"
+    bytes_ = bytearray(chunk.read_bytes())
+    bytes_[len(bytes_) // 2] ^= 1
+    chunk.write_bytes(bytes_)
+    found = open_dataset(copy)
+    assert len(found.images(slice(0, 18))) == 18
+    for read in (lambda: found.images([20]), found.verify):
+        with pytest.raises(InputError, match=r"images/c/3/0/0: is corrupt, its SHA-256 is .*allowed: "):
+            read()
+    chunk.unlink()
+    with pytest.raises(InputError, match=r"images/c/3/0/0: cannot be read"):
+        found.images([20])
+    label = copy / "data.zarr" / "depth" / "c" / "0"
+    label.write_bytes(label.read_bytes()[:-1])
+    with pytest.raises(InputError, match="depth/c/0: is corrupt"):
+        open_dataset(copy)
+
+
+def test_folders_that_hold_something_else_are_refused(small: Path, tmp_path: Path) -> None:
+    other = written(tmp_path, TEXT.replace("seed = 3", "seed = 4"))
+    with pytest.raises(InputError, match="holds a data set with another seed: 3 there, 4 now"):
+        make_dataset(other, small, device="cpu")
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InputError, match="which holds other files"):
+        make_dataset(other, tmp_path, device="cpu")
+    with pytest.raises(InputError, match="holds no data set"):
+        open_dataset(tmp_path)
+    (tmp_path / "manifest.json").write_text('{"version": 0}')
+    with pytest.raises(InputError, match="version = 0; allowed: 1"):
+        open_dataset(tmp_path)
+
+
+def test_rows_that_are_not_there_are_refused(small: Path) -> None:
+    found = open_dataset(small)
+    for rows, what in (([48], "image is 48"), ([-49], "image is -49"), ([0.5], "float64")):
+        with pytest.raises(InputError, match=what):
+            found.images(np.array(rows))
+    assert found.images([]).shape == (0, 32, 32)
+    assert np.array_equal(found.images(found.labels["pose"] == 2), found.images(slice(18, 30)))
+    with pytest.raises(InputError, match=r"split is 'other'; allowed in .*: random, focus_blocks, unseen_tilts"):
+        found.split("other")
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("name", ["smoke", "paper", "shifted"])
+def test_shipped_files_can_be_rendered(name: str) -> None:
+    labels = labels_of(load_spec(SHIPPED / f"{name}.toml"))
+    counts = {"smoke": 200, "paper": 19 * 300 + 18 * 50, "shifted": 3 * 19 * 10}
+    assert labels.count == counts[name]
+    if name == "paper":
+        part, kind = labels.arrays["split_random"], labels.arrays["tilt_class"]
+        assert [np.bincount(part[kind == c] + 1, minlength=4).tolist() for c in range(19)] == 19 * [[0, 200, 50, 50]]
+        assert np.bincount(kind[kind >= 0]).tolist() == 19 * [300]
