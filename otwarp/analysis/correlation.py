@@ -149,6 +149,7 @@ def _least_squares(x: np.ndarray, process: Process, kind: Kind) -> tuple[np.ndar
     theta, h = np.log([process.diffusion, process.rate]), 1e-4
 
     def expected(at: np.ndarray) -> np.ndarray:
+        """What is measured at the lags [µm²], by logarithms of D and κ."""
         p = Process(
             diffusion=math.exp(at[0]), rate=math.exp(at[1]), interval=process.interval, detector=process.detector
         )

@@ -67,13 +67,31 @@ def calibrate(
     x = trajectory["displacement"]
     seen = x if detector is None else detector.see(x, seed=seed)
     fitted = detector or Detector()
+    tables, notes = _side_by_side(seen, methods, fitted, drag, {"temperature": kelvin, "level": level})
+    xr = xarray()
+    out = xr.concat([t.reset_coords(drop=True) for t in tables], "estimator", data_vars="all", join="outer")
+    out.attrs = {"level": level, "temperature": kelvin, "notes": "; ".join(notes)}
+    out.attrs |= {"known_drag": float(trajectory.attrs.get("drag", math.nan))}
+    slope = force_slope(trajectory)
+    if slope is not None and x.attrs.get("units") != "rad":
+        out["known_stiffness"] = ("axis", slope, {"units": "pN/um", "long_name": "slope of the recorded trap force"})
+    return out
+
+
+def _side_by_side(
+    seen: Any, methods: Sequence[str], detector: Detector, drag: float | None, common: dict[str, Any]
+) -> tuple[list[Any], list[str]]:
+    """What each method gives, and why some give nothing.
+
+    Raises:
+        InputError: No method is left, or what a method refuses.
+    """
     tables, notes = [], []
     for name in methods:
-        options: dict[str, Any] = {"temperature": kelvin, "level": level}
-        if name == "FORMA" and not _perfect(fitted):
+        if name == "FORMA" and not _perfect(detector):
             notes.append("FORMA left out: it knows no detector")
             continue
-        options |= {} if name == "FORMA" else {"detector": fitted}
+        options = common | ({} if name == "FORMA" else {"detector": detector})
         options |= {} if name == "equipartition" else {"drag": drag}
         try:
             one = METHODS[name](seen, **options)
@@ -85,14 +103,7 @@ def calibrate(
             notes.append(f"FORMA left out: {error}")
     if not tables:
         raise InputError(f"methods are {', '.join(methods)}; allowed: one that knows a detector")
-    xr = xarray()
-    out = xr.concat([t.reset_coords(drop=True) for t in tables], "estimator", data_vars="all", join="outer")
-    out.attrs = {"level": level, "temperature": kelvin, "notes": "; ".join(notes)}
-    out.attrs |= {"known_drag": float(trajectory.attrs.get("drag", math.nan))}
-    slope = force_slope(trajectory)
-    if slope is not None and x.attrs.get("units") != "rad":
-        out["known_stiffness"] = ("axis", slope, {"units": "pN/um", "long_name": "slope of the recorded trap force"})
-    return out
+    return tables, notes
 
 
 def _perfect(detector: Detector) -> bool:

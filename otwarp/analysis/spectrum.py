@@ -201,6 +201,7 @@ def _fit(
     p = power[0][use]
 
     def expected(theta: np.ndarray) -> np.ndarray:
+        """Periodogram [µm²/Hz] at the frequencies in use, by logarithms of D, κ and the variance of noise."""
         seen = replace(detector, noise=math.exp(0.5 * theta[2])) if fit_noise else detector
         process = Process(
             diffusion=math.exp(theta[0]), rate=math.exp(theta[1]), interval=tracks.interval, detector=seen

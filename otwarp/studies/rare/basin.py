@@ -79,7 +79,7 @@ def flux(
     which: list[np.ndarray] = []
     kept: list[States] = []
     ensemble.start(everyone, number_of(everyone, life))
-    ensemble.between(everyone, -np.inf, first)
+    _aim(ensemble, everyone, inside, basin, first)
     running = counted < looks
     ensemble.rest(np.flatnonzero(~running))
     while np.any(running):
@@ -98,25 +98,34 @@ def flux(
             anew |= running & (age >= window)
             age[anew] = 0
         if np.any(anew):
-            life += anew
-            again = np.flatnonzero(anew)
-            clock = None if window is not None else ensemble.clock(again)
+            _start_again(ensemble, np.flatnonzero(anew), life, number_of, window)
             if window is not None and life.max() >= LIVES:
                 raise InputError(f"a world escapes {LIVES} times while the flux is counted; allowed: a deeper trap, "
                                  "or a study of first passages")  # fmt: skip
-            ensemble.start(again, number_of(again, life[again] % LIVES), clock)
             inside[anew] = True
         over = running & (counted >= looks)
         running &= ~over
         turned = np.flatnonzero(running & (up | back | anew))
         if len(turned):
-            at_home = inside[turned]
-            ensemble.between(
-                turned, np.where(at_home, -np.inf, basin[turned]), np.where(at_home, first[turned], np.inf)
-            )
+            _aim(ensemble, turned, inside, basin, first)
         ensemble.rest(np.flatnonzero(over))
     states = States.joined(kept) if kept else ensemble.states(everyone[:0])
     return Crossings(worlds=np.concatenate([everyone[:0], *which]), states=states, looks=counted)
+
+
+def _aim(ensemble: Ensemble, worlds: np.ndarray, inside: np.ndarray, basin: np.ndarray, first: np.ndarray) -> None:
+    """Give worlds an interface: the first one to those in their basin, the end of the basin to the others."""
+    home = inside[worlds]
+    ensemble.between(worlds, np.where(home, -np.inf, basin[worlds]), np.where(home, first[worlds], np.inf))
+
+
+def _start_again(
+    ensemble: Ensemble, worlds: np.ndarray, life: np.ndarray, number_of: Numbers, window: int | None
+) -> None:
+    """Start worlds in their next lives; their clocks go on where they do not matter."""
+    life[worlds] += 1
+    clock = None if window is not None else ensemble.clock(worlds)
+    ensemble.start(worlds, number_of(worlds, life[worlds] % LIVES), clock)
 
 
 def settled(
@@ -159,9 +168,7 @@ def settled(
                 begun = np.nanmedian(ensemble.orders(everyone).reshape(groups, per), axis=-1)
             again = np.flatnonzero((done == LOST) | (done == FAULT))
             if len(again):
-                life[again] += 1
-                clock = None if window is not None else ensemble.clock(again)
-                ensemble.start(again, number_of(again, life[again] % LIVES), clock)
+                _start_again(ensemble, again, life, number_of, window)
                 ensemble.between(again, -np.inf, np.inf)
             t += 1
         # who was lost before he was looked at counts as far away
