@@ -6,14 +6,13 @@
 | `axes`, `quantity` | values along the dimensions of a study, their units |
 | `targets`, `design` | what a name turns in a scene; the points, and the groups of them that share a model |
 | `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |
-| `named` | observables as files name them; those of a user's own file |
+| `named`, `functions` | observables as files name them, those of a user's own file; functions of users |
 | `runner` | trials on a device, a world each |
 | `stopping`, `search` | how many trials a point gets; the largest value along an axis that still does |
 | `intervals` | intervals of rates, survival |
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
 | `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |
-| `run`, `engines` | who computes what is missing, and where |
-| `on_ray`, `sent` | the same by Ray; a study as bytes for its workers |
+| `engines` | who computes what is missing, and where: this process, shards, Ray |
 | `file`, `figure`, `contours` | studies in TOML; pictures; lines of a map where a probability has a level |
 | `rare` | rates of escapes that are too rare to be waited for: `EscapeStudy` |
 
@@ -30,6 +29,7 @@ from otwarp.lazy import lazy_names
 if TYPE_CHECKING:
     from otwarp.studies.axes import Axis, Scatter, grid, normal, random, sobol, values
     from otwarp.studies.contours import contour_lines
+    from otwarp.studies.engines.run import run_study
     from otwarp.studies.file import load_study
     from otwarp.studies.intervals import interval, survival
     from otwarp.studies.observables import (
@@ -45,12 +45,11 @@ if TYPE_CHECKING:
     )
     from otwarp.studies.outcomes import first_lost, left_behind, outcome, place
     from otwarp.studies.plan import Plan
-    from otwarp.studies.rare.orders import Order, distance, order
+    from otwarp.studies.rare.orders import Order, distance, energy, order
     from otwarp.studies.rare.study import EscapePlan, EscapeStudy
     from otwarp.studies.results import table
-    from otwarp.studies.run import run_study
     from otwarp.studies.search import largest, largest_in
-    from otwarp.studies.stopping import Stop, contour, half_width, trials
+    from otwarp.studies.stopping import Stop, budget, contour, half_width, trials
     from otwarp.studies.store import Store, open_store
     from otwarp.studies.study import Study
 
@@ -70,14 +69,14 @@ _NAMES = {
         "orientation_error",
         "trapped",
     ),
-    "run": ("run_study",),
+    "engines.run": ("run_study",),
     "outcomes": ("first_lost", "left_behind", "outcome", "place"),
     "plan": ("Plan",),
     "search": ("largest", "largest_in"),
-    "stopping": ("Stop", "contour", "half_width", "trials"),
+    "stopping": ("Stop", "budget", "contour", "half_width", "trials"),
     "store": ("Store", "open_store"),
     "study": ("Study",),
-    "rare.orders": ("Order", "distance", "order"),
+    "rare.orders": ("Order", "distance", "energy", "order"),
     "rare.study": ("EscapePlan", "EscapeStudy"),
     "results": ("table",),
 }
@@ -93,12 +92,14 @@ __all__ = [
     "Stop",
     "Store",
     "Study",
+    "budget",
     "contact_dose",
     "contact_force",
     "contour",
     "contour_lines",
     "delivered",
     "distance",
+    "energy",
     "first_lost",
     "first_passage",
     "grid",

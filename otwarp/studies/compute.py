@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from otwarp.simulation.ends import End
+from otwarp.studies.engines.memory import worlds_at_once
 from otwarp.studies.observables import Observable, same_end
 from otwarp.studies.runner import Outcomes
 
@@ -19,42 +21,70 @@ BESIDE = 4_096
 
 
 def compute_blocks(
-    study: Study, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int
+    study: Study, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
 ) -> list[dict[str, np.ndarray]]:
     """Of each block its arrays by the names of the store; see `Study.compute`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
     own = [all_points[where] for where in (study.blocks()[n] for n in numbers)]
     points = np.concatenate([p.ravel() for p in own])
-    row = study.design.shape[-1] if study.design.shape else 1
-    most, runner = study.stop.at_most, study.runner
-    done = np.zeros(len(points), dtype=np.int64)
-    code = np.full((len(points), most), -128, dtype=np.int8)
-    time = np.full((len(points), most), np.nan, dtype=np.float32)
-    kept = np.full((len(points), most, len(runner.numbers)), np.nan, dtype=np.float32)
-    while True:
-        wanted = study.stop.wanted(successes(study, code, time, done), done, row)
-        if np.all(wanted <= done):
-            break
-        more = wanted - done
-        which = np.repeat(np.arange(len(points)), more)
-        nth = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + done[which]
-        for start in range(0, len(which), worlds):
-            part = slice(start, start + worlds)
-            out = _run(study, points[which[part]], nth[part], device, threads)
-            at = which[part], nth[part]
-            code[at], time[at], kept[at] = out.code, out.time, out.numbers
-        done = wanted
-    found = {"trials": done.astype(np.int32), "end": code, "end_time": time}
-    found |= {f"{o.name}_of_trial": kept[..., n] for n, o in enumerate(runner.numbers)}
+    trials = _Trials(study, points, _Place(device, threads, worlds or worlds_at_once(study, device)))
+    if study.round is not None:
+        before, after = (part[points] for part in study.round)
+        trials.take(before, after)
+    else:
+        row = study.design.shape[-1] if study.design.shape else 1
+        while True:
+            wanted = study.stop.wanted(successes(study, trials.code, trials.time, trials.done), trials.done, row)
+            if np.all(wanted <= trials.done):
+                break
+            trials.take(trials.done, wanted)
     cuts = np.cumsum([p.size for p in own])[:-1]
-    parts = {name: np.split(values, cuts) for name, values in found.items()}
+    parts = {name: np.split(values, cuts) for name, values in trials.arrays().items()}
     return [
         {name: part[n].reshape((*p.shape, *part[n].shape[1:])) for name, part in parts.items()}
         for n, p in enumerate(own)
     ]
 
 
-def _run(study: Study, points: np.ndarray, nth: np.ndarray, device: str, threads: int | None) -> Outcomes:
+@dataclass(frozen=True)
+class _Place:
+    """Where trials run: a device, its threads on a CPU, and how many at once."""
+
+    device: str
+    threads: int | None
+    worlds: int
+
+
+class _Trials:
+    """Trials of some points, as far as they were taken."""
+
+    def __init__(self, study: Study, points: np.ndarray, place: _Place):
+        most = study.stop.at_most if study.round is None else int(study.round[1][points].max(initial=1))
+        self.study, self.points, self.place = study, points, place
+        self.done = np.zeros(len(points), dtype=np.int64)
+        self.code = np.full((len(points), most), -128, dtype=np.int8)
+        self.time = np.full((len(points), most), np.nan, dtype=np.float32)
+        self.kept = np.full((len(points), most, len(study.runner.numbers)), np.nan, dtype=np.float32)
+
+    def take(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Run the trials of each point from `before` up to but not including `after`."""
+        more = np.maximum(after - before, 0)
+        which = np.repeat(np.arange(len(self.points)), more)
+        nth = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + before[which]
+        for start in range(0, len(which), self.place.worlds):
+            part = slice(start, start + self.place.worlds)
+            out = _run(self.study, self.points[which[part]], nth[part], self.place)
+            at = which[part], nth[part]
+            self.code[at], self.time[at], self.kept[at] = out.code, out.time, out.numbers
+        self.done = np.maximum(before, after)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """By the names of the store."""
+        found = {"trials": self.done.astype(np.int32), "end": self.code, "end_time": self.time}
+        return found | {f"{o.name}_of_trial": self.kept[..., n] for n, o in enumerate(self.study.runner.numbers)}
+
+
+def _run(study: Study, points: np.ndarray, nth: np.ndarray, place: _Place) -> Outcomes:
     """Trials of points, group by group, and in a group step by step."""
     order = np.arange(len(points))
     code, time = np.empty(len(points), np.int8), np.empty(len(points))
@@ -68,7 +98,7 @@ def _run(study: Study, points: np.ndarray, nth: np.ndarray, device: str, threads
             trial = study.stop.streams(points[mine], study.design.shape) * study.stop.at_most + nth[mine]
             runner = study.runner.in_steps(int(steps))
             beside = {t: v for t, v in study.design.at(_spread(study, int(own[0]))).items() if not t.grouped}
-            out = runner.run(scene, at, trial, beside=beside, device=device, threads=threads)
+            out = runner.run(scene, at, trial, beside=beside, device=place.device, threads=place.threads)
             code[mine], time[mine], numbers[mine] = out.code, out.time, out.numbers
     return Outcomes(code=code, time=time, numbers=numbers)
 

@@ -7,7 +7,6 @@ happened; all else is looked at every `every` seconds of the study.
 from __future__ import annotations
 
 import dataclasses
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -15,13 +14,12 @@ from typing import Any, Literal
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import arguments_of
-from otwarp.kernels.core.types import WorldNow
 from otwarp.kernels.drivers import numbers
 from otwarp.kernels.drivers.episodes import WorldFunction
 from otwarp.kernels.drivers.observations import REDUCTIONS
 from otwarp.scene import Scene
-from otwarp.simulation.ends import KINDS, End, escaped, reached
+from otwarp.simulation.ends import End, escaped, reached
+from otwarp.studies.functions import world_function
 from otwarp.studies.quantity import quantity
 
 Kind = Literal["probability", "time", "number", "choice"]
@@ -134,28 +132,12 @@ def observable(keep: str = "last", *, unit: str = "", measured: bool = False) ->
 
     def made(function: Callable[..., Any]) -> Callable[..., Observable]:
         """What makes observables of the function, for the values of its parameters."""
-        rest, _ = arguments_of("observable", function, WorldNow)
-        for p in rest:
-            if p.annotation not in KINDS:
-                raise InputError(f"observable {function.__name__}: argument {p.name} is annotated as {p.annotation!r}; "
-                                 "allowed: float, int, wp.vec3")  # fmt: skip
-        read = WorldFunction(function, tuple(p.annotation for p in rest))
-        defaults = {p.name: p.default for p in rest}
+        read, row = world_function("observable", function)
 
         def given(**values: Any) -> Observable:
             """The observable with these values; replaced by the function's own text."""
-            for name in values:
-                if name not in defaults:
-                    raise InputError(f"observable {function.__name__} has no parameter {name}; "
-                                     f"allowed: {', '.join(defaults) or 'none'}")  # fmt: skip
-            row: list[float] = []
-            for name, value in (defaults | values).items():
-                if value is inspect.Parameter.empty:
-                    raise InputError(f"observable {function.__name__}: parameter {name} has no value; "
-                                     f"allowed: {function.__name__}({name}=…)")  # fmt: skip
-                row += [float(v) for v in (value if hasattr(value, "__len__") else [value])]
             return Observable(
-                function.__name__, "number", function=read, keep=keep, values=tuple(row), unit=unit, measured=measured
+                function.__name__, "number", function=read, keep=keep, values=row(values), unit=unit, measured=measured
             )
 
         given.__name__, given.__doc__ = function.__name__, function.__doc__

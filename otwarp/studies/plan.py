@@ -38,8 +38,9 @@ class Plan:
         time_step: The smallest of any point [s].
         longest_step: The largest of any point [s]; the same but where each has its own.
         steps: World-steps, at most.
-        bytes: Of the results, uncompressed.
+        bytes: Of the results, uncompressed, where every trial is computed.
         horizon: How long a trial goes on at most [s].
+        budget: Trials of all points together; None: each has its own.
     """
 
     points: int
@@ -51,6 +52,7 @@ class Plan:
     steps: int
     bytes: int
     horizon: float
+    budget: int | None = None
 
 
 def plan_of(study: Study) -> Plan:
@@ -68,7 +70,8 @@ def plan_of(study: Study) -> Plan:
         longest_step=study.horizon / int(counts.min()),
         horizon=study.horizon,
         steps=round(most * share * runner.steps),
-        bytes=design.points * (4 + study.stop.at_most * per_trial),
+        bytes=design.points * 4 + (study.stop.budget or design.points * study.stop.at_most) * per_trial,
+        budget=study.stop.budget,
     )
 
 

@@ -18,6 +18,7 @@ _SYMBOL: dict[str, tuple[float, tuple[int, int, int, int]]] = {
     "rad": (1.0, (0, 0, 0, 0)),
     "deg": (math.pi / 180.0, (0, 0, 0, 0)),
     "°": (math.pi / 180.0, (0, 0, 0, 0)),
+    "k_BT": (1.0, (0, 0, 0, 0)),
     "m": (1.0, (1, 0, 0, 0)),
     "g": (1e-3, (0, 1, 0, 0)),
     "s": (1.0, (0, 0, 1, 0)),
@@ -32,7 +33,7 @@ _SYMBOL: dict[str, tuple[float, tuple[int, int, int, int]]] = {
 }
 """Symbol → factor to SI base units, and powers of metre, kilogram, second and kelvin."""
 
-_UNPREFIXED = {"1", "%", "rad", "deg", "°", "min", "h"}
+_UNPREFIXED = {"1", "%", "rad", "deg", "°", "k_BT", "min", "h"}
 _EXPONENT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _POWER = re.compile(r"^(?P<symbol>[^\d^⁰¹²³⁴⁵⁶⁷⁸⁹⁻-]+|1)(?:\^?(?P<power>-?\d+))?$")
 _NUMBER = re.compile(r"^\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>\S.*)?$")
@@ -78,8 +79,8 @@ def _power_of(part: str, text: str) -> tuple[float, tuple[int, int, int, int], i
         factor, powers = _SYMBOL[base]
         return factor * 10.0 ** _PREFIX[prefix], powers, power
     raise InputError(
-        f"unit {text!r} has the symbol {part!r}; allowed: m, g, s, min, h, K, Hz, N, J, W, Pa, rad, deg and %, with a "
-        "prefix such as m, µ or n, an exponent, and · or /"
+        f"unit {text!r} has the symbol {part!r}; allowed: m, g, s, min, h, K, Hz, N, J, W, Pa, rad, deg, k_BT and %, "
+        "with a prefix such as m, µ or n, an exponent, and · or /"
     )
 
 

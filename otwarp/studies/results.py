@@ -169,7 +169,8 @@ def progress(store: Store) -> dict[str, int]:
     asked = store.asked()
     with store.read() as raw:
         trials, end = raw["trials"].values, raw["end"].values
-    return {
+    shared = asked["stop"].get("budget")
+    return ({} if shared is None else {"budget": shared}) | {
         "blocks": asked["blocks"],
         "blocks_done": len(store.finished()),
         "points": int(trials.size),

@@ -108,6 +108,28 @@ class Runner:
             device: Where.
             threads: On a CPU; None for as many as there are cores.
         """
+        sim = self.simulation(scene, values, trials, beside=beside, device=device, threads=threads)
+        observer = _Observer(sim, self.numbers) if self.numbers else None
+        done = 0
+        while done < self.steps and (done == 0 or sim.episodes.running):
+            count = min(self.every, self.steps - done)
+            sim.step(count)
+            done += count
+            if observer is not None:
+                observer.look(count)
+        return self._outcomes(sim, observer)
+
+    def simulation(
+        self,
+        scene: Scene,
+        values: dict[Target, np.ndarray],
+        trials: np.ndarray,
+        *,
+        beside: dict[Target, np.ndarray] | None = None,
+        device: str,
+        threads: int | None = None,
+    ) -> Simulation:
+        """The worlds of trials at their start; arguments as of `run`."""
         n = len(trials)
         origin = origin_of(scene, self.options)
         rows = parameter_rows(origin, values | self._scattered(origin, values, trials), n)
@@ -138,15 +160,7 @@ class Runner:
             allow_large_step=True,  # judged when the study was planned
         )
         sim.reset(**start_rows(origin, values, n), number=trials.astype(np.uint32))
-        observer = _Observer(sim, self.numbers) if self.numbers else None
-        done = 0
-        while done < self.steps and (done == 0 or sim.episodes.running):
-            count = min(self.every, self.steps - done)
-            sim.step(count)
-            done += count
-            if observer is not None:
-                observer.look(count)
-        return self._outcomes(sim, observer)
+        return sim
 
     def _outcomes(self, sim: Simulation, observer: _Observer | None) -> Outcomes:
         code = sim.episodes.done.numpy().astype(np.int8)

@@ -20,7 +20,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.studies.axes import Dimension
 from otwarp.studies.intervals import interval
-from otwarp.studies.stopping import Stop, contour, half_width, trials
+from otwarp.studies.stopping import Stop, budget, contour, half_width, trials
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +40,13 @@ class Largest(Stop):
         if not isinstance(self.probability, int | float) or not 0.0 < self.probability < 1.0:
             raise InputError(f"largest is {self.probability!r}; allowed: a probability above 0 and below 1")
 
-    def check(self, probabilities: Sequence[str]) -> None:
+    def check(self, probabilities: Sequence[str], points: int) -> None:
         """As any rule; one probability decides.
 
         Raises:
             InputError: There is none, or it is not said which.
         """
-        super().check(probabilities)
+        super().check(probabilities, points)
         if len(probabilities) != 1 and not self.of:
             raise InputError(
                 f"largest needs one probability, not {', '.join(probabilities) or 'none'}; allowed: of = one of them"
@@ -174,25 +174,28 @@ SAID = {
     "half_width": half_width,
     "contour": lambda levels, **how: contour(*(levels if isinstance(levels, list) else [levels]), **how),
     "largest": largest,
+    "budget": budget,
 }
 """Rules that a study file names, and what makes them."""
 
 
 def stop_of(given: Mapping[str, Any]) -> Stop:
-    """A rule as a study file writes it: `trials`, `half_width`, `contour` or `largest`, and what goes with it.
+    """A rule as a study file writes it: one of `SAID`, and what goes with it.
 
     Raises:
         InputError: Anything else.
     """
-    named = next((kind for kind in ("largest", "contour", "half_width", "trials") if kind in given), None)
+    named = next((kind for kind in ("largest", "contour", "half_width", "trials", "budget") if kind in given), None)
     if named is None:
         raise InputError(f"stop has {', '.join(sorted(given)) or 'nothing'}; allowed: one of {', '.join(SAID)}")
     rest = {key: value for key, value in given.items() if key != named}
+    how = ("level", "method", "at_least", "at_most", "of")
     allowed = {
         "trials": ("level",),
-        "half_width": ("level", "method", "at_least", "at_most", "of"),
-        "contour": ("half_width", "level", "method", "at_least", "at_most", "of"),
+        "half_width": (*how, "budget"),
+        "contour": ("half_width", *how, "budget"),
         "largest": ("along", "trials", "level", "of"),
+        "budget": how,
     }[named]
     wrong = next((key for key in rest if key not in allowed), None)
     if wrong is not None or (named == "largest" and "along" not in rest):

@@ -1,7 +1,8 @@
 """How many trials a point gets: a number, or until its interval is narrow enough, everywhere or where a contour may be.
 
-Whether a point goes on follows from its own trials alone (in `search`, from those of its row, which one task computes),
-so that results do not depend on what else is computed, where and in which order.
+Whether a point goes on follows from its own trials alone (in `search`, from those of its row, which one task computes;
+with a budget, from those of all points after each round), so that results do not depend on where and in which order
+they are computed.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class Stop:
         method: How it is computed, a name of `METHODS`.
         at_least, at_most: Trials of a point.
         of: The probability that decides; empty: each of them.
+        budget: Trials of all points together, spent where they are wanted most; None: each point has its own.
     """
 
     half_width: float | None = None
@@ -40,6 +42,7 @@ class Stop:
     at_least: int = 64
     at_most: int = 1024
     of: str = ""
+    budget: int | None = None
 
     def __post_init__(self) -> None:
         check_level(self.level)
@@ -47,7 +50,7 @@ class Stop:
             raise InputError(f"method is {self.method!r}; allowed: {', '.join(METHODS)}")
         if self.half_width is not None and not 0.0 < self.half_width < 0.5:
             raise InputError(f"half width is {self.half_width!r}; allowed: above 0 and below 0.5")
-        for name in ("at_least", "at_most"):
+        for name in ("at_least", "at_most", *(() if self.budget is None else ("budget",))):
             number = getattr(self, name)
             if not isinstance(number, int) or isinstance(number, bool) or number < 1:
                 raise InputError(
@@ -78,12 +81,56 @@ class Stop:
         first = np.minimum(np.maximum(to * on, self.at_least), self.at_most)
         return np.where(on | (trials < self.at_least), first, trials).astype(int)
 
-    def check(self, probabilities: Sequence[str]) -> None:
-        """Refuse probabilities that this rule cannot decide by.
+    def shares(self, successes: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """(n) trials that points of a study should have after another round of spending its budget.
+
+        The first round gives each point its least number. Each of the others looks for the width that all wider
+        intervals would come to if the rest of the budget were spent on them, as widths fall with the root of the
+        number; their points get what that takes, but not more than half as many again at once, for who is wide is
+        known better after every round.
+
+        Args:
+            successes: (k, n) of each probability that is looked at.
+            trials: (n) done so far, 0 or all of the last round's.
+        """
+        assert self.budget is not None
+        if not np.any(trials):
+            return np.full(len(trials), self.at_least)
+        wide = self.width(*interval(successes, trials, level=self.level, method=self.method))
+        on = np.flatnonzero((wide > (self.half_width or 0.0)) & (trials < self.at_most))
+        on = on[np.argsort(-wide[on], kind="stable")]
+        left = self.budget - int(trials.sum())
+
+        def needed(width: float) -> np.ndarray:
+            """More trials for intervals of that half-width."""
+            return np.clip(trials[on] * ((wide[on] / width) ** 2 - 1.0), 0.0, self.at_most - trials[on])
+
+        low, high = self.half_width or 1e-6, 0.5
+        for _ in range(50):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if needed(middle).sum() <= left else (middle, high)
+        more = np.minimum(np.ceil(needed(high)), np.ceil((GROWTH - 1.0) * trials[on])).astype(int)
+        if not np.any(more):  # nobody is wider by a trial
+            more = np.minimum(1, self.at_most - trials[on])
+        out = trials.copy()
+        out[on] += np.clip(left - (np.cumsum(more) - more), 0, more)
+        return out
+
+    def width(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """(n) half-widths that a budget is to make smaller, of (k, n) intervals: the widest of each point."""
+        return np.max(0.5 * (high - low), axis=0)
+
+    def check(self, probabilities: Sequence[str], points: int) -> None:
+        """Refuse probabilities that this rule cannot decide by, and a budget that does not go round.
 
         Raises:
-            InputError: `of` is none of them.
+            InputError: `of` is none of them, or the budget is too small.
         """
+        if self.budget is not None and not probabilities:
+            raise InputError("budget needs a probability; allowed: trapped, lost, delivered, … among the observables")
+        if self.budget is not None and self.budget < points * self.at_least:
+            raise InputError(f"budget is {self.budget} trials; allowed: {points * self.at_least} or more, "
+                             f"{self.at_least} (at_least) for each of {points} points")  # fmt: skip
         if self.of and self.of not in probabilities:
             known = ", ".join(probabilities) or "of which it has none"
             raise InputError(f"of is {self.of!r}; allowed: a probability of the study, {known}")
@@ -107,11 +154,13 @@ class Stop:
     def range_of(self, shape: tuple[int, ...]) -> tuple[int, int]:
         """Least and largest number of trials of a study of that shape."""
         points = int(np.prod(shape, dtype=np.int64))
-        return (self.at_most if self.half_width is None else self.at_least) * points, self.at_most * points
+        least, most = (self.at_most if self.half_width is None else self.at_least) * points, self.at_most * points
+        return (least, most) if self.budget is None else (min(least, self.budget), min(most, self.budget))
 
     def said(self) -> dict[str, Any]:
         """What the store says of it."""
-        return {"rule": type(self).__name__.lower()} | dataclasses.asdict(self)
+        said = {"rule": type(self).__name__.lower()} | dataclasses.asdict(self)
+        return said if self.budget is not None else {name: v for name, v in said.items() if name != "budget"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,22 +178,26 @@ class Contour(Stop):
         if not self.levels or not all(isinstance(p, int | float) and 0.0 < p < 1.0 for p in self.levels):
             raise InputError(f"contour is {self.levels}; allowed: one or more probabilities above 0 and below 1")
 
-    def check(self, probabilities: Sequence[str]) -> None:
+    def check(self, probabilities: Sequence[str], points: int) -> None:
         """As any rule; a contour needs a probability.
 
         Raises:
             InputError: There is none.
         """
-        super().check(probabilities)
+        super().check(probabilities, points)
         if not probabilities:
             raise InputError("contour needs a probability; allowed: trapped, lost, delivered, … among the observables")
 
     def wanted(self, successes: np.ndarray, trials: np.ndarray, row: int = 1) -> np.ndarray:
         """(n) trials that points should have; see `Stop.wanted`."""
-        low, high = interval(successes, trials, level=self.level, method=self.method)
-        holds = np.any([(low <= p) & (p <= high) for p in self.levels], axis=0)
-        on = np.any(holds & (0.5 * (high - low) > (self.half_width or 0.0)), axis=0) & (trials < self.at_most)
+        wide = self.width(*interval(successes, trials, level=self.level, method=self.method))
+        on = (wide > (self.half_width or 0.0)) & (trials < self.at_most)
         return self._more(on, np.ceil(GROWTH * trials), trials)
+
+    def width(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """(n) as of any rule; 0 for intervals that hold none of the levels."""
+        holds = np.any([(low <= p) & (p <= high) for p in self.levels], axis=0)
+        return np.max(np.where(holds, 0.5 * (high - low), 0.0), axis=0)
 
 
 def half_width(
@@ -154,9 +207,28 @@ def half_width(
     method: Method = "clopper-pearson",
     at_least: int = 64,
     at_most: int = 16_384,
+    of: str = "",
+    budget: int | None = None,
 ) -> Stop:
-    """Trials until the interval of every probability reaches `width` to either side, half its length."""
-    return Stop(half_width=width, level=level, method=method, at_least=at_least, at_most=at_most)
+    """Trials until the interval of every probability reaches `width` to either side, half its length.
+
+    With a `budget` of trials of all points together those with the widest intervals get them first.
+    """
+    how = {"level": level, "method": method, "at_least": at_least, "at_most": at_most, "of": of, "budget": budget}
+    return Stop(half_width=width, **how)  # type: ignore[arg-type]
+
+
+def budget(
+    count: int,
+    *,
+    level: float = 0.95,
+    method: Method = "clopper-pearson",
+    at_least: int = 64,
+    at_most: int = 16_384,
+    of: str = "",
+) -> Stop:
+    """So many trials of all points together, spent where intervals are widest; no point gets more than `at_most`."""
+    return Stop(level=level, method=method, at_least=at_least, at_most=at_most, of=of, budget=count)
 
 
 def trials(count: int, *, level: float = 0.95) -> Stop:
@@ -172,15 +244,16 @@ def contour(
     at_least: int = 64,
     at_most: int = 16_384,
     of: str = "",
+    budget: int | None = None,
 ) -> Contour:
     """Trials where the contours P = `levels` may be, until intervals there reach `half_width` to either side.
 
     A point that is surely above or below stops at once. It is looked at until then, so the interval is a confidence
-    sequence: those of Clopper and Pearson would miss more often than they say.
+    sequence: those of Clopper and Pearson would miss more often than they say. With a `budget` of trials of all points
+    together those of the contour with the widest intervals get them first.
     """
-    return Contour(
-        levels=levels, half_width=half_width, level=level, method=method, at_least=at_least, at_most=at_most, of=of
-    )
+    how = {"level": level, "method": method, "at_least": at_least, "at_most": at_most, "of": of, "budget": budget}
+    return Contour(levels=levels, half_width=half_width, **how)  # type: ignore[arg-type]
 
 
 def _quantile(level: float) -> float:

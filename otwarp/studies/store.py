@@ -15,8 +15,8 @@ from __future__ import annotations
 import functools
 import json
 import warnings
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -118,13 +118,57 @@ class Store:
         Raises:
             OSError: The disk is full, or the folder has gone; it names a file.
         """
-        try:
+        with self._named_errors():
             for name, values in arrays.items():
-                array = self._arrays[name]
-                rest = (slice(None),) * (array.ndim - len(where))
-                array[(*where, *rest)] = values
-            with written(self.folder / "done" / f"{block:06d}") as part:
-                part.write_text("", encoding="utf-8")
+                self._put(name, where, values)
+        self.mark(block)
+
+    def add(self, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray], before: np.ndarray) -> None:
+        """Write a block with more trials than it had, `before` (points of the block), the number of its trials last.
+
+        Args:
+            where: The block.
+            arrays: Of trials, up to the most that a point has now; those from `before` on count.
+            before: As many are there already.
+
+        Raises:
+            OSError: As `write`.
+        """
+        with self._named_errors():
+            for name, values in arrays.items():
+                if name != "trials":
+                    kept = self.block(name, where)
+                    width = values.shape[-1]
+                    new = np.arange(width) >= before[..., None]
+                    kept[..., :width] = np.where(new, values, kept[..., :width])
+                    self._put(name, where, kept)
+            self._put("trials", where, np.maximum(arrays["trials"], self.block("trials", where)))
+
+    def block(self, name: str, where: tuple[slice, ...]) -> np.ndarray:
+        """An array of a block."""
+        return np.asarray(self._arrays[name][(*where, ...)])
+
+    def trials(self) -> np.ndarray:
+        """Trials of all points so far, −1 where none is."""
+        return np.asarray(self._arrays["trials"][...])
+
+    def mark(self, block: int) -> None:
+        """Say that a block is whole.
+
+        Raises:
+            OSError: As `write`.
+        """
+        with self._named_errors(), written(self.folder / "done" / f"{block:06d}") as part:
+            part.write_text("", encoding="utf-8")
+
+    def _put(self, name: str, where: tuple[slice, ...], values: np.ndarray) -> None:
+        self._arrays[name][(*where, ...)] = values
+
+    @contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        """Errors of a disk that name a file."""
+        try:
+            yield
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(error.filename or self.results)) from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,10 @@ class Study:
         scatter: What varies from trial to trial: name of a parameter → `Scatter`.
         options: What else is chosen about the step.
 
+    Attributes:
+        round: (points) trials that each has before and after what is to be computed, in a round of spending a budget;
+            None: the rule of each point decides.
+
     Raises:
         InputError: Anything that is not allowed, in one line.
 
@@ -86,13 +91,14 @@ class Study:
                 f"the scene is not that of its file {file}; allowed beside axes of attributes or speeds: as it was read"
             )
         self.observables = check_observables(observables, loaded)
-        self.stop.check([o.name for o in self.observables if o.kind == "probability"])
+        self.stop.check([o.name for o in self.observables if o.kind == "probability"], self.design.points)
         self.options = options or StepOptions()
         self.scatter = tuple((_scattered(n, s, loaded, variations), s) for n, s in (scatter or {}).items())
         self.horizon = self._horizon(horizon)
         self._every, self._time_step = every, _step(time_step)
         self._runner: Runner | None = None
         self._step_counts: np.ndarray | None = None
+        self.round: tuple[np.ndarray, np.ndarray] | None = None
         if self.design.points * self.stop.at_most > 2**32:
             raise InputError(f"the study has up to {self.design.points * self.stop.at_most} trials; allowed: up to 2³²")
 
@@ -155,6 +161,12 @@ class Study:
         least = self.stop.decided_together(self.design.shape)
         return blocks(self.design.shape, max(least, BLOCK_TRIALS // self.stop.at_most))
 
+    def between(self, before: np.ndarray, after: np.ndarray) -> Study:
+        """This study, of which the trials of one round are to be computed: (points) before it, and after."""
+        part = copy.copy(self)
+        part.round = before, after
+        return part
+
     @property
     def points_of_a_block(self) -> int:
         """Points of the first block, which has as many as any."""
@@ -178,15 +190,17 @@ class Study:
         return found, {"trial": self.stop.at_most}
 
     def compute(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int = 2**20
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute blocks side by side: of each its arrays by the names of the store.
+
+        In a round of spending a budget only the trials of that round, up to the most that a point has then.
 
         Args:
             numbers: Of the blocks.
             device: Where.
             threads: On a CPU.
-            worlds: Trials that run at once, at most; results do not depend on it.
+            worlds: Trials that run at once, at most; None: as many as there is memory for. Results do not depend on it.
         """
         return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
 
@@ -201,8 +215,8 @@ class Study:
             InputError: Another study is in the folder, another process runs it, or xarray or zarr is not installed.
             OSError: The disk is full; what was finished is kept.
         """
+        from otwarp.studies.engines.run import run_study
         from otwarp.studies.results import table
-        from otwarp.studies.run import run_study
 
         return table(run_study(self, folder, **how))
 

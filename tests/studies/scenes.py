@@ -20,9 +20,18 @@ def energy(now: ot.WorldNow, stiffness: float = 0.5) -> float:  # type: ignore[v
 
 
 def bead_in_a_well(
-    folder: Path, *, stiffness: float = 0.5, cutoff: float = 0.4, accuracy: float = 0.05, speed: float = 0.0
+    folder: Path,
+    *,
+    stiffness: float = 0.5,
+    cutoff: float = 0.4,
+    accuracy: float = 0.05,
+    speed: float = 0.0,
+    axial: float | None = None,
 ) -> Path:
-    """A bead of radius 0.5 µm in a harmonic trap that ends at `cutoff` [µm] and moves at `speed` [µm/s]; the file."""
+    """A bead of radius 0.5 µm in a harmonic trap that ends at `cutoff` [µm] and moves at `speed` [µm/s]; the file.
+
+    Along the beam, which is z, it may have another stiffness, `axial` [pN/µm per mW].
+    """
     duration = 2.0 if speed else 0.5
     path = [(0.0, 0.0, 10.0), (0.0, 0.0, 10.0 + speed * duration)]
     track = Track(times=np.array([0.0, duration]), values=np.array(path)) if speed else Track.constant(path[0])
@@ -40,6 +49,7 @@ def bead_in_a_well(
             position=track,
             power=Track.constant(1.0),
             radial=TrapLaw(stiffness=stiffness, threshold=cutoff, cutoff=cutoff, power=1.0),
+            axial=None if axial is None else TrapLaw(stiffness=axial, threshold=cutoff, cutoff=cutoff, power=1.0),
             holds="/World/bead/sphere",
         )
     )

@@ -19,10 +19,10 @@ import pytest
 import otwarp as ot
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.studies.engines import tasks
-from otwarp.studies.on_ray import ray_engine
-from otwarp.studies.run import run_study
-from otwarp.studies.sent import packed, unpacked
+from otwarp.studies.engines.local import tasks
+from otwarp.studies.engines.on_ray import ray_engine
+from otwarp.studies.engines.run import run_study
+from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import open_store
 from tests.studies.scenes import bead_in_a_well
 
@@ -52,7 +52,7 @@ trials = 2048
 
 
 @ot.observable(keep="largest", unit="µm")
-def height(now: ot.WorldNow, body: int = 0) -> float:
+def height(now: ot.WorldNow, body: int = 0) -> float:  # type: ignore[valid-type]
     """Of this file, which workers may not be able to import."""
     return now.state.position[now.world, body][2]
 
@@ -253,6 +253,41 @@ def test_kills_at_any_moment(folder, whole, tmp_path):
     assert main(command(folder, out)[3:]) == 0
     assert open_store(out).read().load().identical(whole)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["killed"]
+
+
+ESCAPES = """
+scene = "well.usda"
+seed = 3
+[[axis]]
+name = "trap_power"
+values = [0.3, 0.35, 0.4, 0.5]
+unit = "mW"
+[escape]
+order = "energy"
+runs = 4
+branches = 500
+relax = "0.1 s"
+"""
+"""Four blocks."""
+
+
+def test_kills_of_a_study_of_escapes(folder, tmp_path):
+    """kill -9 until all is there, by this process and at last by Ray: the bits of an undisturbed one."""
+    (folder / "escapes.toml").write_text(ESCAPES)
+    whole, out = tmp_path / "whole", tmp_path / "killed"
+    line = [sys.executable, "-m", "otwarp", "study", "run", str(folder / "escapes.toml"), "--device", "cpu", "-o"]
+    assert main([*line[3:], str(whole)]) == 0
+    for moment in np.random.default_rng(2).uniform(2.0, 5.0, 4):
+        child = begin([*line, str(out)])
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(moment)
+        child.kill()
+        child.wait()
+    left = 4 - len(open_store(out).finished())
+    (out / "done" / "000003").unlink(missing_ok=True)
+    engine = ["--engine", "ray"] if importlib.util.find_spec("ray") is not None else []
+    assert main([*line[3:], str(out), *engine]) == 0
+    assert left > 0 and open_store(out).read().load().identical(open_store(whole).read().load())
 
 
 def test_shards_that_begin_together(folder, whole, tmp_path):

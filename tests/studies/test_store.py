@@ -19,9 +19,9 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.studies.axes import grid, values
 from otwarp.studies.differences import difference
-from otwarp.studies.engines import on_this_host
+from otwarp.studies.engines.local import on_this_host
+from otwarp.studies.engines.run import prepare, run_study
 from otwarp.studies.observables import trapped
-from otwarp.studies.run import prepare, run_study
 from otwarp.studies.stopping import trials
 from otwarp.studies.store import Store, open_store
 from otwarp.studies.study import Study

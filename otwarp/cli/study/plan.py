@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 def plan(file: Path, device: str | None, as_json: bool) -> None:
     """Say what the study in FILE will compute, and how long that takes on this machine."""
     from otwarp.device import pick_device
+    from otwarp.studies.engines.local import batch_of
+    from otwarp.studies.engines.memory import room_of
     from otwarp.studies.file import load_study
     from otwarp.studies.plan import estimate
     from otwarp.studies.rare.study import EscapeStudy
@@ -34,18 +36,24 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
         return
     found = study.plan()
     seconds, where = estimate(study, device)
+    room = room_of(study, device)
+    at_once = min(room.worlds, found.trials[1], batch_of(study, gpu=where.startswith("cuda")))
     if as_json:
+        memory = {"bytes": room.each * at_once, "free": room.free, "trials_at_once": at_once}
         said = dataclasses.asdict(found) | {"seconds": {"least": seconds[0], "most": seconds[1]}, "device": where}
+        said |= {"memory": memory}
         click.echo(json_text(said))
         return
     shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
     click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
     least, most = found.trials
-    click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}"))
+    shared = "" if found.budget is None else f", of a budget of {found.budget:,} for all points"
+    click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}") + shared)
     own = f" to {found.longest_step:.3g} s" if found.longest_step > found.time_step else ""
     click.echo(f"steps     of {found.time_step:.3g} s{own}, up to {found.horizon / found.time_step:,.0f} a trial")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(f"memory    {_memory(room.each * at_once)} for {at_once:,} trials at once, {_memory(room.free)} free")
     click.echo(
         f"time      {_spell(seconds[0])}" + ("" if least == most else f" to {_spell(seconds[1])}") + f" on {where}"
     )
@@ -68,6 +76,10 @@ def _escapes(study: EscapeStudy, device: str | None, as_json: bool) -> None:
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
     click.echo(f"time      {_spell(seconds)} on {where}, from runs of {min(3, found.points)} points")
+
+
+def _memory(size: int) -> str:
+    return f"{size / 2**30:,.1f} GiB" if size >= 2**30 else f"{size / 2**20:,.0f} MiB"
 
 
 def _spell(seconds: float) -> str:

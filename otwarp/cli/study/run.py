@@ -36,16 +36,17 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     Results do not depend on devices of one kind, shards, interruptions or the order of the work. With --engine ray the
     folder is one that all hosts share.
     """
-    from otwarp.studies.engines import parse_shard
+    from otwarp.studies.engines.local import parse_shard
+    from otwarp.studies.engines.run import run_study
     from otwarp.studies.file import load_study
-    from otwarp.studies.run import run_study
 
     share = None if shard is None else parse_shard(shard)
     how = _engine(engine, address, device, shard)
     study = load_study(file)
     folder = out or Path("out") / file.stem
     stop.begin()
-    with parts("block", "blocks") as progress:
+    what = "block" if study.stop.budget is None else "trial"
+    with parts(what, f"{what}s") as progress:
         store = run_study(
             study,
             folder,
@@ -65,7 +66,7 @@ def _engine(engine: str, address: str | None, device: str | None, shard: str | N
     from otwarp.errors import InputError
 
     if engine == "ray":
-        from otwarp.studies.on_ray import ray_engine
+        from otwarp.studies.engines.on_ray import ray_engine
 
         if shard is not None:
             raise InputError(f"--shard is {shard}; allowed with --engine ray: none, Ray shares the blocks out")

@@ -25,4 +25,5 @@ def status(folder: Path, as_json: bool) -> None:
         return
     click.echo(f"blocks    {found['blocks_done']:,} of {found['blocks']:,} are done")
     click.echo(f"points    {found['points_done']:,} of {found['points']:,}")
-    click.echo(f"trials    {found['trials']:,}, {found['faults']:,} of them with a fault")
+    budget = f" of a budget of {found['budget']:,}" if "budget" in found else ""
+    click.echo(f"trials    {found['trials']:,}{budget}, {found['faults']:,} of them with a fault")

@@ -7,13 +7,17 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.functions import compiled, function_from_text
+from otwarp.kernels.core.medium import thermal_energy_of
+from otwarp.kernels.core.packed import point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData, WorldNow, world_row
 from otwarp.kernels.core.worlds import living_world
 from otwarp.kernels.drivers.episodes import WorldFunction, parameters_from
+from otwarp.kernels.optics.potentials import trap_energy_term
 from otwarp.kernels.optics.readout import sphere_position_term
 from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
+from otwarp.kernels.optics.traps import trap_force_term
 
 RETURNED = wp.constant(2)
 """Code of a world whose order parameter is below its lower interface."""
@@ -25,34 +29,72 @@ NO_NUMBER = wp.constant(4)
 """Code of a world whose order parameter is NaN."""
 
 
+SAME = wp.constant(1e-10)
+"""Squared distance [µm²] below which two offsets in a body are one sphere's."""
+
+
 def distance_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, step, only, relative) -> float`: how far held spheres are from their traps."""
-    trap_command, sphere_position = trap_command_term(f), sphere_position_term(f)
+    """`(model, world, trap, away, power, relative) -> float`: how far a held sphere is from its trap."""
 
     @wp.func
-    def distance(
+    def distance(model: ModelData, world: int, trap: int, away: wp.vec3, power: float, relative: float) -> float:
+        """Distance [µm] of a sphere `away` from the equilibrium point, or over that at which it has escaped."""
+        far = wp.length(away)
+        if relative != 0.0:
+            far = far / model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
+        return far
+
+    return distance
+
+
+def energy_term(f: Features) -> wp.Function:
+    """`(model, world, trap, away, power, relative) -> float`: the potential energy of a held sphere in its trap."""
+    prepare, energy_of = trap_force_term(f.trap_models).prepare, trap_energy_term(f.trap_models)
+
+    @wp.func
+    def energy(model: ModelData, world: int, trap: int, away: wp.vec3, power: float, relative: float) -> float:
+        """Energy [k_B T] of a sphere `away` [µm] from the equilibrium point of a trap of `power` [mW], there 0."""
+        b = model.traps.held_body[trap]
+        radius = float(0.0)
+        for i in range(model.body.trapped_start[b], model.body.trapped_start[b + 1]):
+            sphere = model.body.trapped[i]
+            if wp.length_sq(point_of(sphere) - model.traps.held_offset[trap]) < SAME:
+                radius = radius_of(sphere)
+        law = prepare(model.traps, world, trap, radius, 0)
+        return power * energy_of(law, away) / thermal_energy_of(model, world)
+
+    return energy
+
+
+HELD = {"distance": distance_term, "energy": energy_term}
+"""Order parameters of held spheres by name."""
+
+
+def held_term(f: Features, name: str) -> wp.Function:
+    """`(model, control, state, world, step, only, relative) -> float`: the largest of an order parameter of `HELD`."""
+    trap_command, sphere_position = trap_command_term(f), sphere_position_term(f)
+    value_of = HELD[name](f)
+
+    @wp.func
+    def largest_of(
         model: ModelData, control: ControlData, state: StateData, world: int, step: wp.int64, only: int, relative: float
     ) -> float:
-        """Largest distance of a held sphere from its trap's equilibrium point [µm], of trap `only` unless that is < 0.
-
-        Where `relative` is not 0, in units of the distance at which it has escaped.
-        """
+        """Largest of all held spheres, or that of trap `only` unless it is < 0; NaN where none is held."""
         largest = float(wp.nan)
         time = wp.float64(step) * model.time_step
         for trap in range(model.traps.axis.shape[0]):
             b = model.traps.held_body[trap]
             if b >= 0 and (only < 0 or only == trap):
-                anchor = anchor_of(model, trap, trap_command(model, control, state, world, trap, time))
-                away = sphere_position(model, state, world, b, model.traps.held_offset[trap]) - anchor
+                command = trap_command(model, control, state, world, trap, time)
+                away = sphere_position(model, state, world, b, model.traps.held_offset[trap])
+                away -= anchor_of(model, trap, command)
                 if wp.static(f.periodic):
                     away = nearest(model.period, away)
-                far = wp.length(away)
-                if relative != 0.0:
-                    far = far / model.traps.held_range[world_row(model.traps.held_range.shape[0], world), trap]
-                largest = wp.where(wp.isnan(largest), far, wp.max(largest, far))
+                value = value_of(model, world, trap, away, power_of(command), relative)
+                largest = wp.where(wp.isnan(largest), value, wp.max(largest, value))
         return largest
 
-    return distance
+    return largest_of
 
 
 def order_term(function: WorldFunction) -> wp.Function:
@@ -75,15 +117,17 @@ def order_term(function: WorldFunction) -> wp.Function:
 
 
 @functools.lru_cache(maxsize=64)
-def interface_kernel(f: Features | None, function: WorldFunction | None) -> wp.Kernel:
+def interface_kernel(f: Features | None, asked: WorldFunction | str) -> wp.Kernel:
     """Kernel over the places of the list of worlds in motion: read the order parameter, and end who is at an interface.
 
     Args:
-        f: Features of the scene for the distance of held spheres from their traps; None for another function.
-        function: `(now: WorldNow, *parameters) -> float`; None for the distance.
+        f: Features of the scene for an order parameter of held spheres; None for another function.
+        asked: The order parameter: its name in `HELD`, or `(now: WorldNow, *parameters) -> float`.
     """
-    distance = None if f is None else distance_term(f)
-    order_of = None if function is None else order_term(function)
+    held = f is not None and isinstance(asked, str)
+    order_of = held_term(f, asked) if f is not None and isinstance(asked, str) else None
+    if isinstance(asked, WorldFunction):
+        order_of = order_term(asked)
 
     @wp.kernel(module="unique", enable_backward=False)
     def look(
@@ -102,9 +146,8 @@ def interface_kernel(f: Features | None, function: WorldFunction | None) -> wp.K
             return
         step = model.worlds[0].step[world]
         value = float(0.0)
-        if wp.static(function is None):
-            only, relative = int(values[0, 0]), values[0, 1]
-            value = distance(model, control, state, world, step, only, relative)
+        if wp.static(held):
+            value = order_of(model, control, state, world, step, int(values[0, 0]), values[0, 1])
         else:
             time = wp.float32(wp.float64(step) * model.time_step)
             value = order_of(WorldNow(world, step, time, state, readout), values)

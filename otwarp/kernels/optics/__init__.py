@@ -4,5 +4,5 @@ traps (force models and `TRAP_TERMS`; open this first) chooses among trap_laws, 
 nodes in exact_waves, their memory in exact_room); trap_command says where a trap is, trap_wrench sums
 over traps and spheres (MSDM, eq. 2 of the paper);
 escapes finds the step in which a trap loses its sphere; readout measures forces after a launch; local_force is what an
-operator's hand feels, compiled for the servo.
+operator's hand feels, compiled for the servo; potentials is the energy of a sphere where a law has one.
 """

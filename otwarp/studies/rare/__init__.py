@@ -3,7 +3,7 @@
 | file | what it holds |
 |---|---|
 | `study`, `file` | `EscapeStudy`, open it first; the same in TOML |
-| `orders` | order parameters: the distance from a trap, and functions of one's own |
+| `orders` | order parameters: distance from a trap, energy in it, functions of one's own |
 | `states`, `ensemble` | states on the host; worlds that go on from them until they are at an interface |
 | `layout` | which worlds and numbers a run has |
 | `basin`, `placement` | the flux out of the basin; where interfaces are put |
@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 from otwarp.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from otwarp.studies.rare.orders import Order, distance, order
+    from otwarp.studies.rare.orders import Order, distance, energy, order
     from otwarp.studies.rare.study import EscapePlan, EscapeStudy
 
-__all__ = ["EscapePlan", "EscapeStudy", "Order", "distance", "order"]
+__all__ = ["EscapePlan", "EscapeStudy", "Order", "distance", "energy", "order"]
 
 __getattr__, __dir__ = lazy_names(
-    __name__, {"orders": ("Order", "distance", "order"), "study": ("EscapePlan", "EscapeStudy")}
+    __name__, {"orders": ("Order", "distance", "energy", "order"), "study": ("EscapePlan", "EscapeStudy")}
 )

@@ -115,7 +115,7 @@ class Ensemble:
         self._starts = {name: rows[0] for name, rows in start_rows(origin, values, 1).items()}
         f, place = model.features, model.place
         self._kernel = kernel_module("drivers.interfaces", f.precision).interface_kernel(
-            f if order.function is None else None, order.function
+            f if order.function is None else None, order.function or order.name
         )
         row = np.array([order.values_in(model.scene)], dtype=np.float32).reshape(1, -1)
         self._values = device_array(row, wp.float32, place, ndim=2)

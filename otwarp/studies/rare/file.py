@@ -1,7 +1,7 @@
 """Studies of escapes in TOML: a table [escape] in the place of observables and stop.
 
 [escape]
-order = "distance"                      # or { relative = true, trap = "/World/trap" }
+order = "distance"                      # or "energy", or { name = "energy", trap = "/World/trap" }
 method = "forward-flux"                 # or "splitting"
 runs = 16
 branches = 1000
@@ -14,7 +14,7 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.studies.quantity import quantity
-from otwarp.studies.rare.orders import Order, distance
+from otwarp.studies.rare.orders import Order, distance, energy
 
 KEYS = ("order", "interfaces", "basin", "method", "runs", "branches", "crossing", "relax", "every", "halved", "level")
 """What the table may say."""
@@ -54,9 +54,17 @@ def escape_arguments(common: dict[str, Any], said: dict[str, Any], table: dict[s
 
 
 def _order(given: Any) -> Order:
-    if given == "distance":
-        return distance()
-    if isinstance(given, dict) and set(given) <= {"trap", "relative"}:
-        return distance(given.get("trap"), relative=bool(given.get("relative", False)))
-    raise InputError(f"order is {given!r}; allowed: 'distance', or a table with trap and relative; "
-                     "one's own function in Python")  # fmt: skip
+    """`distance`, `energy`, or a table with the name of one and its arguments."""
+    rest = {"name": given} if isinstance(given, str) else dict(given) if isinstance(given, dict) else {"name": None}
+    make, allowed = NAMED.get(rest.pop("name", "distance"), (None, ()))
+    if make is None or set(rest) - set(allowed):
+        raise InputError(f"order is {given!r}; allowed: {', '.join(NAMED)}, or a table with name, trap, and for a "
+                         "distance relative; one's own function in Python")  # fmt: skip
+    return make(**rest)
+
+
+NAMED: dict[Any, tuple[Any, tuple[str, ...]]] = {
+    "distance": (distance, ("trap", "relative")),
+    "energy": (energy, ("trap",)),
+}
+"""Order parameters that a file names, and their arguments."""

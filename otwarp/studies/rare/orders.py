@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +9,12 @@ from typing import Any
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.kernels.core.functions import arguments_of, digest_of
-from otwarp.kernels.core.types import WorldNow
+from otwarp.kernels.core.functions import digest_of
 from otwarp.kernels.drivers.episodes import WorldFunction
+from otwarp.laws.trap_law import MODELS
 from otwarp.scene import Scene
 from otwarp.scene.read.variations import nearest
-from otwarp.simulation.ends import KINDS
+from otwarp.studies.functions import world_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +22,12 @@ class Order:
     """An order parameter.
 
     Attributes:
-        name: In tables.
-        function: How it is read; None for the distance of held spheres from their traps.
+        name: In tables; without a function the order parameter of held spheres, `distance` or `energy`.
+        function: How it is read; None for one of held spheres.
         values: Parameters of the function, by name, in their order.
         unit: Of the number.
         measured: Whether it needs trap forces, which are evaluated only where somebody asks.
-        trap: Path of the trap whose sphere counts, for the distance; None: the farthest of all.
+        trap: Path of the trap whose sphere counts; None: the largest of all.
     """
 
     name: str
@@ -42,7 +41,7 @@ class Order:
         """Numbers that its function reads in a scene.
 
         Raises:
-            InputError: The scene has no trap of that name, or it holds nothing.
+            InputError: The scene has no trap of that name, it holds nothing, or its force has no potential.
         """
         if self.function is not None:
             return self.values
@@ -50,8 +49,14 @@ class Order:
         if self.trap is not None and self.trap not in held:
             raise InputError(f"order {self.name}: {self.trap} is none of the traps that hold a sphere: "
                              f"{', '.join(held) or 'there are none'}{nearest(self.trap, held)}")  # fmt: skip
+        pushed = [t for t in scene.traps if self.trap in (None, t.prim) and t.model not in MODELS]
+        if self.name == "energy" and pushed:
+            raise InputError(
+                f"order energy: the force of {pushed[0].prim}, whose ot:trap:model is {pushed[0].model}, is not "
+                f"conservative; allowed: traps with {' or '.join(MODELS)}, or order distance"
+            )
         only = -1 if self.trap is None else [t.prim for t in scene.traps].index(self.trap)
-        return (only, *self.values)
+        return (only, *self.values, 0.0)
 
     def described(self) -> dict[str, Any]:
         """What a store says of it."""
@@ -69,6 +74,18 @@ def distance(trap: str | None = None, *, relative: bool = False) -> Order:
         relative: Whether in units of the distance at which the sphere has escaped, for traps of unequal reach.
     """
     return Order("distance", values=(float(relative),), unit="" if relative else "µm", trap=trap)
+
+
+def energy(trap: str | None = None) -> Order:
+    """Potential energy of a held sphere in its trap [k_BT], the largest where several are held; 0 at the equilibrium.
+
+    Where curves differ across and along the beam, surfaces of equal energy are closer to those of equal chance than
+    spheres are. Forces of tables and exact ones have no potential, and are refused when the study is made.
+
+    Args:
+        trap: Path of the one trap that counts.
+    """
+    return Order("energy", unit="k_BT", trap=trap)
 
 
 def order(*, unit: str = "", measured: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Order]]:
@@ -93,35 +110,16 @@ def order(*, unit: str = "", measured: bool = False) -> Callable[[Callable[..., 
 
     def made(function: Callable[..., Any]) -> Callable[..., Order]:
         """What makes order parameters of the function, for the values of its parameters."""
-        rest, _ = arguments_of("order", function, WorldNow)
-        for p in rest:
-            if p.annotation not in KINDS:
-                raise InputError(f"order {function.__name__}: argument {p.name} is annotated as {p.annotation!r}; "
-                                 "allowed: float, int, wp.vec3")  # fmt: skip
-        read = WorldFunction(function, tuple(p.annotation for p in rest))
-        defaults = {p.name: p.default for p in rest}
+        read, row = world_function("order", function)
 
         def given(**values: Any) -> Order:
             """The order parameter with these values; replaced by the function's own text."""
-            return Order(function.__name__, read, _row(function.__name__, defaults, values), unit, measured)
+            return Order(function.__name__, read, row(values), unit, measured)
 
         given.__name__, given.__doc__ = function.__name__, function.__doc__
         return given
 
     return made
-
-
-def _row(name: str, defaults: dict[str, Any], values: dict[str, Any]) -> tuple[float, ...]:
-    """Parameters of a function as numbers, in their order."""
-    row: list[float] = []
-    for given in values:
-        if given not in defaults:
-            raise InputError(f"order {name} has no parameter {given}; allowed: {', '.join(defaults) or 'none'}")
-    for key, value in (defaults | values).items():
-        if value is inspect.Parameter.empty:
-            raise InputError(f"order {name}: parameter {key} has no value; allowed: {name}({key}=…)")
-        row += [float(v) for v in (value if hasattr(value, "__len__") else [value])]
-    return tuple(row)
 
 
 def order_of(given: Any) -> Order:
@@ -132,5 +130,7 @@ def order_of(given: Any) -> Order:
     """
     found = given() if callable(given) and not isinstance(given, Order | wp.Function) else given
     if not isinstance(found, Order):
-        raise InputError(f"order is {given!r}; allowed: ot.distance(), or a function decorated with ot.order()")
+        raise InputError(
+            f"order is {given!r}; allowed: ot.distance(), ot.energy(), or a function decorated with ot.order()"
+        )
     return found

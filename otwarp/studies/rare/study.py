@@ -14,6 +14,7 @@ from otwarp.scene import Scene
 from otwarp.simulation.options import StepOptions
 from otwarp.studies.asked import asked_by
 from otwarp.studies.design import blocks
+from otwarp.studies.engines.memory import rough_worlds
 from otwarp.studies.observables import first_passage
 from otwarp.studies.plan import PER_POINT, steps_of_points
 from otwarp.studies.rare.compute import Found, own_step_counts, rates_at
@@ -205,7 +206,7 @@ class EscapeStudy(Study):
         return found, {"trial": self.runs, "interface": MOST}
 
     def compute(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int = 2**20
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute blocks, one after the other: of each its arrays by the names of the store.
 
@@ -213,8 +214,10 @@ class EscapeStudy(Study):
             numbers: Of the blocks.
             device: Where.
             threads: On a CPU.
-            worlds: Paths that run at once, at most; results do not depend on it.
+            worlds: Paths that run at once, at most, but for those of one run; None: as many as there is memory for.
+                Results do not depend on it.
         """
+        worlds = worlds or rough_worlds(self.design.scene, self.options.precision, device)
         every = np.arange(self.design.points).reshape(self.design.shape)
         out = []
         for where in (self.blocks()[n] for n in numbers):

@@ -1,5 +1,7 @@
 """Order parameters of worlds and the interfaces they come to, against NumPy."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import otwarp as ot
 from otwarp.errors import InputError
 from otwarp.simulation.options import StepOptions
 from otwarp.studies.rare.ensemble import FEW, GONE_BACK, IDLE, UP, Ensemble
+from otwarp.units import BOLTZMANN
 from tests.studies.scenes import bead_in_a_well, energy
 
 WORLDS = 64
@@ -48,6 +51,20 @@ def test_distance_and_interfaces(scene):
     again.turns(12)
     graph = again.states(everyone)
     assert all(np.array_equal(graph.parts[name], rows) for name, rows in found[0].parts.items())
+
+
+def test_energy_is_that_of_the_well(scene):
+    """½ k r² P/k_BT of each world; a trap without a potential is refused."""
+    watched = ensemble(scene, ot.energy("/World/trap"))
+    everyone = np.arange(WORLDS)
+    watched.start(everyone, everyone)
+    watched.between(everyone, -np.inf, np.inf)
+    watched.look()
+    far2 = np.sum((watched.sim.state.position.numpy()[:, 0] - CENTRE) ** 2, axis=-1)
+    assert watched.orders(everyone) == pytest.approx(0.25 * far2 / (BOLTZMANN * 298.15), rel=1e-3)
+    pushed = dataclasses.replace(scene, traps=(dataclasses.replace(scene.traps[0], model="table"),))
+    with pytest.raises(InputError, match="force of /World/trap, whose ot:trap:model is table, is not conservative"):
+        ot.energy().values_in(pushed)
 
 
 def test_the_last_worlds_go_on_elsewhere_with_the_same_bits(scene):

@@ -79,10 +79,14 @@ def at(scene, depth: float, **how) -> EscapeStudy:
 
 @pytest.mark.parametrize(
     ("depth", "how"),
-    [(8.0, {"interfaces": [0.21, 0.3, 0.31, 0.398], "basin": 0.2}), (5.0, {"method": "splitting", "branches": 100})],
+    [
+        (8.0, {"interfaces": [0.21, 0.3, 0.31, 0.398], "basin": 0.2}),
+        (6.0, {"order": ot.energy(), "interfaces": [1.6, 4.0, 5.9], "basin": 1.5}),
+        (5.0, {"method": "splitting", "branches": 100}),
+    ],
 )
 def test_against_the_exact_time(scene, depth, how):
-    """Both methods; interfaces of one's own, the last of them a hair's breadth from the rim."""
+    """Both methods, and both order parameters; interfaces of one's own, the last a hair's breadth from the rim."""
     check(at(scene, depth, **how), depth, step=0.03, most=0.15)
 
 
@@ -99,6 +103,8 @@ def test_against_the_exact_time(scene, depth, how):
         (20.0, {"method": "splitting"}, 0.03),
         (20.0, {"crossing": 0.5}, 0.02),
         (20.0, {"order": energy, "every": 1}, 0.02),
+        (20.0, {"order": ot.energy()}, 0.02),
+        (8.0, {"order": ot.energy(), "method": "splitting"}, 0.02),
         (12.0, {"interfaces": [0.16, 0.24, 0.3, 0.37, 0.399]}, 0.015),
     ],
 )
@@ -150,6 +156,22 @@ def test_in_a_trap_that_is_dragged(tmp_path):
     assert abs(rates.mean() * exact.value - 1.0) < 5.0 * error + 0.02 + exact.error / exact.value
     still = mean_exit_time(lambda r: -k * r, RIM, diffusion=thermal / DRAG, energy=thermal)
     assert exact.value < 0.5 * still.value, "the drag must matter"
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("order", [ot.distance(), ot.energy()], ids=lambda order: order.name)
+def test_in_a_trap_that_is_softer_along_the_beam(tmp_path, order):
+    """Curves of their own across and along the beam: the rim is 12 k_BT high across, and half as high along it."""
+    depth = 12.0
+    soft = bead_in_a_well(tmp_path, axial=0.5 * STIFFNESS)
+    k = STIFFNESS * power_of(depth) * np.array([1.0, 1.0, 0.5])
+    thermal = BOLTZMANN * 298.15
+    exact = mean_exit_time(lambda r: -k * r, RIM, diffusion=thermal / DRAG, energy=thermal)
+    found = at(soft, depth, runs=16, branches=1000, order=order).compute([0], device="cpu")[0]
+    rates = found["rate_of_trial"].ravel()
+    error = rates.std(ddof=1) / rates.mean() / np.sqrt(len(rates))
+    assert error < 0.03
+    assert abs(rates.mean() * exact.value - 1.0) < 5.0 * error + 0.02 + exact.error / exact.value
 
 
 @pytest.mark.validate
@@ -276,12 +298,21 @@ def test_nothing_can_escape():
         EscapeStudy(scene, **SMALL).compute([0], device="cpu")
 
 
+def test_a_force_without_a_potential():
+    """No energy in a tabulated trap, found out before anything is simulated."""
+    scene = Path(__file__).parents[3] / "scenes" / "table_trap.usda"
+    with pytest.raises(InputError, match=r"order energy: the force of /World/\w*.* table, is not conservative"):
+        EscapeStudy(scene, order=ot.energy(), **SMALL)
+
+
 def test_bad_files(tmp_path, scene, capsys):
     """One line, exit code 2, and nothing is written."""
     (tmp_path / "well.usda").write_text(scene.read_text())
     for old, new, said in (
         ("branches = 64", "branch = 64", "escape has branch"),
-        ('"distance"', '"energy"', "order is 'energy'"),
+        ('"distance"', '"energie"', "order is 'energie'; allowed: distance, energy"),
+        ('"distance"', '{ name = "energy", relative = true }', "order is {'name'"),
+        ('"distance"', '"energy"\ninterfaces = ["2 mW"]', "interface 1 has the unit 'mW'; allowed: k_BT"),
         ('"0.1 s"', '"0.1 µm"', "relax has the unit 'µm'"),
         ("[escape]", '[[observable]]\nkind = "first_passage"\n[escape]', "observable stands beside escape"),
         ("runs = 3", "interfaces = [0.2]", "interface 1 is 0.2 without a unit"),

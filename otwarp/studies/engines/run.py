@@ -14,7 +14,8 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene, export_flattened
 from otwarp.scene.digest import scene_digest
 from otwarp.studies.differences import difference
-from otwarp.studies.engines import Engine, blocks_of, on_this_host
+from otwarp.studies.engines.local import Engine, blocks_of, on_this_host
+from otwarp.studies.engines.rounds import spend
 from otwarp.studies.store import Store, Variable, create
 
 if TYPE_CHECKING:
@@ -37,22 +38,31 @@ def run_study(
         folder: Gets the store; see `otwarp.studies.store`.
         devices: Names of devices of this host; None: all GPUs, or the CPU.
         shard: Which of how many shares, counted from 1: no two compute the same block.
-        engine: Who computes, such as `otwarp.studies.on_ray.ray_engine(…)`; None: this process on `devices`.
-        progress: Called with blocks done and blocks in all.
+        engine: Who computes, such as `otwarp.studies.engines.on_ray.ray_engine(…)`; None: this process on `devices`.
+        progress: Called with blocks done and blocks in all; of a study with a budget, with trials and the budget.
 
     Raises:
         InputError: Another study is in the folder, it cannot be written, another driver runs it, or an argument is out
             of range.
         OSError: The disk is full; what was finished is kept.
     """
+    rounds = study.stop.budget is not None
+    if rounds and shard is not None:
+        raise InputError(f"--shard is {shard[0]}/{shard[1]}; allowed for a study with a budget: none, all points share "
+                         "it; --engine ray for several hosts")  # fmt: skip
     store = prepare(study, Path(folder))
-    say = progress or (lambda done, blocks: None)
+    say = progress or (lambda done, of: None)
     todo = blocks_of(study, store, shard)
-    say(len(store.finished()), len(study.blocks()))
+    if not rounds:
+        say(len(store.finished()), len(study.blocks()))
     if todo:
         store.check_writable()
+        compute = engine or on_this_host(devices or all_devices())
         with store.claimed() if shard is None else contextlib.nullcontext():
-            (engine or on_this_host(devices or all_devices()))(study, store, todo, say)
+            if rounds:
+                spend(study, store, compute, say)
+            else:
+                compute(study, store, todo, say)
     return store
 
 

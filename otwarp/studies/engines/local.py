@@ -54,14 +54,41 @@ WORLD_STEPS = 2**36
 """Steps of all trials of a task that is no smaller than that: what is lost, at most, when something ends it."""
 
 
+ROUND = 2**14
+"""Trials of a round that a CPU computes together, at most."""
+
+
 def tasks(study: Study, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
-    """Blocks in groups that fill a device without leaving other workers idle; on a CPU each is one."""
-    size = 1
-    if gpu:
-        most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps))
-        size = max(1, most // (study.stop.at_most * study.points_of_a_block))
-        size = min(size, -(-len(todo) // max(workers, 1)))
-    return [list(todo[n : n + size]) for n in range(0, len(todo), size)]
+    """Blocks in groups that fill a device without leaving other workers idle.
+
+    On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials.
+    """
+    most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
+    size = -(-len(todo) // max(workers, 1)) if gpu or study.round is not None else 1
+    found: list[list[int]] = []
+    full = 0
+    for n, new in zip(todo, _new_trials(study, todo), strict=True):
+        if not found or len(found[-1]) >= size or full + new > most:
+            found.append([])
+            full = 0
+        found[-1].append(n)
+        full += new
+    return found
+
+
+def batch_of(study: Study, *, gpu: bool) -> int:
+    """Trials of the largest task, at most."""
+    every = range(len(study.blocks()))
+    return max(len(task) for task in tasks(study, every, gpu=gpu)) * study.stop.at_most * study.points_of_a_block
+
+
+def _new_trials(study: Study, todo: Sequence[int]) -> list[int]:
+    """Trials of blocks that are to be computed, at most."""
+    if study.round is None:
+        return [study.stop.at_most * study.points_of_a_block] * len(todo)
+    before, after = study.round
+    more, blocks = np.maximum(after - before, 0).reshape(study.design.shape), study.blocks()
+    return [int(more[blocks[n]].sum()) for n in todo]
 
 
 Found = dict[str, np.ndarray]
@@ -79,7 +106,11 @@ def keep(study: Study, store: Store, numbers: Sequence[int], found: Sequence[Fou
     """Write blocks."""
     where = study.blocks()
     for number, arrays in zip(numbers, found, strict=True):
-        store.write(number, where[number], arrays)
+        if study.round is None:
+            store.write(number, where[number], arrays)
+        else:
+            before = study.round[0].reshape(study.design.shape)[where[number]]
+            store.add(where[number], arrays, before)
 
 
 def on_this_host(devices: Sequence[str]) -> Engine:

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
-from otwarp.studies.engines import Engine, Progress, compute_and_keep, tasks
-from otwarp.studies.sent import packed, unpacked
+from otwarp.studies.engines.local import Engine, Progress, compute_and_keep, tasks
+from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import Store
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def _give_out(
     folder = str(store.folder.absolute())
     running = {
         work.remote([given], folder, numbers, "cuda:0" if gpu else "cpu"): len(numbers)
-        for numbers in tasks(study, todo, gpu=gpu, workers=gpus)
+        for numbers in tasks(study, todo, gpu=gpu, workers=gpus if gpu else int(ray.cluster_resources().get("CPU", 1)))
     }
     try:
         while running:

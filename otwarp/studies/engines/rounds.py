@@ -1,0 +1,72 @@
+"""A budget of trials, spent in rounds: each on what the results of all points after the last one ask for.
+
+What a round computes follows from the results before it alone, and stands nowhere else: a driver that goes on finds out
+from the store how far its predecessor came. A block is written whole in each round, `trials` last: whoever finds these
+finds what they count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from otwarp.studies.compute import successes
+from otwarp.studies.engines.local import Engine, Progress
+from otwarp.studies.store import Store
+
+if TYPE_CHECKING:
+    from otwarp.studies.study import Study
+
+
+def spend(study: Study, store: Store, engine: Engine, progress: Progress) -> None:
+    """Compute rounds until the budget is spent or no point wants more, and mark all blocks as done.
+
+    Args:
+        study: With a budget.
+        store: Its own, whose results say how far it is.
+        engine: Who computes a round.
+        progress: Called with the trials taken and the budget.
+    """
+    shape, blocks = study.design.shape, study.blocks()
+    places = np.arange(study.design.points).reshape(shape)
+    before = np.zeros(study.design.points, dtype=np.int64)
+    seen = np.zeros((0, 0))
+    budget = study.stop.budget or 0
+    while True:
+        after = study.stop.shares(seen, before)
+        if np.all(after <= before):
+            break
+        behind = store.trials().reshape(-1) < after
+        todo = [n for n, where in enumerate(blocks) if np.any(behind[places[where]])]
+        if todo:
+            engine(study.between(before, after), store, todo, _scaled(progress, before, after, len(todo), budget))
+        grown = [n for n, where in enumerate(blocks) if np.any((after > before)[places[where]])]
+        seen = _counted(study, store, grown, after, seen)
+        before = after
+    for number in range(len(blocks)):
+        store.mark(number)
+    progress(int(before.sum()), budget)
+
+
+def _scaled(
+    progress: Progress, before: np.ndarray, after: np.ndarray, blocks: int, budget: int
+) -> Callable[[int, int], None]:
+    """Trials taken, from the blocks of a round that are done."""
+    first, more = int(before.sum()), int(after.sum() - before.sum())
+    return lambda done, _: progress(first + more * min(done, blocks) // blocks, budget)
+
+
+def _counted(study: Study, store: Store, blocks: list[int], trials: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """(k, points) how often each probability was seen that is looked at, anew in these blocks."""
+    where = study.blocks()
+    places = np.arange(study.design.points).reshape(study.design.shape)
+    for number in blocks:
+        points = places[where[number]].ravel()
+        end, time = (store.block(name, where[number]).reshape(len(points), -1) for name in ("end", "end_time"))
+        found = successes(study, end, time, trials[points])
+        if not seen.size:
+            seen = np.zeros((len(found), study.design.points), dtype=np.int64)
+        seen[:, points] = found
+    return seen
