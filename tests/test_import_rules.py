@@ -86,6 +86,7 @@ INNER: dict[str, set[str]] = {
     "vision.datasets": {"vision"},
     "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
     "vision.networks.modules": {"vision.networks"},
+    "vision.tracking": {"vision", "vision.datasets", "vision.networks"},
     "ros": set(),
     "studies": {"studies.rare", "studies.engines"},
     "studies.rare": {"studies", "studies.engines"},

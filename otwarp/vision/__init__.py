@@ -16,6 +16,7 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     kernels                    what runs between Fourier transforms
     datasets                   images by the thousand, with exact labels
     networks                   what a network says of an image
+    tracking                   robots followed through images by a filter that knows how they move
 """
 
 from __future__ import annotations

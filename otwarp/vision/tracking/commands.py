@@ -1,0 +1,98 @@
+"""What traps are told in the course of time: positions and powers, between samples in a straight line."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+
+
+class Commands:
+    """Positions [µm] and powers [mW] of T traps as one vector (4 T) of time: all x, y, z, then all powers.
+
+    Args:
+        times: (n) samples, increasing; two at one time are a jump [s].
+        values: (n, 4 T) at these; before the first and after the last they stay.
+    """
+
+    def __init__(self, times: np.ndarray, values: np.ndarray):
+        self.times: list[float] = [float(t) for t in times]
+        self.values: list[np.ndarray] = [np.asarray(v, dtype=float) for v in values]
+        if any(b < a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise InputError("times of commands go backwards; allowed: samples in their order")
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> Commands:
+        """The time samples of a scene's traps."""
+        tracks = [t.position for t in scene.traps] + [t.power for t in scene.traps]
+        times = np.unique(np.concatenate([np.zeros(1), *[track.times for track in tracks]]))
+        rows = [track.at_times(times) for track in tracks]
+        return cls(times, np.concatenate(rows, axis=1) if rows else np.zeros((len(times), 0)))
+
+    @classmethod
+    def of_samples(cls, times: np.ndarray, position: np.ndarray, power: np.ndarray) -> Commands:
+        """From recorded positions (n, T, 3) [µm] and powers (n, T) [mW]."""
+        return cls(times, np.concatenate([np.reshape(position, (len(times), -1)), power], axis=1))
+
+    @property
+    def traps(self) -> int:
+        """How many."""
+        return len(self.values[0]) // 4
+
+    def at(self, time: float) -> np.ndarray:
+        """(4 T) at a time; at a jump, after it."""
+        k = bisect_right(self.times, time)
+        if k == 0:
+            return self.values[0]
+        if k == len(self.times):
+            return self.values[-1]
+        return self._between(k, time)
+
+    def before(self, time: float) -> np.ndarray:
+        """(4 T) at a time; at a jump, before it."""
+        k = next((n for n, t in enumerate(self.times) if t >= time), len(self.times))
+        if k == 0:
+            return self.values[0]
+        if k == len(self.times):
+            return self.values[-1]
+        return self._between(k, time)
+
+    def _between(self, k: int, time: float) -> np.ndarray:
+        first, last = self.times[k - 1], self.times[k]
+        share = (time - first) / (last - first)
+        return (1.0 - share) * self.values[k - 1] + share * self.values[k]
+
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times of samples between two times, in their order, each once."""
+        return sorted({t for t in self.times if start < t < end})
+
+    def set(self, time: float, *, position: np.ndarray | None = None, power: np.ndarray | None = None) -> None:
+        """A command that holds from a time on; samples after it are forgotten.
+
+        Args:
+            time: [s].
+            position: (T, 3) [µm]; None: as they are then.
+            power: (T) [mW], likewise.
+
+        Raises:
+            InputError: Another shape, or a number that is not finite.
+        """
+        t, old = self.traps, self.at(time)
+        new = old.copy()
+        for name, given, part, shape in (
+            ("position", position, slice(0, 3 * t), (t, 3)),
+            ("power", power, slice(3 * t, 4 * t), (t,)),
+        ):
+            if given is None:
+                continue
+            value = np.asarray(given, dtype=float)
+            if value.shape != shape or not np.all(np.isfinite(value)):
+                raise InputError(f"{name} of the traps has shape {value.shape}; allowed: {shape}, finite numbers")
+            new[part] = value.ravel()
+        before = self.before(time)
+        keep = next((n for n, known in enumerate(self.times) if known >= time), len(self.times))
+        self.times = [*self.times[:keep], time, time]
+        self.values = [*self.values[:keep], before, new]
