@@ -83,6 +83,7 @@ INNER: dict[str, set[str]] = {
     "preview.kernels": set(),
     "vision": {"vision.kernels"},
     "vision.kernels": set(),
+    "vision.calibration": {"vision"},
     "vision.datasets": {"vision"},
     "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
     "vision.networks.modules": {"vision.networks"},

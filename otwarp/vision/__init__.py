@@ -14,6 +14,7 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     view, moment, picture      a scene's camera and bodies; where they are at a time; what is recorded of it
     stack                      images on disk
     kernels                    what runs between Fourier transforms
+    calibration                pixels, planes and depths in µm, from images of targets
     datasets                   images by the thousand, with exact labels
     networks                   what a network says of an image
     tracking                   robots followed through images by a filter that knows how they move

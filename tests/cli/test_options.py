@@ -16,6 +16,7 @@ HANDS = str(Path(__file__).parents[2] / "scenes" / "teleop_small.usda")
 BEAD = str(Path(__file__).parents[2] / "scenes" / "single_bead.usda")
 STUDY = str(Path(__file__).parents[2] / "studies" / "capture.toml")
 
+ROBOT = str(Path(__file__).parents[2] / "scenes" / "strategy_b.usda")
 SMOKE = str(Path(__file__).parents[2] / "vision" / "smoke.toml")
 
 NEEDED = {
@@ -37,6 +38,7 @@ NEEDED = {
     "study export": ["absent"],
     "vision render": [BEAD, "--size", "16x16"],
     "vision dataset": [SMOKE],
+    "vision calibrate": [ROBOT],
 }
 """What a command needs beside the option under test."""
 

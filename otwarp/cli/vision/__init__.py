@@ -1,7 +1,7 @@
 """`otwarp vision`: what the microscope of a scene sees; one module for every command.
 
 `render`: images in focal planes, by `otwarp.vision` (open `picture` there). `dataset`: many of them with their labels,
-by `otwarp.vision.datasets`.
+by `otwarp.vision.datasets`. `calibrate`: pixels, planes and depths in µm, by `otwarp.vision.calibration`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
     "render": "Draw what the scene's microscope sees, in one or more focal planes.",
+    "calibrate": "Measure pixels, trap plane and depths of a scene's microscope on synthetic targets.",
     "dataset": "Render a data set of robots with exact labels, or go on with it.",
 }
 """Commands and their one-line help; each lives in the module of its name and is imported when called."""
