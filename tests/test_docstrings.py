@@ -14,7 +14,7 @@ TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((R
 
 FOREIGN = re.compile(
     r"rmw_\w+|RMW_\w+|ros_discovery_info|dualsense_input_report|data_|_ptr"  # ROS 2, Linux, Cyclone DDS, Warp
-    r"|(numpy|hid|wp|Gf|rosbags|law)\..*|\w+\.(nc|usda|usdc|png|toml)"
+    r"|(numpy|hid|wp|Gf|rosbags|law)\..*|\w+\.(nc|usda|usdc|png|toml|pt)"
 )
 """Names of others, of files, and of variables that are called like a module."""
 

@@ -111,7 +111,7 @@ INNER: dict[str, set[str]] = {
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
-HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr"}
+HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 ONLY_IN = {
     "pxr": {"scene"},
     "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "vision"}
@@ -121,7 +121,7 @@ ONLY_IN = {
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
-LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr"}
+LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 """Packages that nobody may import at the top of a file."""
 
 ADAPTERS = {"otwarp/ros/ros2/messages.py": "cyclonedds"}

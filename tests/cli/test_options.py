@@ -37,12 +37,15 @@ NEEDED = {
     "study show": ["absent"],
     "study export": ["absent"],
     "vision render": [BEAD, "--size", "16x16"],
+    "vision train": ["absent"],
+    "vision evaluate": ["absent", "absent"],
+    "vision export": ["absent"],
     "vision dataset": [SMOKE],
     "vision calibrate": [ROBOT],
 }
 """What a command needs beside the option under test."""
 
-ANY_TEXT = {"--body", "--node", "--namespace", "--namespaces", "--token"}
+ANY_TEXT = {"--split", "--body", "--node", "--namespace", "--namespaces", "--token"}
 """Options whose text is a name that is made up."""
 
 

@@ -88,6 +88,7 @@ def test_heads_say_classes_depths_poses_and_covariances(net: str) -> None:
 
 def test_exported_covariances_are_the_inverse_of_the_factors() -> None:
     module = network()
+    assert module.pose is not None
     torch.nn.init.normal_(module.pose.spread.weight, std=0.3)
     images = torch.randint(0, 256, (3, 64, 64), dtype=torch.uint8)
     widen = torch.linspace(0.8, 1.2, 5)

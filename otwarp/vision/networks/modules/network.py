@@ -78,7 +78,7 @@ def resized(images: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         images: 0 to 255.
         rows, columns: (H, h) and (W, w) weights, as of `area_weights`.
     """
-    return torch.round(rows @ images.float() @ columns.mT)
+    return torch.round(rows @ images.float() @ columns.transpose(-2, -1))
 
 
 class Exported(nn.Module):
@@ -110,7 +110,7 @@ class Exported(nn.Module):
         said = self.network(small / 255.0)
         if "factor" in said:
             inverse = _inverse(said.pop("factor")) * self.spread
-            said["covariance"] = inverse.mT @ inverse
+            said["covariance"] = inverse.transpose(-2, -1) @ inverse
         return tuple(said[name] for name in self.names)
 
 

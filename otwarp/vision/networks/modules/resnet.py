@@ -97,8 +97,8 @@ class ResNet(nn.Module):
     def maps(self, x: Tensor) -> Tensor:
         """(n, width, h / 32, w / 32) features of (n, 3, h, w) images."""
         x = self.maxpool(self.relu(self.bn1(self.conv1(x))))
-        for stage in (self.layer1, self.layer2, self.layer3, self.layer4):
-            x = stage(x)
+        for stage in range(1, 5):
+            x = self.get_submodule(f"layer{stage}")(x)
         return x
 
     def vector(self, maps: Tensor) -> Tensor:

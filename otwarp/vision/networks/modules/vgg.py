@@ -67,7 +67,7 @@ def _resampled(maps: Tensor) -> Tensor:
     """(n, 512 · 7 · 7): means over 7 × 7 fields as `AdaptiveAvgPool2d` takes them, whose gradient on CUDA adds in
     any order; two matrices give the same numbers in a fixed one."""
     rows, columns = (_fields(n, 7, maps) for n in maps.shape[-2:])
-    return torch.flatten(rows @ maps @ columns.mT, 1)
+    return torch.flatten(rows @ maps @ columns.transpose(-2, -1), 1)
 
 
 def _fields(count: int, fields: int, like: Tensor) -> Tensor:

@@ -1,0 +1,46 @@
+"""`otwarp vision evaluate`: how good a network is, how sure, and how far from what images hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from otwarp.cli import stop
+from otwarp.cli.options import device_option
+from otwarp.cli.types import FILE, Number, OutputPath
+
+
+@click.command()
+@click.argument("run", type=FILE)
+@click.argument("datasets", type=FILE, nargs=-1)
+@click.option("--report", type=OutputPath(folder=True), metavar="DIR",
+              help="Folder of the report: report.md, report.json, figures; default: report in RUN.")  # fmt: skip
+@click.option("--poses", type=Number(0, 10_000, whole=True), default=8, show_default=True,
+              help="Of which the Cramér–Rao bound is computed, about a second each; 0 for none.")  # fmt: skip
+@click.option("--no-baselines", is_flag=True, help="Leave templates and focus measures out.")
+@device_option
+def evaluate(
+    run: Path, datasets: tuple[Path, ...], report: Path | None, poses: int, no_baselines: bool, device: str | None
+) -> None:
+    """Evaluate the network of the training RUN on data sets.
+
+    Of the data set that it was trained on, the test part of its split; of others, all images.
+    """
+    from otwarp.vision.networks.evaluate import evaluate as evaluated
+    from otwarp.vision.networks.report import write_report
+
+    stop.begin()
+
+    def say(name: str) -> None:
+        stop.check()
+        click.echo(f"otwarp: {name}", err=True)
+
+    estimator, found = evaluated(run, datasets, poses=poses, baselines=not no_baselines, device=device, report=say)
+    page = write_report(report or run / "report", estimator, found)
+    for one in found:
+        rmse = ", ".join(f"{name} {value:.3g}{'°' if name in ('tilt', 'yaw') else ' µm'}"
+                         for name, value in one.scores.get("rmse", {}).items())  # fmt: skip
+        right = f"{100 * one.scores['accuracy']:.1f} % of tilts right; " if "accuracy" in one.scores else ""
+        click.echo(f"{one.name}, {one.about}: {right}{rmse}")
+    click.echo(f"wrote {page}")

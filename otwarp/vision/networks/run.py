@@ -1,0 +1,125 @@
+"""A trained network in use: images in, estimates out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.vision.networks import checkpoint
+from otwarp.vision.networks.build import rebuilt
+from otwarp.vision.networks.data import on_device
+from otwarp.vision.networks.estimate import Estimate
+from otwarp.vision.networks.library import check_device_name, torch_device
+from otwarp.vision.networks.predict import Predictions, predict
+from otwarp.vision.networks.targets import Targets
+from otwarp.vision.networks.weights import put
+
+
+class Estimator:
+    """A network with what it takes to use it; made by `load`.
+
+    Attributes:
+        about: What its file says: `net`, `shape`, `pixel` [µm], `size`, `epoch`, `weights`, …
+        targets: What it says of an image.
+    """
+
+    def __init__(self, about: dict[str, Any], targets: Targets):
+        self.about, self.targets = about, targets
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the images that it takes [pixels]."""
+        return self.about["shape"][0], self.about["shape"][1]
+
+    @property
+    def pixel(self) -> float:
+        """Of these images [µm]."""
+        return float(self.about["pixel"])
+
+    def predict(self, images: np.ndarray) -> Predictions:
+        """What all heads say of images; `estimate` has the argument and the errors."""
+        return self._predict(self._checked(images))
+
+    def estimate(self, images: np.ndarray) -> list[Estimate]:
+        """Poses with their covariances.
+
+        Args:
+            images: uint8 (n, height, width), or one image; row 0 the lowest, of `shape` and `pixel`.
+
+        Raises:
+            InputError: Images of another shape or type, or a network without a pose's head.
+        """
+        names = self.targets.names
+        if self.about["heads"] == "paper" or not names:
+            raise InputError(f"heads of the network is {self.about['heads']}, which say classes and normalised depth "
+                             "alone; allowed: both or pose")  # fmt: skip
+        said = self.predict(images)
+        assert said.mean is not None and said.covariance is not None
+        others = dict(self.targets.others)
+        return [Estimate.of(names, m, c, others) for m, c in zip(said.mean, said.covariance, strict=True)]
+
+    def _checked(self, images: np.ndarray) -> np.ndarray:
+        found = np.asarray(images)
+        if found.ndim == 2:
+            found = found[None]
+        if found.dtype != np.uint8 or found.shape[1:] != self.shape:
+            height, width = self.shape
+            raise InputError(f"images is {found.dtype} {found.shape}; allowed: uint8 (n, {height}, {width}), as the "
+                             "network was trained on")  # fmt: skip
+        return found
+
+    def _predict(self, images: np.ndarray) -> Predictions:
+        raise NotImplementedError
+
+
+class TorchEstimator(Estimator):
+    """The network as torch runs it.
+
+    Attributes:
+        network: Module of torch.
+        device: torch's.
+    """
+
+    def __init__(self, file: Path, device: str | None = None):
+        check_device_name(device)
+        found = checkpoint.load(file, "a folder that otwarp vision train wrote, after its first epoch")
+        where = torch_device(device)
+        about = found["about"]
+        module, targets = rebuilt(about)
+        put(module, found["state"], f"{file}: weights of another network than {about['net']}")
+        super().__init__(about, targets)
+        self.device = where
+        self.network = module.to(where).eval()
+        for parameter in self.network.parameters():
+            parameter.requires_grad_(False)
+
+    def _predict(self, images: np.ndarray) -> Predictions:
+        on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
+        return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]))
+
+
+def load(path: str | Path, *, device: str | None = None) -> Estimator:
+    """A trained network, ready to estimate.
+
+    Args:
+        path: Folder of a training, its `network.pt`, or an `.onnx` file made from it, which needs no torch.
+        device: cpu, cuda:0, …; None: the best there is. Exported files run on the CPU.
+
+    Raises:
+        InputError: There is no network, it is damaged, or a package is missing.
+    """
+    found = Path(path)
+    if found.suffix == ".onnx":
+        from otwarp.vision.networks.onnx_file import OnnxEstimator
+
+        return OnnxEstimator(found)
+    return TorchEstimator(network_file(found), device)
+
+
+def network_file(path: str | Path) -> Path:
+    """`network.pt` of a training, or the file itself."""
+    found = Path(path)
+    return found if found.suffix == ".pt" else found / checkpoint.NETWORK

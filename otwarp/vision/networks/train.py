@@ -1,0 +1,375 @@
+"""Training: from a data set to a network on disk, resumable to the bit after every epoch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.vision.datasets import open_dataset
+from otwarp.vision.networks import checkpoint
+from otwarp.vision.networks.build import build, described, grey_of, parameters
+from otwarp.vision.networks.curves import draw_curves, write_curves
+from otwarp.vision.networks.data import Samples, samples
+from otwarp.vision.networks.estimate import QUANTITIES
+from otwarp.vision.networks.library import check_device_name, repeatable, torch_device, torch_library
+from otwarp.vision.networks.metrics import scores_of, widening
+from otwarp.vision.networks.predict import arithmetic, predict
+from otwarp.vision.networks.settings import Settings
+from otwarp.vision.networks.targets import Targets, errors, targets_of, truth
+from otwarp.vision.networks.weights import find_weights, load_weights, put
+
+WEIGHT_DECAY = 1e-4
+"""Of Adam, as the paper's."""
+
+SQUARE_SHARE = 0.3
+"""Of all steps, in which the loss of a pose goes over from the square to the density."""
+
+LOOK = 50
+"""Steps between looks at the loss: each waits for the device."""
+
+DRAW = 20.0
+"""Seconds between pictures of the curves; drawing may take longer than an epoch."""
+
+LONGEST = 5.0
+"""Norm to which gradients of a pose's density are cut."""
+
+Report = Callable[[Mapping[str, Any]], None]
+
+
+@dataclass
+class Training:
+    """One training, between epochs.
+
+    Attributes:
+        folder, settings: Where, and how.
+        network, optimiser: Of torch.
+        targets: What the network says.
+        parts: Indices of the data set's training, validation and test part.
+        train, validation: On the device.
+        stretch: [pixels of the resized image per µm], along x and y.
+        weights: Where the network began.
+        about: What `network.pt` says beside the weights.
+        rows: Learning curves so far.
+        drawn: When they were [s].
+    """
+
+    folder: Path
+    settings: Settings
+    network: Any
+    optimiser: Any
+    targets: Targets
+    parts: Mapping[str, np.ndarray]
+    train: Samples
+    validation: Samples
+    stretch: tuple[float, float]
+    weights: Mapping[str, str]
+    about: Mapping[str, Any]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    drawn: float = field(default_factory=time.monotonic)
+
+    @property
+    def device(self) -> Any:
+        """torch's."""
+        return self.train.images.device
+
+
+def train(
+    dataset: str | Path, folder: Path, settings: Settings, *, device: str | None = None, report: Report | None = None
+) -> dict[str, Any]:
+    """Train a network, or go on where a training of the same settings was stopped.
+
+    Args:
+        dataset: Folder of a data set.
+        folder: Gets the network; `otwarp.vision.networks.checkpoint` says what lies in it.
+        settings: How.
+        device: torch's name of it; None for a GPU if there is one.
+        report: Called after every epoch with a row of the learning curves.
+
+    Returns:
+        What `metrics.json` says.
+
+    Raises:
+        InputError: No such data set, split, weights or device; another training in the folder; a loss that is not
+            finite; or a batch that does not fit the memory of the device. What was written before stays.
+    """
+    check_device_name(device)
+    find_weights(settings.net, settings.weights)
+    data = open_dataset(dataset)
+    parts = _parts(data.split(settings.split), settings)
+    where = torch_device(device)
+    checkpoint.begin(folder, {"dataset": dataset_digest(data), "settings": settings.said()})
+    if (folder / checkpoint.METRICS).exists():
+        return checkpoint.read_json(folder / checkpoint.METRICS)
+    with repeatable(settings.seed), memory_named(settings.batch, where):
+        work = prepare(data, parts, folder, settings, where)
+        if (folder / checkpoint.CHECKPOINT).exists():
+            resume(work)
+        for epoch in range(len(work.rows), settings.epochs):
+            row = one_epoch(work, epoch)
+            keep(work, row)
+            if report:
+                report(row)
+        return finish(work, data)
+
+
+def _parts(split: Mapping[str, np.ndarray], settings: Settings) -> dict[str, np.ndarray]:
+    """The split, its training part as small as is asked."""
+    parts = {name: np.asarray(index) for name, index in split.items()}
+    if settings.images:
+        if settings.images > len(parts["train"]):
+            raise InputError(f"images is {settings.images}; allowed: up to {len(parts['train'])}, which the training "
+                             f"part of split {settings.split} has")  # fmt: skip
+        rng = np.random.default_rng([settings.seed, 3])
+        parts["train"] = np.sort(rng.permutation(parts["train"])[: settings.images])
+    if len(parts["train"]) < 2:
+        raise InputError(
+            f"the training part of split {settings.split} has {len(parts['train'])} images; allowed: 2 or more"
+        )
+    return parts
+
+
+def dataset_digest(data: Any) -> str:
+    """Of a data set: of all that its manifest says."""
+    text = json.dumps(data.manifest, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def prepare(data: Any, parts: Mapping[str, np.ndarray], folder: Path, settings: Settings, device: Any) -> Training:
+    """Images on the device, a network with its first weights, an optimiser.
+
+    Raises:
+        InputError: Heads for which the data set has no labels, or weights of another network.
+    """
+    torch = torch_library()
+    targets = targets_of(
+        data.labels, parts["train"], symmetry=data.manifest["symmetry"], classes=np.asarray(data.classes)
+    )
+    has = bool(np.any(np.asarray(data.labels["tilt_class"])[parts["train"]] >= 0))
+    for heads, there in (("paper", has), ("pose", bool(targets.names))):
+        if settings.heads == heads and not there:
+            raise InputError(f"heads is {heads}, but the training part of the data set has no such labels that vary; "
+                             "allowed: the other heads")  # fmt: skip
+    size = settings.size or max(data.shape)
+    columns = [QUANTITIES.index(name) for name in targets.names]
+    on = {part: samples(data, parts[part], truth(data.labels, parts[part])[:, columns], size, device)
+          for part in ("train", "validation")}  # fmt: skip
+    grey = grey_of(on["train"].images)
+    network = build(settings.net, settings.heads, targets, grey)
+    weights = load_weights(network.backbone, settings.net, settings.weights)
+    if settings.net == "vgg16" and weights["source"] != "none":
+        network.backbone.freeze()
+    network = network.to(device).to(memory_format=torch.channels_last)
+    moving = [p for p in network.parameters() if p.requires_grad]
+    optimiser = torch.optim.Adam(moving, lr=settings.rate, weight_decay=WEIGHT_DECAY, fused=True)
+    pixel = float(data.manifest["optics"]["pixel"])
+    stretch = (size / (data.shape[1] * pixel), size / (data.shape[0] * pixel))
+    about = described(settings, targets, size, data, grey)
+    return Training(folder, settings, network, optimiser, targets, parts, on["train"], on["validation"], stretch,
+                    weights, about)  # fmt: skip
+
+
+def one_epoch(work: Training, epoch: int) -> dict[str, Any]:
+    """Take all steps of an epoch, and look at the validation part; a row of the learning curves.
+
+    Raises:
+        InputError: The loss is not finite.
+    """
+    torch = torch_library()
+    settings, count = work.settings, len(work.train)
+    order_seed, change_seed = checkpoint.seeds(settings.seed, epoch)
+    order = torch.randperm(count, generator=torch.Generator().manual_seed(order_seed)).to(work.device)
+    change = torch.Generator(work.device).manual_seed(change_seed)
+    batches = torch.tensor_split(order, max(1, round(count / settings.batch)))
+    work.network.train()
+    total = torch.zeros((), device=work.device)
+    begun = time.perf_counter()
+    for n, batch in enumerate(batches):
+        step = epoch * len(batches) + n
+        rate = settings.rate * settings.factor(step, len(batches))
+        for group in work.optimiser.param_groups:
+            group["lr"] = rate
+        share = min(1.0, step / (SQUARE_SHARE * settings.epochs * len(batches)))
+        total += one_step(work, batch, change, share) * len(batch)
+        if n % LOOK == 0 or n == len(batches) - 1:
+            check_finite(work, float(total), epoch, n)
+    seconds = time.perf_counter() - begun
+    row = {"epoch": epoch + 1, "rate": rate, "training_loss": float(total) / count, "seconds": seconds,
+           "images_per_second": count / seconds}  # fmt: skip
+    return {**row, **validate(work)}
+
+
+def one_step(work: Training, batch: Any, change: Any, share: float) -> Any:
+    """A step of the optimiser; the loss, on the device.
+
+    Args:
+        work: The training.
+        batch: (b) indices into its training part.
+        change: Generator of the augmentation.
+        share: Of the density in the loss of a pose.
+    """
+    torch = torch_library()
+    from otwarp.vision.networks.modules.augment import augmented
+
+    part = work.train
+    images, true = part.images[batch].float() / 255.0, part.truth[batch]
+    if work.settings.augment:
+        images, steps = augmented(images, change)
+        for axis, name in enumerate(("x", "y")):
+            if name in work.targets.names:
+                true[:, work.targets.names.index(name)] += steps[:, axis] / work.stretch[axis]
+    with arithmetic(work.settings.precision, work.device):
+        said = work.network(images)
+    loss = loss_of(work, said, true, part.tilt_class[batch], part.depth[batch], share)
+    work.optimiser.zero_grad(set_to_none=True)
+    loss.backward()
+    if "mean" in said:
+        torch.nn.utils.clip_grad_norm_(work.network.parameters(), LONGEST)
+    work.optimiser.step()
+    return loss.detach()
+
+
+def loss_of(work: Training, said: Mapping[str, Any], true: Any, tilt_class: Any, depth: Any, share: float) -> Any:
+    """Of all heads together."""
+    from otwarp.vision.networks.modules.loss import paper_loss, pose_loss, residuals
+
+    loss = 0.0
+    if "scores" in said:
+        wrong = work.settings.depth_loss == "broadcast"
+        loss = loss + paper_loss(said["scores"].float(), said["depth"].float(), tilt_class, depth, broadcast=wrong)
+    if "mean" in said:
+        head = work.network.pose
+        error = residuals(said["mean"], true, head.scale, work.targets.names, mirrored=work.targets.mirrored)
+        loss = loss + pose_loss(error, said["factor"], share)
+    return loss
+
+
+def check_finite(work: Training, loss: float, epoch: int, step: int) -> None:
+    """Stop a training whose loss is no number any more.
+
+    Raises:
+        InputError: It is not; the message says which checkpoint is kept.
+    """
+    if math.isfinite(loss):
+        return
+    kept = f"that of epoch {len(work.rows)} is kept in {work.folder}" if work.rows else "there is none yet"
+    raise InputError(f"the loss became {loss} in epoch {epoch + 1}, step {step + 1}, at lr {work.settings.rate:g}; "
+                     f"allowed: a smaller lr; of checkpoints, {kept}")  # fmt: skip
+
+
+def validate(work: Training) -> dict[str, Any]:
+    """Loss and errors of the validation part."""
+    torch = torch_library()
+    part, total, found = work.validation, 0.0, {}
+    work.network.eval()
+    with torch.inference_mode():
+        for some in torch.arange(len(part), device=work.device).split(256):
+            with arithmetic(work.settings.precision, work.device):
+                said = work.network(part.images[some].float() / 255.0)
+            true, tilt_class, depth = part.truth[some], part.tilt_class[some], part.depth[some]
+            total += float(loss_of(work, said, true, tilt_class, depth, 1.0)) * len(some)
+            if "scores" in said:
+                has = tilt_class >= 0
+                found.setdefault("accuracy", []).append((said["scores"].argmax(1) == tilt_class)[has].float())
+                found.setdefault("depth_normalized_rmse", []).append((said["depth"].float() - depth) ** 2)
+            if "depth" in work.targets.names and "mean" in said:
+                column = work.targets.names.index("depth")
+                found.setdefault("depth_rmse_um", []).append((said["mean"] - true)[:, column] ** 2)
+    row = {name: float(torch.cat(parts).mean()) for name, parts in found.items() if len(torch.cat(parts))}
+    row |= {name: math.sqrt(value) for name, value in row.items() if "rmse" in name}
+    return {"validation_loss": total / len(part), **row}
+
+
+def keep(work: Training, row: dict[str, Any]) -> None:
+    """Write the network if it is the best so far, then where the training stands, then its curves."""
+    best = min((r["validation_loss"] for r in work.rows), default=math.inf)
+    if row["validation_loss"] < best or not work.rows:
+        _save_network(work, row["epoch"], ())
+    work.rows.append(row)
+    state = {"network": work.network.state_dict(), "optimiser": work.optimiser.state_dict()}
+    checkpoint.save(work.folder / checkpoint.CHECKPOINT,
+                    {"version": checkpoint.VERSION, **state, "random": checkpoint.random_state(), "rows": work.rows,
+                     "weights": dict(work.weights)})  # fmt: skip
+    write_curves(work.folder, work.rows)
+    if time.monotonic() - work.drawn > DRAW:
+        draw_curves(work.folder / "curves.png", work.rows)
+        work.drawn = time.monotonic()
+
+
+def _save_network(work: Training, epoch: int, widen: tuple[float, ...]) -> None:
+    about = {**work.about, "epoch": epoch, "widen": list(widen), "weights": dict(work.weights)}
+    checkpoint.save(work.folder / checkpoint.NETWORK,
+                    {"version": checkpoint.VERSION, "about": about, "state": work.network.state_dict()})  # fmt: skip
+
+
+def resume(work: Training) -> None:
+    """Go on from the checkpoint.
+
+    Raises:
+        InputError: It is that of another network, or damaged.
+    """
+    file = work.folder / checkpoint.CHECKPOINT
+    found = checkpoint.load(file, "the checkpoint of this training")
+    put(work.network, found["network"], f"{file}: checkpoint of another network than {work.settings.net}")
+    work.optimiser.load_state_dict(found["optimiser"])
+    work.rows[:] = found["rows"]
+    checkpoint.set_random_state(found["random"])
+
+
+def finish(work: Training, data: Any) -> dict[str, Any]:
+    """Calibrate the best network on the validation part, say what it reaches on the test part, and write that last."""
+    file = work.folder / checkpoint.NETWORK
+    found = checkpoint.load(file, "the network of this training")
+    put(work.network, found["state"], f"{file}: another network than {work.settings.net}")
+    widen: tuple[float, ...] = ()
+    precision = work.settings.precision
+    if work.network.pose is not None:
+        said = predict(work.network, work.targets, work.validation.images, precision=precision)
+        true = work.validation.truth.cpu().numpy().astype(float)
+        assert said.mean is not None and said.covariance is not None
+        away = errors(said.mean, true, work.targets.names, mirrored=work.targets.mirrored)
+        widen = widening(away, said.covariance)
+    _save_network(work, found["about"]["epoch"], widen)
+    test = samples(data, work.parts["test"], np.zeros((len(work.parts["test"]), 0)), work.about["size"], work.device)
+    said = predict(work.network, work.targets, test.images, precision=precision, widen=widen)
+    fastest = [row["images_per_second"] for row in work.rows]
+    metrics = {
+        "net": work.settings.net,
+        "weights": dict(work.weights),
+        "parameters": parameters(work.network),
+        "split": work.settings.split,
+        "images": {name: len(index) for name, index in work.parts.items()},
+        "best_epoch": found["about"]["epoch"],
+        "training_seconds": sum(row["seconds"] for row in work.rows),
+        "images_per_second": float(np.median(fastest)),
+        "test": scores_of(said, work.targets, data.labels, work.parts["test"]),
+    }
+    draw_curves(work.folder / "curves.png", work.rows)
+    checkpoint.write_json(work.folder / checkpoint.METRICS, metrics)
+    return metrics
+
+
+@contextmanager
+def memory_named(batch: int, device: Any) -> Iterator[None]:
+    """Say which batch did not fit the memory of a GPU.
+
+    Raises:
+        InputError: It did not.
+    """
+    torch = torch_library()
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        words = " ".join(str(error).split())[:100]
+        raise InputError(
+            f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a smaller one"
+        ) from None

@@ -1,0 +1,108 @@
+"""A trained network in use: estimates, evaluation, and the same numbers from an exported file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from otwarp.errors import InputError
+from otwarp.vision.datasets import open_dataset
+from otwarp.vision.networks import Estimate, load
+from otwarp.vision.networks.evaluate import check_fits, evaluate
+from otwarp.vision.networks.onnx_file import export
+from otwarp.vision.networks.report import write_report
+
+
+def test_estimates_are_near_the_truth_and_say_how_near(smoke: Path, trained: Path) -> None:
+    network, data = load(trained, device="cpu"), open_dataset(smoke)
+    assert network.shape == (64, 64) and network.pixel == 0.125
+    rows = data.split("focus_blocks")["train"]
+    found = network.estimate(data.images(rows))
+    assert len(found) == len(rows) and isinstance(found[0], Estimate)
+    assert found[0].known == ("x", "y", "depth", "tilt")
+    assert found[0].yaw == 0.0 and found[0].covariance[4, 4] == np.inf and np.all(found[0].covariance[4, :4] == 0.0)
+    away = np.array([e.depth for e in found]) - data.labels["depth"][rows]
+    sigma = np.sqrt([e.covariance[2, 2] for e in found])
+    # a network of 22 epochs: better than the sweep's spread of 2.3 µm, and not sure of nonsense
+    assert np.sqrt(np.mean(away**2)) < 1.0 and np.mean((away / sigma) ** 2) < 4.0
+    for estimate in found:
+        assert np.all(np.linalg.eigvalsh(estimate.covariance[:4, :4]) > 0.0)
+    assert np.allclose(network.estimate(data.images(rows[:1])[0])[0].mean, found[0].mean, atol=1e-4)
+
+
+def test_exported_networks_say_the_same(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    assert export(trained, tmp_path / "robot.onnx") == ("scores", "depth", "mean", "covariance")
+    images = open_dataset(smoke).images(np.arange(0, 200, 23))
+    one, other = load(trained, device="cpu"), load(tmp_path / "robot.onnx")
+    said, again = one.predict(images), other.predict(images)
+    for name in ("scores", "depth", "mean"):
+        assert np.allclose(getattr(said, name), getattr(again, name), atol=1e-3), name
+    assert np.allclose(said.covariance, again.covariance, rtol=1e-2, atol=1e-5)
+    assert [e.known for e in other.estimate(images)] == [e.known for e in one.estimate(images)]
+    assert other.about["net"] == "small" and other.shape == (64, 64)
+    with pytest.raises(InputError, match=r"--onnx is .*robot.pb; allowed"):
+        export(trained, tmp_path / "robot.pb")
+    (tmp_path / "bad.onnx").write_bytes(b"no network")
+    with pytest.raises(InputError, match=r"bad.onnx: cannot be read .*allowed"):
+        load(tmp_path / "bad.onnx")
+
+
+def test_images_are_resized_alike_by_torch_and_in_the_file(smoke: Path, tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime")
+    from otwarp.vision.networks.settings import Settings
+    from otwarp.vision.networks.train import train
+
+    settings = Settings(net="small", heads="pose", epochs=1, images=32, size=40)
+    train(smoke, tmp_path / "run", settings, device="cpu")
+    export(tmp_path / "run", tmp_path / "robot.onnx")
+    images = open_dataset(smoke).images(slice(0, 5))
+    said = [load(path).predict(images) for path in (tmp_path / "run", tmp_path / "robot.onnx")]
+    assert said[0].scores is None and np.allclose(said[0].mean, said[1].mean, atol=1e-3)
+
+
+def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    other = shutil.copytree(smoke, tmp_path / "copy")
+    manifest = json.loads((other / "manifest.json").read_text())
+    (other / "manifest.json").write_text(json.dumps({**manifest, "seed": 99}))
+    estimator, found = evaluate(trained, [smoke, other], poses=2, device="cpu")
+    assert [one.about for one in found] == ["test part of split focus_blocks", "all images"]
+    assert found[1].scores["images"] == 200 and not found[1].baselines
+    for one in found[0].efficiency.values():
+        assert 0.0 < one["bound"] < one["rmse"] and one["efficiency"] == pytest.approx(one["bound"] / one["rmse"])
+    page = write_report(tmp_path / "report", estimator, found)
+    text = page.read_text()
+    for words in ("nearest template", "Cramér–Rao bound", "within the 95 % interval", "Root mean square error by tilt"):
+        assert words in text
+    assert {p.name for p in (tmp_path / "report").iterdir()} == {
+        "report.md", "report.json", *(f"{n}_{name}_{kind}.png" for n, name in ((1, "smoke"), (2, "copy"))
+                                      for kind in ("confusion", "errors", "calibration")),
+    }  # fmt: skip
+    said = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert np.sum(said["evaluations"][1]["scores"]["confusion"]) == 200
+
+
+def test_what_does_not_fit_is_refused(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    network, data = load(trained, device="cpu"), open_dataset(smoke)
+    with pytest.raises(InputError, match=r"images is uint8 \(1, 32, 32\); allowed: uint8 \(n, 64, 64\)"):
+        network.estimate(np.zeros((32, 32), dtype=np.uint8))
+    with pytest.raises(InputError, match="images is float64"):
+        network.estimate(np.zeros((64, 64)))
+    data.manifest["classes"] = [0.0, 90.0]
+    with pytest.raises(InputError, match=r"smoke: has other classes of tilt: 2, 0° to 90°; allowed: the network's 5"):
+        check_fits(network, data, "smoke")
+    data.manifest["optics"]["pixel"] = 0.1
+    with pytest.raises(InputError, match=r"pixel is 0.1 µm; allowed: 0.125 µm"):
+        check_fits(network, data, "smoke")
+    with pytest.raises(InputError, match=r"network.pt: is not there; allowed"):
+        load(tmp_path)
+    (tmp_path / "network.pt").write_bytes((trained / "network.pt").read_bytes()[:5000])
+    with pytest.raises(InputError, match=r"network.pt: cannot be read"):
+        load(tmp_path)
+    with pytest.raises(InputError, match="there is no data set to evaluate on"):
+        evaluate(trained, [])
