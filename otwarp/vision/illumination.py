@@ -40,8 +40,9 @@ def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimu
     Raises:
         InputError: An annulus between rings.
     """
+    step, off = microscope.wavelength / length, (microscope.condenser_x, microscope.condenser_y)
     if microscope.condenser_aperture <= 0.0:
-        return Illumination(np.zeros((1, 2), dtype=int), np.ones(1))
+        return Illumination(np.array([[_nearest(o / step) for o in off]]), np.ones(1))
     if rings < 1:
         raise InputError(f"rings is {rings}; allowed: 1 or more where the condenser is open")
     outer = microscope.condenser_aperture
@@ -58,10 +59,9 @@ def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimu
         for j in range(rings):
             square = inner**2 + (outer**2 - inner**2) * (j + 0.5) / rings
             points += _ring(math.sqrt(square), 24, azimuth, 1.0 / (24 * rings))
-    step = microscope.wavelength / length
     found: dict[tuple[int, int], float] = {}
     for x, y, weight in points:
-        key = (_nearest(x / step), _nearest(y / step))
+        key = (_nearest((x + off[0]) / step), _nearest((y + off[1]) / step))
         found[key] = found.get(key, 0.0) + weight
     return Illumination(np.array(list(found)), np.array(list(found.values())))
 

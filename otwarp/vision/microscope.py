@@ -24,6 +24,9 @@ class Microscope:
         condenser_aperture: Numerical aperture of the condenser; 0 for coherent light along the axis.
         condenser: Shape of its opening: a disc, or an annulus from `condenser_inner` on, as dark field needs.
         condenser_inner: Numerical aperture where an annulus begins.
+        condenser_x, condenser_y: Numerical aperture by which that opening is off the axis.
+        illumination_curvature: Of the waves that come from a point of the condenser, 1 over the distance from which
+            they diverge [1/µm]; 0 for a condenser in focus, whose waves are plane, negative for waves that converge.
         wavelength: In vacuum [µm].
         bandwidth: Full width at half maximum of the spectrum, a Gaussian [µm]; 0 for one wavelength.
         medium_index: Refractive index of the liquid.
@@ -40,6 +43,9 @@ class Microscope:
     condenser_aperture: float = 0.4
     condenser: Condenser = "disc"
     condenser_inner: float = 0.0
+    condenser_x: float = 0.0
+    condenser_y: float = 0.0
+    illumination_curvature: float = 0.0
     wavelength: float = 0.55
     bandwidth: float = 0.0
     medium_index: float = 1.33
@@ -65,6 +71,13 @@ class Microscope:
             raise InputError(f"condenser is {self.condenser!r}; allowed: disc, annulus")
         if not 0.0 <= self.condenser_inner <= self.condenser_aperture:
             raise InputError(f"condenser_inner is {self.condenser_inner:g}; allowed: 0 to {self.condenser_aperture:g}")
+        reach = self.condenser_aperture + math.hypot(self.condenser_x, self.condenser_y)
+        if not reach < self.medium_index:
+            raise InputError(f"condenser_x and condenser_y of the microscope reach an aperture of {reach:g}; allowed: "
+                             f"below {self.medium_index:g}, the index of the medium")  # fmt: skip
+        if not abs(self.illumination_curvature) <= 0.02:
+            raise InputError(f"illumination_curvature of the microscope is {self.illumination_curvature:g} per µm; "
+                             "allowed: -0.02 to 0.02")  # fmt: skip
         for noll, rms in self.zernike.items():
             if not 1 <= noll <= 45 or not math.isfinite(rms):
                 raise InputError(f"zernike has {noll}: {rms}; allowed: Noll's numbers 1 to 45, finite wavelengths")

@@ -141,7 +141,12 @@ def propagate(
     at = np.zeros(2) if slices is None else (np.array(slices.corner) + 0.5) * grid.spacing - 0.5 * grid.length
     x, y = grid.wavenumbers()
     shift = x * at[0] + y * at[1]
-    amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
+    if microscope.illumination_curvature:
+        curved = _curved(microscope, grid)
+        for s in range(sources):
+            amplitude[s] = fourier.array(np.roll(curved, light.steps[s, ::-1], (0, 1)) * np.exp(1j * shift))
+    else:
+        amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
     if slices is not None:
         count = max(1, BATCH_BYTES // (8 * n * n)) if not fourier.device.is_cuda else sources
         media = _media(specimen, microscope, grid, slices, axial, travels, fourier, method)
@@ -158,6 +163,17 @@ def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     x, y = grid.wavenumbers()
     square = k * k - x * x - y * y
     return np.sqrt(np.maximum(square, 0.0)), square > 0.0
+
+
+def _curved(microscope: Microscope, grid: Grid) -> np.ndarray:
+    """(n, n) spectrum at height 0 of a wave that diverges from a point of the axis far below.
+
+    The phase is k/2 times curvature and squared distance from the axis, but as smooth as the square repeats.
+    """
+    x = 2.0 * math.pi * np.arange(grid.cells) / grid.cells
+    bend = microscope.wavenumber * microscope.illumination_curvature * (grid.length / (2.0 * math.pi)) ** 2
+    line = np.fft.fft(np.exp(1j * bend * (1.0 - np.cos(x)))) / grid.cells
+    return line[:, None] * line[None, :]
 
 
 def _media(

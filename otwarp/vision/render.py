@@ -117,6 +117,8 @@ def expose(
         one = microscope if microscope.bandwidth <= 0.0 else microscope.at(wavelength)
         light = illumination(one, grid.length, rings=how.rings, azimuth=how.azimuth)
         if how.method == "mie":
+            if one.illumination_curvature:
+                raise InputError("illumination_curvature is of waves that are not plane; allowed for mie: 0")
             spectra = scattered_spectra(specimen, one, light, grid, where)
         else:
             spectra = propagate(specimen, one, light, grid, where, method=how.method, thickness=how.thickness)  # type: ignore[arg-type]

@@ -145,3 +145,28 @@ def test_bad_input(what: object, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         what()  # type: ignore[operator]
     assert "allowed" in str(caught.value)
+
+
+def test_a_condenser_out_of_focus_sends_waves_that_diverge(fourier: Fourier) -> None:
+    nothing = Specimen.of_spheres([[0, 0, 0]], 0.5, 1.33)
+    m = microscope(condenser_aperture=0.2, illumination_curvature=0.01, pixel=0.1)
+    planes = np.array([-5.0, 0.0, 5.0])
+    found = render(nothing, m, 64, focus=planes, rendering=Rendering(rings=2), fourier=fourier)[:, 32, 32]
+    # a sphere's area grows with the square of its radius; 1/c = 100 µm
+    assert found == pytest.approx((1.0 + 0.01 * planes) ** -2, rel=0.005)
+    with pytest.raises(InputError, match=r"illumination_curvature of the microscope is 0\.1 per µm; allowed: "):
+        microscope(illumination_curvature=0.1)
+    with pytest.raises(InputError, match="allowed for mie: 0"):
+        render(nothing, m, 16, rendering=Rendering(method="mie"), fourier=fourier)
+
+
+def test_a_condenser_off_the_axis_moves_what_is_out_of_focus(fourier: Fourier) -> None:
+    ball = Specimen.of_spheres([[0, 0, 0]], 0.3, 1.36)
+    m = microscope(condenser_aperture=0.1, condenser_x=0.4, pixel=0.1)
+    page = render(ball, m, 64, focus=[3.0], rendering=Rendering(rings=2), fourier=fourier)[0]
+    away = np.maximum(np.abs(page - 1.0) - 0.5 * np.abs(page - 1.0).max(), 0.0)
+    x = np.sum(away * (np.arange(64) - 32)) * 0.1 / away.sum()
+    # light at the angle asin(0.4/1.33) goes sideways by the tangent of it
+    assert x == pytest.approx(3.0 * np.tan(np.arcsin(0.4 / 1.33)), abs=0.15)
+    with pytest.raises(InputError, match=r"reach an aperture of 1.3[0-9]*; allowed: below 1.33"):
+        microscope(condenser_aperture=0.4, condenser_x=0.95)

@@ -24,7 +24,9 @@ from otwarp.vision.specimen import Specimen
 ALWAYS = ("yaw", "x", "y")
 """Parameters that are labels even where they do not vary."""
 
-UNITS = {"tilt": "deg", "depth": "um"}
+AS_THEY_ARE = ("wavelength", "condenser_aperture", "condenser_x", "condenser_y", "illumination_curvature",
+               "medium_index", "numerical_aperture")  # fmt: skip
+"""Parameters that the microscope knows by the same name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ class Labels:
             InputError: What was drawn cannot be.
         """
         base, changes = self.spec.microscope, {}
-        for name in ("wavelength", "condenser_aperture", "medium_index", "numerical_aperture"):
+        for name in AS_THEY_ARE:
             if name in self.arrays:
                 changes[name] = self.value(name, row, None)
         if "glass_depth" in self.arrays:
