@@ -19,7 +19,7 @@ PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "ros": (0.25, 7.64, 6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
     "analysis": (6.35, 6.64, 2.05, 0.66, "violet", "what a run or study tells"),
     "studies": (6.15, 5.26, 2.3, 0.98, "violet", "trials at many points"),
-    "vision": (8.7, 5.24, 2.05, 1.3, "violet", "what a microscope sees"),
+    "vision": (8.7, 5.24, 2.05, 1.6, "violet", "what a microscope sees"),
     "teleop": (0.25, 6.32, 6, 0.98, "amber", "a scene, live"),
     "bench": (6.5, 7.64, 4.25, 0.98, "violet", "what accuracy costs on this machine"),
     "record": (3.35, 5.31, 2.65, 0.66, "violet", "a run on disk"),

@@ -13,7 +13,7 @@ above it:
     metrics, curves         figures of merit; learning curves
     checkpoint              a training on disk
     train                   all of these together
-    run, onnx_file          a network in use, by torch or exported
+    run, onnx_file, use     a network in use, by torch or exported; `load` of either
     baselines, bound        what is reached without networks, and what could be reached at all
     evaluate, figures, report    a network on data sets: numbers, pictures, a page
 """
@@ -28,14 +28,15 @@ if TYPE_CHECKING:
     from otwarp.vision.networks.estimate import QUANTITIES as QUANTITIES
     from otwarp.vision.networks.estimate import Estimate as Estimate
     from otwarp.vision.networks.run import Estimator as Estimator
-    from otwarp.vision.networks.run import load as load
     from otwarp.vision.networks.settings import Settings as Settings
+    from otwarp.vision.networks.use import load as load
 
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "estimate": ("QUANTITIES", "Estimate"),
-        "run": ("Estimator", "load"),
+        "run": ("Estimator",),
         "settings": ("Settings",),
+        "use": ("load",),
     },
 )

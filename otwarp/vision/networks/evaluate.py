@@ -18,8 +18,9 @@ from otwarp.vision.networks.bound import bounds
 from otwarp.vision.networks.estimate import ANGLES
 from otwarp.vision.networks.metrics import errors_of, scores_of
 from otwarp.vision.networks.predict import Predictions
-from otwarp.vision.networks.run import Estimator, load
+from otwarp.vision.networks.run import Estimator
 from otwarp.vision.networks.train import dataset_digest
+from otwarp.vision.networks.use import load
 
 SAME_PIXEL = 0.01
 """Relative difference of pixels that a network does not mind."""

@@ -19,7 +19,7 @@ from otwarp.vision.networks.weights import put
 
 
 class Estimator:
-    """A network with what it takes to use it; made by `load`.
+    """A network with what it takes to use it; made by `use.load`.
 
     Attributes:
         about: What its file says: `net`, `shape`, `pixel` [µm], `size`, `epoch`, `weights`, …
@@ -99,24 +99,6 @@ class TorchEstimator(Estimator):
     def _predict(self, images: np.ndarray) -> Predictions:
         on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
         return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]))
-
-
-def load(path: str | Path, *, device: str | None = None) -> Estimator:
-    """A trained network, ready to estimate.
-
-    Args:
-        path: Folder of a training, its `network.pt`, or an `.onnx` file made from it, which needs no torch.
-        device: cpu, cuda:0, …; None: the best there is. Exported files run on the CPU.
-
-    Raises:
-        InputError: There is no network, it is damaged, or a package is missing.
-    """
-    found = Path(path)
-    if found.suffix == ".onnx":
-        from otwarp.vision.networks.onnx_file import OnnxEstimator
-
-        return OnnxEstimator(found)
-    return TorchEstimator(network_file(found), device)
 
 
 def network_file(path: str | Path) -> Path:

@@ -139,7 +139,8 @@ def test_baselines_find_what_is_plain_to_see() -> None:
         assert again.depth is not None and again.mean is not None and again.scores is not None
         assert np.sqrt(np.mean((again.depth - test.depth) ** 2)) < 0.08
         assert np.sqrt(np.mean((again.mean[:, 0] - 3.0 * test.depth) ** 2)) < 0.24
-    assert np.mean(np.argmax(focus_ridge(train, test.images, 2).scores, 1) == test.tilt_class) > 0.95
+        if baseline is focus_ridge:
+            assert np.mean(np.argmax(again.scores, 1) == test.tilt_class) > 0.95
     # the measures of an image do not depend on what is beside it
     assert np.allclose(focus_measures(test.images)[:5], focus_measures(test.images[:5]), rtol=1e-5, atol=1e-6)
     exact = nearest_template(train, train.images[:20], 2)

@@ -43,6 +43,7 @@ def test_exported_networks_say_the_same(smoke: Path, trained: Path, tmp_path: Pa
     said, again = one.predict(images), other.predict(images)
     for name in ("scores", "depth", "mean"):
         assert np.allclose(getattr(said, name), getattr(again, name), atol=1e-3), name
+    assert said.covariance is not None and again.covariance is not None
     assert np.allclose(said.covariance, again.covariance, rtol=1e-2, atol=1e-5)
     assert [e.known for e in other.estimate(images)] == [e.known for e in one.estimate(images)]
     assert other.about["net"] == "small" and other.shape == (64, 64)
@@ -63,7 +64,8 @@ def test_images_are_resized_alike_by_torch_and_in_the_file(smoke: Path, tmp_path
     export(tmp_path / "run", tmp_path / "robot.onnx")
     images = open_dataset(smoke).images(slice(0, 5))
     said = [load(path).predict(images) for path in (tmp_path / "run", tmp_path / "robot.onnx")]
-    assert said[0].scores is None and np.allclose(said[0].mean, said[1].mean, atol=1e-3)
+    assert said[0].scores is None and said[0].mean is not None and said[1].mean is not None
+    assert np.allclose(said[0].mean, said[1].mean, atol=1e-3)
 
 
 def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_path: Path) -> None:
