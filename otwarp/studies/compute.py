@@ -107,13 +107,7 @@ def _spread(study: Study, point: int) -> np.ndarray:
     """Points that stand for all that share a model and a step with one: all, or the extremes and some between them."""
     whole = study.design.group_of(point)
     whole = whole[study.step_counts[whole] == study.step_counts[point]]
-    if len(whole) <= BESIDE:
-        return whole
-    chosen = [whole[np.linspace(0, len(whole) - 1, BESIDE).astype(int)]]
-    for v in study.design.at(whole).values():
-        if v.dtype.kind == "f":
-            chosen += [whole[np.argmin(v, axis=0)], whole[np.argmax(v, axis=0)]]
-    return np.unique(np.concatenate([np.atleast_1d(c) for c in chosen]))
+    return study.design.some(whole, BESIDE)
 
 
 def successes(study: Study, code: np.ndarray, time: np.ndarray, done: np.ndarray) -> np.ndarray:

@@ -121,8 +121,17 @@ class Design:
         try:
             return variant(self.scene, self.variations, values)
         except InputError as error:
-            where = ", ".join(f"{t.name} = {v} {t.unit}".rstrip() for t, v in values.items())
-            raise InputError(f"at {where}: {error}") from None if values else error
+            raise at_values(error, values) from None
+
+    def some(self, points: np.ndarray, most: int) -> np.ndarray:
+        """All of some points; of more than `most` as many, evenly chosen, and those at the ends of each value."""
+        if len(points) <= most:
+            return points
+        chosen = [points[np.linspace(0, len(points) - 1, most).astype(int)]]
+        for v in self.at(points).values():
+            if v.dtype.kind == "f":
+                chosen += [points[np.argmin(v, axis=0)], points[np.argmax(v, axis=0)]]
+        return np.unique(np.concatenate([np.atleast_1d(c) for c in chosen]))
 
     def coordinates(self) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]:
         """Per name, dimensions, values and attributes of a coordinate in a table, in the units that were written."""
@@ -137,6 +146,12 @@ class Design:
                     for letter, column in zip("xyz", axis.values.T, strict=True):
                         out[f"{label}_{letter}"] = ((d.name,), column, known | {"long_name": f"{name}, {letter}"})
         return out
+
+
+def at_values(error: InputError, values: dict[Target, Any]) -> InputError:
+    """The error, with the values of the group in which it came."""
+    where = ", ".join(f"{t.name} = {v} {t.unit}".rstrip() for t, v in values.items())
+    return InputError(f"at {where}: {error}") if where else error
 
 
 def check_starts(design: Design) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ import numpy as np
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
+from otwarp.studies.design import at_values
 from otwarp.studies.runner import parameter_rows
 from otwarp.studies.targets import Target
 
@@ -85,11 +87,14 @@ def steps_of_points(study: Study, wanted: float | str | None) -> np.ndarray:
         wanted: A step for all [s], `per point`, or None for the largest that all points can take.
 
     Raises:
-        InputError: A scene of some point cannot be stepped, or too many combinations to judge one by one.
+        InputError: A scene of some point cannot be stepped, not in the step that is given, or there are too many
+            combinations to judge one by one.
     """
     points = study.design.points
     if isinstance(wanted, int | float):
-        return np.full(points, max(1, round(study.horizon / wanted)))
+        counts = np.full(points, max(1, round(study.horizon / wanted)))
+        _smallest(study, given=study.horizon / int(counts[0]))
+        return counts
     if wanted is None:
         return np.full(points, int(np.ceil(study.horizon / _smallest(study))))
     needed = np.ceil(study.horizon / _each(study)).astype(int)
@@ -98,15 +103,24 @@ def steps_of_points(study: Study, wanted: float | str | None) -> np.ndarray:
     return ladder[np.searchsorted(ladder, needed)]
 
 
-def _smallest(study: Study) -> float:
-    """The largest step that every point can take [s]."""
-    smallest = np.inf
+def _smallest(study: Study, given: float | None = None) -> float:
+    """The largest step that every point can take [s]; where one is given, which may be as inaccurate as it is, that.
+
+    Raises:
+        InputError: A scene cannot be stepped so; the message says which.
+    """
+    smallest, options = np.inf, study.options
+    if given is not None:
+        options = dataclasses.replace(options, time_step=given, allow_large_step=True)
     for points, values in study.design.groups(np.arange(study.design.points)):
         scene = study.design.scene_of(values)
-        sample = points[np.unique(np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(int))]
+        sample = study.design.some(points, SAMPLE)
         origin = Model.build(scene, device="cpu", options=study.options)
         rows = parameter_rows(origin, _worst(study, study.design.at(sample)), len(sample))
-        model = Model.build(scene, worlds=len(sample), device="cpu", parameters=rows, options=study.options)
+        try:
+            model = Model.build(scene, worlds=len(sample), device="cpu", parameters=rows, options=options)
+        except InputError as error:
+            raise at_values(error, values) from None
         smallest = min(smallest, model.time_step)
     return float(smallest)
 

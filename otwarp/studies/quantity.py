@@ -98,9 +98,8 @@ def ratio(given: str, wanted: str, what: str) -> float:
     except InputError as error:
         raise InputError(f"{what}: {error}") from None
     if here.powers != there.powers:
-        raise InputError(
-            f"{what} has the unit {given!r}; allowed: {wanted or 'none'}, or another unit of the same kind"
-        )
+        has = f"has the unit {given!r}" if given.strip() else "has no unit"
+        raise InputError(f"{what} {has}; allowed: {wanted or 'none'}, or another unit of the same kind")
     factor = here.factor / there.factor
     # powers of ten as they are written, so that 0.1 µm is 0.1 and no neighbour of it
     exponent = round(math.log10(factor))

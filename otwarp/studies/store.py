@@ -98,10 +98,20 @@ class Store:
 
     @functools.cached_property
     def _arrays(self) -> Any:
-        """By name the arrays of results, opened once."""
+        """By name the arrays of results, opened once.
+
+        Raises:
+            InputError: They are not there.
+        """
         import zarr
 
+        self._check_results()
         return dict(zarr.open_group(str(self.results), mode="r+").arrays())
+
+    def _check_results(self) -> None:
+        if not (self.results / "zarr.json").is_file():
+            raise InputError(f"{self.results}: is not there; allowed: the folder as otwarp study run made it, "
+                             "or a new one")  # fmt: skip
 
     def check_writable(self) -> None:
         """Find out before anything is computed whether blocks can be kept.
@@ -173,9 +183,14 @@ class Store:
             raise OSError(error.errno, error.strerror, str(error.filename or self.results)) from error
 
     def read(self) -> Any:
-        """All arrays as an `xarray.Dataset`, read when they are used."""
+        """All arrays as an `xarray.Dataset`, read when they are used.
+
+        Raises:
+            InputError: They are not there.
+        """
         import xarray
 
+        self._check_results()
         return xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
 
     def claimed(self) -> AbstractContextManager[None]:

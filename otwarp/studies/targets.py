@@ -8,7 +8,7 @@
 | `start:/World/bead` | where a body starts, its prim's origin | µm |
 | `turn:/World/robot`, `turn.z:/World/robot` | how far it starts turned, a rotation vector | rad |
 | `/World/bead/sphere.radius` | any attribute of the stage | the attribute's |
-| `speed:/World/Traps/trap` | the highest speed of its path; everything that follows time samples goes along | µm/s |
+| `speed:/World/Traps/trap` | the highest speed of its path; all traps go along, obstacles keep their time | µm/s |
 
 Points that differ in the last two rows have models of their own: they are stepped in groups.
 """

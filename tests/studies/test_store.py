@@ -138,6 +138,17 @@ def test_a_changed_scene_is_refused_with_the_difference(scene, whole, tmp_path):
         run_study(study_of(scene), copied, devices=["cpu"])
 
 
+def test_a_folder_without_its_results(scene, whole, tmp_path):
+    """One line, not a traceback of zarr's; likewise to go on."""
+    broken = tmp_path / "out"
+    shutil.copytree(whole.folder, broken)
+    shutil.rmtree(broken / "results.zarr")
+    (broken / "done" / "000001").unlink()
+    for read in (open_store(broken).read, lambda: run_study(study_of(scene), broken, devices=["cpu"])):
+        with pytest.raises(InputError, match=r"results\.zarr: is not there; allowed: the folder as otwarp study run"):
+            read()
+
+
 def test_difference():
     """The first place, or none."""
     assert difference({"a": [1, {"b": 2.0}]}, {"a": [1, {"b": 2.0}]}) is None

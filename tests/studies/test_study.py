@@ -292,6 +292,8 @@ def test_bad_files(tmp_path, scene, capsys):
         ("0.1 s", "0.1", "without a unit"),
         ("[stop]", "[stop", "cannot be read"),
         ("values = [0, 0.1, 0.2, 0.3]", "values = [0, nan]", "finite"),
+        ("seed = 3", 'time_step = "50 ms"', "time step 0.05 s is unstable"),
+        ('unit = "mW"\n', "", "axis trap_power has no unit; allowed: mW"),
     ):
         assert old in FILE
         (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
