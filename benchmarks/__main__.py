@@ -21,6 +21,7 @@ from benchmarks import (
     terms,
     time_step,
     vision,
+    vision_networks,
     worlds,
 )
 from benchmarks.report import PAGES, check_places, options, run, save_json, write_pages
@@ -40,6 +41,7 @@ BENCHMARKS = {
     "study": study.measure,
     "escape": escape.measure,
     "vision": vision.measure,
+    "vision_networks": vision_networks.measure,
     "stability": stability.measure,
     "budget": budget.measure,
     "haptics": haptics.measure,

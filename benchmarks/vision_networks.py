@@ -1,0 +1,251 @@
+"""Networks on images of robots: splits that leak and splits that do not, photons, images needed, bounds, run times."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Section, command
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import NOTHING, Table
+from otwarp.device import pick_device
+from otwarp.vision.datasets import labels_of, load_spec, make_dataset, open_dataset
+from otwarp.vision.datasets.shots import pose_intensities
+from otwarp.vision.fourier import Fourier
+from otwarp.vision.networks.baselines import BASELINES, Shown
+from otwarp.vision.networks.bound import bound, fisher_information, labels_from, views
+from otwarp.vision.networks.evaluate import evaluate
+from otwarp.vision.networks.metrics import scores_of
+from otwarp.vision.networks.onnx_file import export
+from otwarp.vision.networks.settings import Settings
+from otwarp.vision.networks.train import train
+from otwarp.vision.networks.use import load
+
+SPECS = Path(__file__).resolve().parent.parent / "vision"
+SPLITS = ("random", "focus_blocks")
+ELECTRONS = (300.0, 1000.0, 10000.0, 100000.0)
+SHARES = (0.25, 0.5, 1.0)
+
+SMALL: dict[str, dict[str, Any]] = {
+    "small": {"net": "small", "epochs": 20, "batch": 8, "lr": 3e-3},
+    "resnet18": {"net": "resnet18", "epochs": 8, "batch": 16},
+}
+FULL: dict[str, dict[str, Any]] = {
+    **{net: {"net": net, "heads": "paper", "schedule": "step", "epochs": 20, "batch": 32, "augment": False}
+       for net in ("vgg16", "resnet18", "resnet50")},
+    "resnet18, pose": {"net": "resnet18", "epochs": 20, "batch": 32},
+    "small, pose": {"net": "small", "epochs": 20, "batch": 32, "lr": 3e-3},
+}  # fmt: skip
+
+
+def small_spec(folder: Path) -> Path:
+    """The robot of `smoke.toml` at ten tilts: 400 images of 64 × 64 pixels."""
+    text = (SPECS / "smoke.toml").read_text(encoding="utf-8").replace("count = 5 }", "count = 10 }")
+    (folder / "networks.toml").write_text(text, encoding="utf-8")
+    return folder / "networks.toml"
+
+
+def measure(
+    device: str = "cpu",
+    *,
+    rounds: int = 1,
+    full: bool = False,
+    folder: Path | None = None,
+    runs: Mapping[str, Any] | None = None,
+) -> Section:
+    """All tables.
+
+    Args:
+        device: cpu or cuda:0.
+        rounds: Seeds of every training; of the full table five are meant.
+        full: The paper's layout and networks, hours on a GPU, instead of 400 small images.
+        folder: Keeps data sets and trainings, which are found again; None for nowhere.
+        runs: Trainings by name, with settings; None for those of this script.
+    """
+    with tempfile.TemporaryDirectory() as apart:
+        work = folder or Path(apart)
+        work.mkdir(parents=True, exist_ok=True)
+        place, spec = work / "data", SPECS / "paper.toml" if full else small_spec(work)
+        make_dataset(labels_of(load_spec(spec)), place, processes=1, device=device)
+        data: dict[str, Any] = {}
+        runs = runs or (FULL if full else SMALL)
+        tables = [table_of_splits(place, work, runs, rounds, device, data)]
+        best = "small, pose" if full else "small"
+        run = work / f"{best}_focus_blocks_0"
+        tables += [stated(run, place, device, data), photons(run, place, device, data)]
+        tables += [
+            images_needed(place, work, best, runs[best], device, data),
+            ablation(place, work, runs, device, data),
+        ]
+        tables.append(run_times(work, {name: work / f"{name}_random_0" for name in runs}, data))
+    kind = "cpu" if pick_device(device).is_cpu else "cuda"
+    asked = "--full" if full else ""
+    machine = Machine.look(pick_device(device))
+    return Section(name="vision_networks", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
+
+
+def table_of_splits(
+    place: Path, work: Path, runs: Mapping[str, Any], seeds: int, device: str, data: dict[str, Any]
+) -> Table:
+    """Every network on both splits, and the baselines."""
+    rows, found = [], open_dataset(place)
+    for split in SPLITS:
+        for name, how in runs.items():
+            folders = [work / f"{name}_{split}_{seed}" for seed in range(seeds)]
+            some = [train(place, folder, Settings(**how, split=split, seed=seed), device=device)
+                    for seed, folder in enumerate(folders)]  # fmt: skip
+            seconds = np.median([s["training_seconds"] for s in some])
+            speed = np.median([s["images_per_second"] for s in some])
+            rows.append((f"{name}, {split}", *cells([s["test"] for s in some]), f"{seconds:.0f}", f"{speed:.0f}"))
+            data[f"{name}, {split}"] = some
+        targets, parts = load(work / f"{next(iter(runs))}_{split}_0", device=device).targets, found.split(split)
+        if not targets.names:  # of the full table the first network is the paper's
+            targets = load(work / f"small, pose_{split}_0", device=device).targets
+        shown = Shown.of(found, parts["train"], targets)
+        for name, baseline in BASELINES.items():
+            said = baseline(shown, found.images(parts["test"]), len(targets.classes))
+            scores = scores_of(said, targets, found.labels, parts["test"])
+            rows.append((f"{name}, {split}", *cells([scores]), NOTHING, NOTHING))
+            data[f"{name}, {split}"] = scores
+    head = (
+        "network, split",
+        "accuracy",
+        "F1",
+        "depth, normalised",
+        "depth [µm]",
+        "tilt [°]",
+        "training [s]",
+        "images/s",
+    )
+    size = f"{found.count} images of {found.shape[1]} × {found.shape[0]} pixels, {len(found.classes)} tilts"
+    note = f"{size}; random weights; root mean square errors of the test part; depth in µm and tilt by the pose's head."
+    return Table(title="Splits at random and by blocks of focus", head=head, rows=rows, note=note)
+
+
+def cells(scores: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Mean, and spread where there are several seeds."""
+    out = []
+    for key in ("accuracy", "f1", "depth_normalized_rmse", "depth", "tilt"):
+        values = [s.get(key, s.get("rmse", {}).get(key)) for s in scores]
+        if any(v is None for v in values):
+            out.append(NOTHING)
+        else:
+            spread = f" ± {np.std(values, ddof=1):.2g}" if len(values) > 1 else ""
+            out.append(f"{np.mean(values):.3g}{spread}")
+    return out
+
+
+def stated(run: Path, place: Path, device: str, data: dict[str, Any]) -> Table:
+    """Whether the uncertainty is right, and how far errors are from the Cramér–Rao bound."""
+    _, (one,) = evaluate(run, [place], poses=4, baselines=False, device=device)
+    data["stated"] = one.said()
+    rows = []
+    for name, value in one.efficiency.items():
+        unit = "°" if name in ("tilt", "yaw") else "µm"
+        coverage = [f"{100 * one.scores['coverage'][p][name]:.0f} %" for p in ("68", "95")]
+        errors = (f"{one.scores[of][name]:.3g}" for of in ("rmse", "sigma"))
+        ends = (f"{value['bound']:.2g}", f"{100 * value['efficiency']:.2g} %")
+        rows.append((f"{name} [{unit}]", *errors, *coverage, *ends))
+    note = f"Small network, blocks of focus; negative log density {one.scores['nll']:.2f} nats; bound of four poses."
+    head = ("quantity", "error", "stated", "within 68 %", "within 95 %", "Cramér–Rao bound", "bound / error")
+    return Table(title="Stated uncertainty, and what the images hold", head=head, rows=rows, note=note)
+
+
+def photons(run: Path, place: Path, device: str, data: dict[str, Any]) -> Table:
+    """Errors of one network, and the bound, over the photoelectrons of full scale: the same light, recorded again."""
+    network, found, fourier = load(run, device=device), open_dataset(place), Fourier(device)
+    labels, names = labels_from(found), network.targets.names
+    test = found.split("focus_blocks")["test"]
+    of = labels.arrays["pose"][test]
+    light = np.concatenate([pose_intensities(labels, int(p), fourier, test[of == p]) for p in np.unique(of)])
+    order = np.concatenate([test[of == p] for p in np.unique(of)])
+    middle = int(np.unique(of)[len(np.unique(of)) // 2])
+    mine = test[of == middle]
+    seen, rows = views(labels, middle, mine, names, fourier), []
+    for electrons in ELECTRONS:
+        sensors = [dataclasses.replace(labels.sensor(int(r)), electrons=electrons) for r in order]
+        levels = np.stack(
+            [s.levels(page, seed=7, image=int(r)) for s, page, r in zip(sensors, light, order, strict=True)]
+        )
+        scores = scores_of(network.predict(levels), network.targets, found.labels, order)
+        least = [np.diagonal(bound(fisher_information(i, s, sensors[0])))
+                 for i, s in zip(seen.intensity, seen.slopes, strict=True)]  # fmt: skip
+        least = np.sqrt(np.mean(least, 0))
+        depth, tilt = names.index("depth"), names.index("tilt")
+        rows.append((f"{electrons:g}", f"{scores['rmse']['depth']:.3g}", f"{least[depth]:.2g}",
+                     f"{scores['rmse']['tilt']:.3g}", f"{np.degrees(least[tilt]):.2g}"))  # fmt: skip
+        data[f"photons {electrons:g}"] = {"scores": scores, "bound": least.tolist()}
+    head = ("electrons of full scale", "depth [µm]", "its bound", "tilt [°]", "its bound")
+    note = "Small network, trained at 10,000, on blocks of focus that it has not seen; the bound is of one pose."
+    return Table(title="Errors over photons", head=head, rows=rows, note=note)
+
+
+def images_needed(
+    place: Path, work: Path, name: str, how: Mapping[str, Any], device: str, data: dict[str, Any]
+) -> Table:
+    """Errors over the number of training images, for the same number of steps."""
+    rows, whole = [], len(open_dataset(place).split("random")["train"])
+    for share in SHARES:
+        count = int(share * whole)
+        settings = Settings(**{**how, "epochs": round(how["epochs"] / share)}, images=count if share < 1.0 else 0)
+        folder = work / (f"{name}_{count}" if share < 1.0 else f"{name}_random_0")
+        test = train(place, folder, settings, device=device)["test"]
+        rows.append((str(count), *cells([test])))
+        data[f"images {count}"] = test
+    head = ("training images", "accuracy", "F1", "depth, normalised", "depth [µm]", "tilt [°]")
+    return Table(title="Errors over the number of images", head=head, rows=rows, note="Small network, random split.")
+
+
+def ablation(place: Path, work: Path, runs: Mapping[str, Any], device: str, data: dict[str, Any]) -> Table:
+    """The published error of the depth's loss: (n, 1) against (n)."""
+    how = {**next(iter(runs.values())), "heads": "paper", "augment": False}
+    rows = []
+    for loss in ("right", "broadcast"):
+        test = train(place, work / f"loss_{loss}", Settings(**how, depth_loss=loss), device=device)["test"]
+        rows.append((loss, f"{test['accuracy']:.3g}", f"{test['depth_normalized_rmse']:.3g}"))
+        data[f"loss {loss}"] = test
+    note = "Paper's heads and loss, random split. The labels' own spread is 0.296."
+    head = ("loss", "accuracy", "depth, normalised")
+    return Table(title="What comparing every depth with every label costs", head=head, rows=rows, note=note)
+
+
+def run_times(work: Path, runs: Mapping[str, Path], data: dict[str, Any]) -> Table:
+    """One image at a time on one core: torch, and the exported file."""
+    import torch
+
+    from otwarp.vision.networks.onnx_file import OnnxEstimator
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    rows = []
+    for name, run in runs.items():
+        export(run, work / f"{name}.onnx")
+        images = np.zeros((1, *load(run, device="cpu").shape), dtype=np.uint8)
+        times = []
+        for network in (load(run, device="cpu"), OnnxEstimator(work / f"{name}.onnx", threads=1)):
+            each = []
+            for _ in range(25):
+                begun = time.process_time()
+                network.predict(images)
+                each.append(time.process_time() - begun)
+            times.append(1e3 * min(each[5:]))
+        rows.append((name, f"{times[0]:.2g}", f"{times[1]:.2g}"))
+        data[f"run time {name}"] = times
+    torch.set_num_threads(threads)
+    return Table(title="An image, one core [CPU-ms]", head=("network", "torch", "onnxruntime"), rows=rows)
+
+
+if __name__ == "__main__":
+    command(
+        measure,
+        "Networks on images of robots.",
+        rounds=1,
+        full={"action": "store_true", "help": "the paper's layout and networks: hours on a GPU"},
+        folder={"type": Path, "default": None, "help": "keeps data sets and trainings, and finds them again"},
+    )
