@@ -84,9 +84,9 @@ class Fourier:
         if self.library == "scipy":
             from scipy import fft
 
-            return fft.ifft(fft.ifft(spectrum, n=m, axis=-1, norm="forward"), n=m, axis=-2, norm="forward")
+            return fft.ifft(fft.ifft(spectrum, n=m, axis=-2, norm="forward"), n=m, axis=-1, norm="forward")
         fft = _torch().fft
-        return fft.ifft(fft.ifft(spectrum, n=m, dim=-1, norm="forward"), n=m, dim=-2, norm="forward").contiguous()
+        return fft.ifft(fft.ifft(spectrum, n=m, dim=-2, norm="forward"), n=m, dim=-1, norm="forward").contiguous()
 
     def _inverse(self, values: Any, axis: int) -> Any:
         if self.library == "scipy":
