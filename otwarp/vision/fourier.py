@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -63,14 +64,18 @@ class Fourier:
             return wp.from_torch(torch.view_as_real(array), dtype=wp.vec2f)
         return wp.from_torch(array, dtype=wp.float32)
 
-    def field(self, spectrum: Any, width: int, height: int) -> Any:
-        """(…, height, width) the corner at the origin of fields, from spectra (…, n, n); the rest is not computed."""
-        along = self._inverse(spectrum, -1)[..., :width]
-        return self._inverse(along, -2)[..., :height, :]
+    def corner(self, n: int, b: int, width: int, height: int) -> Corner:
+        """Transforms between b × b neighbouring components of n × n and the corner at the origin of their fields."""
+        return Corner(self, n, b, width, height)
 
-    def spectrum(self, field: Any, n: int) -> Any:
-        """(…, n, n) spectra of fields that are (…, height, width) at the origin and 0 elsewhere."""
-        return self._forward(self._forward(field, n, -2), n, -1)
+    def embedded(self, block: Any, n: int) -> Any:
+        """(…, n, n) spectra of which (…, b, b) are the components from −b//2 to b//2, in the order of transforms."""
+        whole, half = self.zeros(*block.shape[:-2], n, n), block.shape[-1] // 2
+        here, there = (slice(half, None), slice(0, half)), (slice(0, half + 1), slice(n - half, n))
+        for rows, to_rows in zip(here, there, strict=True):
+            for columns, to_columns in zip(here, there, strict=True):
+                whole[..., to_rows, to_columns] = block[..., rows, columns]
+        return whole
 
     def block(self, spectra: Any, index: np.ndarray) -> Any:
         """(…, b, b) components of spectra (…, n, n) whose rows and columns have these numbers, side by side."""
@@ -88,14 +93,16 @@ class Fourier:
         fft = _torch().fft
         return fft.ifft(fft.ifft(spectrum, n=m, dim=-2, norm="forward"), n=m, dim=-1, norm="forward").contiguous()
 
-    def _inverse(self, values: Any, axis: int) -> Any:
+    def inverse(self, values: Any, n: int, axis: int) -> Any:
+        """Fields along an axis, of the first components of n."""
         if self.library == "scipy":
             from scipy import fft
 
-            return fft.ifft(values, axis=axis, norm="forward")
-        return _torch().fft.ifft(values, dim=axis, norm="forward")
+            return fft.ifft(values, n=n, axis=axis, norm="forward")
+        return _torch().fft.ifft(values, n=n, dim=axis, norm="forward")
 
-    def _forward(self, values: Any, n: int, axis: int) -> Any:
+    def forward(self, values: Any, n: int, axis: int) -> Any:
+        """All n components along an axis, of fields that are 0 beyond their first points."""
         if self.library == "scipy":
             from scipy import fft
 
@@ -105,6 +112,59 @@ class Fourier:
     @property
     def _torch_device(self) -> Any:
         return wp.device_to_torch(self.device)
+
+
+class Corner:
+    """Fields in a small box, of a band of frequencies, and back.
+
+    Fields are those of the components 0 to b − 1: but for a phase that depends on place alone, and goes with the way
+    back, those of any b neighbours. On a CPU small boxes are products with matrices, which do more arithmetic than fast
+    transforms, in a fraction of the time.
+
+    Args:
+        fourier: Where.
+        n: Points along each side of the square that repeats.
+        b: Components along each side.
+        width, height: Of the box [points].
+    """
+
+    def __init__(self, fourier: Fourier, n: int, b: int, width: int, height: int):
+        self._fourier, self._n, self._b, self._size = fourier, n, b, (height, width)
+        small = min(width, height)
+        arithmetic = 8 * b * small * (b + max(width, height))
+        self._dense = not fourier.device.is_cuda and arithmetic < DENSE * 5 * n * math.log2(n) * (b + small)
+        if self._dense:
+            phase = 2.0 * math.pi / n * np.outer(np.arange(b), np.arange(max(width, height)))
+            waves = np.exp(1j * phase)
+            self._out = [fourier.array(w) for w in (waves[:, :height].T, waves[:, :width])]
+            self._back = [fourier.array(w.conj() / n) for w in (waves[:, :height], waves[:, :width].T)]
+
+    def field(self, spectrum: Any) -> Any:
+        """(…, height, width) fields of (…, b, b)."""
+        height, width = self._size
+        if self._dense:
+            return self._product(self._out, spectrum, rows_first=height <= width)
+        along = self._fourier.inverse(spectrum, self._n, -1)[..., :width]
+        return self._fourier.inverse(along, self._n, -2)[..., :height, :]
+
+    def spectrum(self, field: Any) -> Any:
+        """(…, b, b) components of fields (…, height, width) that are 0 beyond the box."""
+        height, width = self._size
+        if self._dense:
+            found = self._product(self._back, field, rows_first=height > width)
+        else:
+            along = self._fourier.forward(field, self._n, -2)[..., : self._b, :]
+            found = self._fourier.forward(along, self._n, -1)[..., : self._b]
+        return np.ascontiguousarray(found) if isinstance(found, np.ndarray) else found.contiguous()
+
+    @staticmethod
+    def _product(sides: list[Any], middle: Any, *, rows_first: bool) -> Any:
+        left, right = sides
+        return (left @ middle) @ right if rows_first else left @ (middle @ right)
+
+
+DENSE = 12
+"""How many times as fast a CPU multiplies matrices as it transforms, for the same arithmetic; no more than a choice."""
 
 
 @functools.cache

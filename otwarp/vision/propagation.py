@@ -25,7 +25,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.vision.fourier import Fourier
+from otwarp.vision.fourier import Corner, Fourier
 from otwarp.vision.grid import Grid
 from otwarp.vision.illumination import Illumination
 from otwarp.vision.kernels.advance import add_scattered, add_scattered_by_source, carry, carry_by_source
@@ -132,30 +132,37 @@ def propagate(
         raise InputError(f"method is {method!r}; allowed: {', '.join(METHODS)}, mie")
     if not (math.isfinite(thickness) and thickness > 0.0):
         raise InputError(f"thickness of slices is {thickness:g} µm; allowed: above 0")
-    axial, travels = axial_wavenumbers(microscope.wavenumber, grid)
     n, sources = grid.cells, len(light.weights)
-    amplitude = fourier.zeros(sources, n, n)
-    rows, columns = light.steps[:, 1] % n, light.steps[:, 0] % n
+    # waves that travel in the medium, side by side: nothing else is kept
+    reach = min(int(microscope.wavenumber * grid.length / (2.0 * math.pi)), (n - 1) // 2)
+    here = np.ix_(*(np.arange(-reach, reach + 1) % n,) * 2)
+    axial, travels = (a[here] for a in axial_wavenumbers(microscope.wavenumber, grid))
+    b = 2 * reach + 1
+    amplitude = fourier.zeros(sources, b, b)
+    rows, columns = light.steps[:, 1] + reach, light.steps[:, 0] + reach
     # while light passes, the origin is the middle of the first cell of the box around the specimen
     slices = sliced(specimen, grid, fourier, thickness) if len(specimen) else None
     at = np.zeros(2) if slices is None else (np.array(slices.corner) + 0.5) * grid.spacing - 0.5 * grid.length
-    x, y = grid.wavenumbers()
+    x, y = (q[here] for q in grid.wavenumbers())
     shift = x * at[0] + y * at[1]
     if microscope.illumination_curvature:
         curved = _curved(microscope, grid)
         for s in range(sources):
-            amplitude[s] = fourier.array(np.roll(curved, light.steps[s, ::-1], (0, 1)) * np.exp(1j * shift))
+            turned = np.roll(curved, light.steps[s, ::-1], (0, 1))[here]
+            amplitude[s] = fourier.array(turned * np.exp(1j * shift))
     else:
         amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
     if slices is not None:
-        count = max(1, BATCH_BYTES // (8 * n * n)) if not fourier.device.is_cuda else sources
-        media = _media(specimen, microscope, grid, slices, axial, travels, fourier, method)
+        count = max(1, BATCH_BYTES // (8 * b * b)) if not fourier.device.is_cuda else sources
+        media = _media(specimen, microscope, grid, slices, here, fourier, method)
         middles = slices.middle if method != "projection" else slices.middle.mean(keepdims=True)
         carriers = _carriers(middles, axial, travels, fourier)
+        height, width = media[0][0].shape[1:]
+        corner = fourier.corner(n, b, width, height)
         for start in range(0, sources, count):
-            _pass(amplitude[start : start + count], carriers, media, fourier)
+            _pass(amplitude[start : start + count], carriers, media, corner, fourier)
     amplitude *= fourier.array(np.where(travels, np.exp(-1j * shift), 0.0))
-    return amplitude
+    return fourier.embedded(amplitude, n)
 
 
 def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
@@ -181,16 +188,16 @@ def _media(
     microscope: Microscope,
     grid: Grid,
     slices: Slices,
-    axial: np.ndarray,
-    travels: np.ndarray,
+    here: tuple[np.ndarray, ...],
     fourier: Fourier,
     method: Method,
 ) -> list[tuple[Any, Any]]:
     """Per index: what multiplies the field within a slice (m, height, width), and what multiplies its spectrum."""
     vacuum, out = 2.0 * math.pi / microscope.wavelength, []
+    axial, travels = (a[here] for a in axial_wavenumbers(microscope.wavenumber, grid))
     for index, share in slices.filled.items():
         if method == "two_index":
-            inside, _ = axial_wavenumbers(vacuum * index, grid)
+            inside = axial_wavenumbers(vacuum * index, grid)[0][here]
             gain = np.where(travels, np.exp(1j * (inside - axial) * slices.thickness) - 1.0, 0.0)
             out.append((share, fourier.array(gain)))
         else:
@@ -217,19 +224,18 @@ def _carriers(middles: np.ndarray, axial: np.ndarray, travels: np.ndarray, fouri
     return out
 
 
-def _pass(amplitude: Any, carriers: list[Any], media: list[tuple[Any, Any]], fourier: Fourier) -> None:
-    """Lead the amplitudes (s, n, n) of some sources through all slices."""
+def _pass(amplitude: Any, carriers: list[Any], media: list[tuple[Any, Any]], corner: Corner, fourier: Fourier) -> None:
+    """Lead the amplitudes (s, b, b) of some sources through all slices."""
     gpu, device = fourier.device.is_cuda, fourier.device
-    sources, n, _ = amplitude.shape
-    spectrum = fourier.zeros(sources, n, n)
-    flat = [fourier.warp(a.reshape(sources, n * n)) for a in (amplitude, spectrum)]
-    gains = [fourier.warp(gain.reshape(n * n)) for _, gain in media]
-    height, width = media[0][0].shape[1:]
-    each = (sources, n * n) if gpu else sources
+    sources, b, _ = amplitude.shape
+    spectrum = fourier.zeros(sources, b, b)
+    flat = [fourier.warp(a.reshape(sources, b * b)) for a in (amplitude, spectrum)]
+    gains = [fourier.warp(gain.reshape(b * b)) for _, gain in media]
+    each = (sources, b * b) if gpu else sources
     for m, carrier in enumerate(fourier.warp(c) for c in carriers):
         wp.launch(carry if gpu else carry_by_source, dim=each, inputs=[carrier, *flat], device=device)
-        field = fourier.field(spectrum, width, height)
+        field = corner.field(spectrum)
         for (share, _), gain in zip(media, gains, strict=True):
-            scattered = fourier.spectrum(field * share[m], n).reshape(sources, n * n)
+            scattered = corner.spectrum(field * share[m]).reshape(sources, b * b)
             inputs = [fourier.warp(scattered), gain, carrier, flat[0]]
             wp.launch(add_scattered if gpu else add_scattered_by_source, dim=each, inputs=inputs, device=device)
