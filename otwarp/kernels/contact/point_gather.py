@@ -40,11 +40,52 @@ def way_of_pair_term(f: Features) -> wp.Function:
     return way_of_pair
 
 
+def system_terms(f: Features) -> tuple[wp.Function, wp.Function]:
+    """`(drags, moved) -> (system, right)` without contacts, and
+    `(system, right, pair, stiffness, force) -> (system, right)` with those of two bodies more.
+
+    Of the matrix what is on and below the diagonal counts.
+    """
+    bodies = f.bodies
+    matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
+
+    @wp.func
+    def resisted(drags: blocks, moved: long):
+        """Matrix [pN/µm] and right-hand side [pN] of points that only their drags hold."""
+        system = matrix()
+        right = long()
+        for k in range(wp.static(bodies)):
+            for r in range(3):
+                for c in range(3):
+                    system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
+                    right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
+        return system, right
+
+    @wp.func
+    def with_pair(system: matrix, right: long, pair: wp.vec2i, stiffness: wp.mat33, force: wp.vec3):
+        """The same with the summed slope [pN/µm] and force [pN] of all contacts of a pair."""
+        for k in range(wp.static(bodies)):
+            sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
+            for r in range(3):
+                right[3 * k + r] += sign * force[r]
+                for c in range(3):
+                    system[3 * k + r, 3 * k + c] += sign * sign * stiffness[r, c]
+            for j in range(k):
+                both = wp.where(pair[0] == k and pair[1] == j, 1.0, 0.0)
+                for r in range(3):
+                    for c in range(3):
+                        system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
+        return system, right
+
+    return resisted, with_pair
+
+
 def gather_points_term(f: Features) -> wp.Function:
     """`(listed, count, first, drags, moved) -> (system, right)` of one of Newton's steps."""
     bodies, team, way_of_pair = f.bodies, settling_team(f), way_of_pair_term(f)
     size_of, lane_of, value_of, bits_of, alone = team.size, team.lane, team.value, team.bits, team is ALONE
-    matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
+    blocks, long = table(3 * bodies, 3), column(3 * bodies)
+    resisted, with_pair = system_terms(f)
 
     @wp.func
     def gather_points(listed: ContactList, count: int, first: bool, drags: blocks, moved: long):
@@ -53,13 +94,7 @@ def gather_points_term(f: Features) -> wp.Function:
         Each thread of a team works out another contact; then all of them add up all, in the order of the list.
         Neighbours of the same two bodies go together.
         """
-        system = matrix()
-        right = long()
-        for k in range(wp.static(bodies)):
-            for r in range(3):
-                for c in range(3):
-                    system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
-                    right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
+        system, right = resisted(drags, moved)
         i = int(0)
         line = Line()
         way = wp.vec3(0.0)
@@ -95,17 +130,7 @@ def gather_points_term(f: Features) -> wp.Function:
                     following = ahead.pair
                 following = wp.vec2i(bits_of(following[0], lane), bits_of(following[1], lane))
                 joined = i < count and following == pair
-            for k in range(wp.static(bodies)):
-                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
-                for r in range(3):
-                    right[3 * k + r] += sign * force[r]
-                    for c in range(3):
-                        system[3 * k + r, 3 * k + c] += sign * sign * stiffness[r, c]
-                for j in range(k):
-                    both = wp.where(pair[0] == k and pair[1] == j, 1.0, 0.0)
-                    for r in range(3):
-                        for c in range(3):
-                            system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
+            system, right = with_pair(system, right, pair, stiffness, force)
             pair = following
         return system, right
 
@@ -116,18 +141,13 @@ def gather_lanes_term(f: Features) -> wp.Function:
     """`gather_points` in the vector registers of a CPU: all contacts of two bodies at once."""
     bodies, way_of_pair = f.bodies, way_of_pair_term(f)
     sum_lines = sum_lines_term(DEPTH_ROUNDS, DEPTH_TOLERANCE)
-    matrix, blocks, long = table(3 * bodies, 3 * bodies), table(3 * bodies, 3), column(3 * bodies)
+    blocks, long = table(3 * bodies, 3), column(3 * bodies)
+    resisted, with_pair = system_terms(f)
 
     @wp.func
     def gather_lanes(listed: ContactList, count: int, first: bool, drags: blocks, moved: long):
         """Matrix and right-hand sides at the moves of the points [µm], which `drags` [pN/µm] resist."""
-        system = matrix()
-        right = long()
-        for k in range(wp.static(bodies)):
-            for r in range(3):
-                for c in range(3):
-                    system[3 * k + r, 3 * k + c] = drags[3 * k + r, c]
-                    right[3 * k + r] -= drags[3 * k + r, c] * moved[3 * k + c]
+        system, right = resisted(drags, moved)
         i = int(0)
         while i < count:
             pair = listed.pair[i]
@@ -137,17 +157,7 @@ def gather_lanes_term(f: Features) -> wp.Function:
             way = way_of_pair(moved, pair)
             s = sum_lines(listed.face, listed.law, listed.path, listed.depth, i, end, way, first)
             stiffness = wp.mat33(s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5])
-            for k in range(wp.static(bodies)):
-                sign = wp.where(pair[0] == k, 1.0, wp.where(pair[1] == k, -1.0, 0.0))
-                for r in range(3):
-                    right[3 * k + r] += sign * s[6 + r]
-                    for c in range(3):
-                        system[3 * k + r, 3 * k + c] += sign * sign * stiffness[r, c]
-                for j in range(k):
-                    both = wp.where(pair[0] == k and pair[1] == j, 1.0, 0.0)
-                    for r in range(3):
-                        for c in range(3):
-                            system[3 * k + r, 3 * j + c] -= both * stiffness[r, c]
+            system, right = with_pair(system, right, pair, stiffness, wp.vec3(s[6], s[7], s[8]))
             i = end
         return system, right
 

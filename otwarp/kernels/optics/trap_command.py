@@ -15,6 +15,16 @@ from otwarp.kernels.optics.traps import (
 )
 
 
+@wp.func
+def as_far(model: ModelData, state: StateData, world: int, trap: int, command: wp.vec4) -> wp.vec4:
+    """Focus [µm] as far as the speed limit of the trap, if it has one, let it come, and power [mW]."""
+    reached = command
+    if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
+        p = state.trap_position[world, trap]
+        reached = beside(p, power_of(command))
+    return reached
+
+
 def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
     """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now.
 
@@ -31,9 +41,7 @@ def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
         """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]."""
         command = commanded(model.traps, control, world, trap, time)
         if wp.static(f.speed_limits):
-            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
-                p = state.trap_position[world, trap]
-                command = beside(p, power_of(command))
+            command = as_far(model, state, world, trap, command)
         return command
 
     return trap_command
@@ -51,9 +59,7 @@ def piece_command_term(f: Features) -> wp.Function:
         """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
         command = commanded(model.traps, control, trap, piece, still, time)
         if wp.static(f.speed_limits):
-            if model.traps.speed_limit[world_row(model.traps.speed_limit.shape[0], world), trap] < wp.inf:
-                p = state.trap_position[world, trap]
-                command = beside(p, power_of(command))
+            command = as_far(model, state, world, trap, command)
         return command
 
     return piece_command
