@@ -29,6 +29,7 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
 
     patch.setattr(resolved, "compose", compose)
     patch.setattr(composition, "_takes_lanes", lambda *about: False)
+    patch.setattr(composition, "_takes_blocks", lambda *about: False)
     patch.setattr(model, "takes_turns", lambda *about: False)
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=1)
     patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))

@@ -40,8 +40,9 @@ class BlockStepper:
         self.block = 1 if cpu else world_block(model.features.bodies)
         self.chunks = min(parts.threads or usable_cores(), model.worlds) if cpu else 1
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
-        load_kernels([self.kernel, *([fill_slots] if model.features.lanes else []), *parts.beside], model.device)
-        if model.features.lanes:
+        blocks = model.features.lanes or model.features.blocks
+        load_kernels([self.kernel, *([fill_slots] if blocks else []), *parts.beside], model.device)
+        if blocks:
             inputs = [model.data, self.scratch, model.features.bodies]
             wp.launch(fill_slots, dim=(model.worlds, 1), inputs=inputs, device=model.device)
         self.place()

@@ -78,7 +78,12 @@ def compose(
     vectors = lanes and worlds >= GROUP and go_together(f)
     cached = device.is_cpu and f.driver == "world" and not f.coupling
     return dataclasses.replace(
-        f, lanes=lanes, vectors=vectors, cached=cached, phased=device.is_cuda and _takes_phases(f)
+        f,
+        lanes=lanes,
+        blocks=device.is_cpu and _takes_blocks(f),
+        vectors=vectors,
+        cached=cached,
+        phased=device.is_cuda and _takes_phases(f),
     )
 
 
@@ -169,10 +174,20 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 
 def _takes_lanes(f: Features) -> bool:
     """Whether a CPU draws noise in blocks: bodies on their own, and many-body scenes of lone spheres."""
-    # a block of the grid driver holds one step of many bodies: nothing for a scheme that looks at the next step's noise
-    ahead = INTEGRATORS[f.integrator].noise_ahead > 0
-    many = f.driver == "grid" and f.contacts and f.brownian and not f.rigid and not ahead
-    return not f.walls and (f.driver == "solo" or many)
+    return not f.walls and (f.driver == "solo" or (_fills_blocks(f) and not f.rigid))
+
+
+def _takes_blocks(f: Features) -> bool:
+    """Whether a CPU draws the noise of lone spheres in blocks beside bodies that turn."""
+    return not f.walls and f.rigid and f.spheres and _fills_blocks(f)
+
+
+def _fills_blocks(f: Features) -> bool:
+    """Whether a step of the `grid` driver has noise that fills blocks of many bodies.
+
+    A block holds one step: nothing for a scheme that looks at the next step's noise.
+    """
+    return f.driver == "grid" and f.contacts and f.brownian and INTEGRATORS[f.integrator].noise_ahead == 0
 
 
 def fits_a_block(scene: Scene) -> bool:

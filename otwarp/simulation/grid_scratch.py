@@ -21,6 +21,7 @@ from otwarp.kernels.drivers.grid.data import (
     Link,
     NeighbourData,
     PushData,
+    in_columns,
     lifts_noise,
     shares_entries,
     whole_contacts,
@@ -177,13 +178,16 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
     data.stir = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.int32, device=device)
+    data.seen = empty((listed if f.in_turn else 0, MAX_BODY_CONTACTS), wp.int32, device)
     data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
     data.slot = wp.zeros((w, b if f.soft_contacts and f.inlet else 0), dtype=wp.int32, device=device)
     slots = w * b if f.soft_contacts else 0
     data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)
     blocks = slots + PAIRS if f.lanes and f.soft_contacts and f.pairs else 0
+    if in_columns(f):
+        blocks = w * data.near.elements + PAIRS
     data.sorted = wp.zeros((4, blocks), dtype=wp.float32, device=device)
-    ordered = w * b if f.soft_contacts or f.lanes else 0
+    ordered = w * b if f.soft_contacts or f.lanes or f.blocks else 0
     data.order = wp.zeros((2, ordered), dtype=wp.int32, device=device)
     return data
 

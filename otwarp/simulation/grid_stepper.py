@@ -43,7 +43,7 @@ class GridStepper:
         # the conditional parts of a graph need CUDA 12.4; without them they are taken in every step
         self.branches = model.device.is_cpu or wp.is_conditional_graph_supported()
         load_kernels((*step.grid.all, *SHARED, *parts.beside), model.device)
-        if self.features.soft_contacts or self.features.lanes:
+        if self.features.soft_contacts or self.features.lanes or self.features.blocks:
             self._share(fill_slots, self.features.bodies, model.data, self.scratch)
         self.place()
         self.graph, self.layout = self._capture(), self.control.layout

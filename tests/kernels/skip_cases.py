@@ -247,6 +247,16 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(SOFT_CROWD, soft_contacts=False),
         ("world_of_many", "of_world", "next_of_all"),
     ),
+    "neighbours in vectors": (
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, by_world=True, in_turn=True),
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, by_world=True),
+        ("among", "of_columns"),
+    ),
+    "noise in blocks beside bodies that turn": (
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, rigid=True, blocks=True),
+        dataclasses.replace(SOFT_CROWD, soft_contacts=False, rigid=True),
+        ("body_block", "draw_block"),
+    ),
     "launches for all worlds": (
         dataclasses.replace(SOFT_CROWD, soft_contacts=False),
         dataclasses.replace(SOFT_CROWD, soft_contacts=False, by_world=True),

@@ -66,9 +66,9 @@ def bead_noise_term(f: Features) -> wp.Function:
     def noise(model: ModelData, bead: BeadConstants, world: int, b: int, position: wp.vec3, step: wp.int64) -> wp.vec3:
         """Thermal displacement √(2 k_B T μ dt) ξ [µm], ξ three deviates; 0 without noise."""
         kick = wp.vec3(0.0)
-        if wp.static(f.brownian and f.lanes):
+        if wp.static(f.draws_blocks):
             kick = bead.spread * three_at(bead.deviates, step)
-        if wp.static(f.brownian and not f.lanes):
+        if wp.static(f.brownian and not f.draws_blocks):
             kick = bead.spread * three_deviates(model.seed, step, number(model, world), b)
         return kick
 

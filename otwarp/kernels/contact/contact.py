@@ -150,8 +150,14 @@ def overlap_alone(hardness: float, give: float, reach: float) -> float:
     if a > 0.0:
         w = wp.min(w, wp.pow(reach / a, 1.0 / 3.0))
     for _ in range(5):
-        w = w - (w * w + a * w * w * w - reach) / (2.0 * w + 3.0 * a * w * w)
+        w = nearer_root(w, a, reach)
     return w * w
+
+
+@wp.func
+def nearer_root(w: float, a: float, reach: float) -> float:
+    """One of Newton's steps to w² + a·w³ = reach."""
+    return w - (w * w + a * w * w * w - reach) / (2.0 * w + 3.0 * a * w * w)
 
 
 @wp.func
@@ -255,6 +261,7 @@ __all__ = [
     "hertz_dmt",
     "law_error",
     "mat66",
+    "nearer_root",
     "overlap_alone",
     "pair_law",
     "pair_reach",

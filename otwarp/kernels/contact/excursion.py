@@ -199,6 +199,15 @@ def swept_reach(c: Contact, opening: float, start: float, row_sum: float) -> flo
         overlap = float(0.0)
         if ahead > 0.0:
             overlap = wp.pow(ahead / (c.give * c.hardness), 2.0 / 3.0)
+        reach = reach_beyond(c, opening, ahead, overlap, row_sum)
+    return reach
+
+
+@wp.func
+def reach_beyond(c: Contact, opening: float, ahead: float, overlap: float, row_sum: float) -> float:
+    """`swept_reach` of a path where the load above the floor keeps out `ahead` [µm] at an overlap of `overlap` [µm]."""
+    reach = float(-1.0)
+    if c.wander > 0.0:
         begin = c.layer - c.overlap
         end = begin + opening + overlap - row_sum * (ahead + overlap)
         # (reach + begin)·(end + row_sum·reach) = W/4, of two roots the positive one

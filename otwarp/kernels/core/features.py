@@ -106,6 +106,7 @@ class Features:
         team: In phases, threads that share out a world, several where worlds are few; see `kernels.core.team`.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
+        blocks: CPU form of the `grid` driver where some bodies turn and others do not: noise of the latter in blocks.
         vectors: In `lanes` of lone spheres, there are worlds enough to step equal ones in a processor's vectors.
     """
 
@@ -147,12 +148,18 @@ class Features:
     cached: bool = False
     team: int = 1
     lanes: bool = False
+    blocks: bool = False
     vectors: bool = False
 
     @property
     def still_traps(self) -> bool:
         """Whether foci and powers change by command only, that is not within a launch."""
         return not (self.moving_traps or self.speed_limits)
+
+    @property
+    def draws_blocks(self) -> bool:
+        """Whether the noise of lone spheres comes in blocks."""
+        return self.brownian and (self.lanes or self.blocks)
 
     @property
     def module_options(self) -> dict[str, Any]:

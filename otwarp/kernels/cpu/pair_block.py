@@ -84,6 +84,33 @@ _NEAR = """
     return found;
 """
 
+_AMONG = """
+    typedef float floats16 __attribute__((ext_vector_type(16)));
+    typedef int ints16 __attribute__((ext_vector_type(16)));
+    typedef bool bits16 __attribute__((ext_vector_type(16)));
+    const ints16 lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    auto column = [&](int c, int s) {
+        floats16 v;
+        __builtin_memcpy(&v, sorted.data + (size_t)c * sorted.shape[1] + s, 64);
+        return v;
+    };
+    int found = 0;
+    for (int s = first; s < last; s += 16) {
+        floats16 x = here[0] - column(0, s), y = here[1] - column(1, s), z = here[2] - column(2, s);
+        WRAPPED
+        floats16 radius = column(3, s), both = far + radius;
+        ints16 other = (lane < own_first - s) | (lane >= own_last - s);
+        ints16 near = (x * x + y * y + z * z < both * both) & (radius > 0.0f) & (lane < last - s) & other;
+        bits16 chosen = __builtin_convertvector(near != 0, bits16);
+        unsigned short bits;
+        __builtin_memcpy(&bits, &chosen, 2);
+        for (unsigned int left = bits; left; left &= left - 1, ++found)
+            if (found < most)
+                list.data[at + found] = s + __builtin_ctz(left);
+    }
+    return found;
+"""
+
 _SORT = """
     const int all = cells[0] * cells[1] * cells[2], base = world * all;
     int* ends = finish.data + base;
@@ -176,6 +203,25 @@ def near_term(periodic: bool) -> wp.Function:
         ...
 
     return near
+
+
+@functools.lru_cache(maxsize=2)
+def among_term(periodic: bool) -> wp.Function:
+    """`(period, sorted, first, last, own_first, own_last, here, far, list, at, most) -> int`.
+
+    Writes those of the spheres first … last − 1 that are near and not own_first … own_last − 1 to a list, which begins
+    at `at`: their numbers, ascending.
+    """
+
+    @wp.func_native(_source(_AMONG, periodic))
+    def among(
+        period: PeriodData, sorted: wp.array2d(dtype=wp.float32), first: int, last: int, own_first: int, own_last: int,
+        here: wp.vec3, far: float, list: wp.array(dtype=wp.int32), at: int, most: int,
+    ) -> int:  # fmt: skip
+        """How many are closer to `here` than `far` and their radius [µm]; `most` are kept."""
+        ...
+
+    return among
 
 
 @functools.lru_cache(maxsize=2)

@@ -3,9 +3,10 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.roots import reciprocal, reciprocal_root, square_root
+from otwarp.kernels.core.roots import cube_root, reciprocal, reciprocal_root, square_root
 
 SQUARE_ROOT = RECIPROCAL = 2.0**-23
+CUBE_ROOT = 2.0**-21
 RECIPROCAL_ROOT = 2.0**-22.4
 """Largest relative errors of PTX `sqrt.approx`, `rcp.approx` and `rsqrt.approx` (PTX ISA); a CPU stays below them."""
 
@@ -31,6 +32,19 @@ def test_roots_are_within_their_bounds(device):
     np.testing.assert_allclose(root, exact, rtol=SQUARE_ROOT)
     np.testing.assert_allclose(over_root, 1.0 / exact, rtol=RECIPROCAL_ROOT)
     np.testing.assert_allclose(over, 1.0 / x.astype(float), rtol=RECIPROCAL)
+
+
+@wp.kernel(enable_backward=False)
+def probe_cube(x: wp.array(dtype=float), root: wp.array(dtype=float)):
+    i = wp.tid()
+    root[i] = cube_root(x[i])
+
+
+def test_cube_roots_are_within_their_bound(device):
+    x = (10.0 ** np.random.default_rng(0).uniform(-36, 36, 40_000)).astype(np.float32)
+    root = wp.empty(len(x), dtype=float, device=device)
+    wp.launch(probe_cube, dim=len(x), inputs=[wp.array(x, dtype=float, device=device), root], device=device)
+    np.testing.assert_allclose(root.numpy(), np.cbrt(x.astype(float)), rtol=CUBE_ROOT)
 
 
 def test_root_of_zero_is_zero(device):

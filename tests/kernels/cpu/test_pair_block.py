@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.core.types import PeriodData
-from otwarp.kernels.cpu.pair_block import PAIRS, near_term, sort_slots, touching_term
+from otwarp.kernels.cpu.pair_block import PAIRS, among_term, near_term, sort_slots, touching_term
 
 MOST = 24
 COUNT = 300
@@ -73,7 +73,7 @@ def test_lists_and_touching_pairs_are_those_of_all_pairs(name, device):
     places = wp.array(np.stack([start, start]).astype(np.float32), dtype=wp.vec4, device=device)
     order = wp.array(np.tile(rng.permutation(COUNT), (2, 1)).astype(np.int32), dtype=wp.int32, device=device)
     names = order.numpy()[0].copy()
-    sizes = (COUNT, np.prod(CELLS), np.prod(CELLS), COUNT * MOST + PAIRS, COUNT, 2 * COUNT * MOST + 2, 1)
+    sizes = (COUNT, np.prod(CELLS), np.prod(CELLS), COUNT * MOST + PAIRS, COUNT, 2 * (COUNT * MOST + PAIRS), 1)
     key, first, last, near, count, chosen, found = (wp.zeros(int(n), dtype=wp.int32, device=device) for n in sizes)
     columns = wp.zeros((4, COUNT + PAIRS), dtype=wp.float32, device=device)
     inputs = [length_of(period), places, order, key, first, last, columns, near, count, chosen, found]
@@ -104,3 +104,49 @@ def test_lists_and_touching_pairs_are_those_of_all_pairs(name, device):
     assert (tuple(across) in set(map(tuple, picked))) == (name == "periodic")
     ranks = np.stack([picked[:, 0], body[picked[:, 1]]], axis=1)
     assert ranks.tolist() == sorted(ranks.tolist())
+
+
+TURN = 3
+"""Spheres of a body: the last one of the world has fewer."""
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def probe_among(
+    period: PeriodData, columns: wp.array2d(dtype=wp.float32), first: int, last: int, list: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+):  # fmt: skip
+    """List the spheres of other bodies near each of a world."""
+    among = wp.static(among_term(True))
+    for i in range(first, last):
+        here = wp.vec3(columns[0, i], columns[1, i], columns[2, i])
+        own = first + (i - first) // TURN * TURN
+        count[i] = among(period, columns, first, last, own, own + TURN, here, FAR, list, i * MOST, MOST)
+
+
+@pytest.mark.parametrize("name", PERIODS)
+def test_spheres_of_other_bodies_among_all_of_a_world(name, device):
+    """Numbers that ascend, none of the spheres before or after the world's, and a full list keeps the first."""
+    if not wp.get_device(device).is_cpu:
+        pytest.skip("pairs in blocks are for CPUs")
+    period, first, last = PERIODS[name], 5, COUNT - 7
+    rng = np.random.default_rng(9)
+    places = np.concatenate([rng.uniform(0.0, SIDE, (COUNT, 3)), rng.choice([0.0, 0.1, 0.15], (COUNT, 1))], axis=1)
+    # of about 60 neighbours the list keeps the first
+    places[:80, :3] *= 0.2
+    columns = np.zeros((4, COUNT + PAIRS), dtype=np.float32)
+    columns[:, :COUNT] = places.T
+    near, count = (wp.zeros(n, dtype=wp.int32, device=device) for n in (COUNT * MOST, COUNT))
+    inputs = [length_of(period), wp.array(columns, dtype=wp.float32, device=device), first, last, near, count]
+    wp.launch(probe_among, dim=1, inputs=inputs, device=device)
+    p = columns[:, :COUNT].T.astype(float)
+    away = p[:, None, :3] - p[None, :, :3]
+    away -= period * np.rint(away / SIDE)
+    body = (np.arange(COUNT) - first) // TURN
+    wanted = (np.linalg.norm(away, axis=2) < FAR + p[None, :, 3]) & (p[None, :, 3] > 0.0)
+    wanted &= body[:, None] != body[None]
+    wanted[:, :first] = wanted[:, last:] = False
+    for i in range(first, last):
+        found = np.flatnonzero(wanted[i])
+        assert count.numpy()[i] == len(found)
+        np.testing.assert_array_equal(near.numpy()[i * MOST :][: min(len(found), MOST)], found[:MOST])
+    assert count.numpy().max() > MOST > 0

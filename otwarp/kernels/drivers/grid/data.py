@@ -28,7 +28,7 @@ class NeighbourData:
     begin: wp.array(dtype=wp.int32)  # (W·E) where the lists of slots begin on a CPU, see `slot_lists`
     stride: int  # from one element's list to the next
     pitch: int  # from one entry of a list to the next
-    walled: wp.array(dtype=wp.int32)  # (W·E) 1: an obstacle may be touched before the next lists
+    walled: wp.array(dtype=wp.int32)  # (W·E) `obstacle_bit` of those that may be touched before the next lists
     stale: wp.array(dtype=wp.int32)  # (1|W) not 0: something moved by more than half the skin
     builds: wp.array(dtype=wp.int32)  # (1|W) how often the lists were made
 
@@ -36,6 +36,11 @@ class NeighbourData:
 def whole_contacts(f: Features) -> bool:
     """Whether a contact force moves a body in other ways than along the normal: it turns, or walls hinder it."""
     return f.rigid or f.walls > 0
+
+
+def in_columns(f: Features) -> bool:
+    """Whether a CPU finds the neighbours in a world among all its elements, component by component."""
+    return f.by_world and f.in_turn and f.pairs
 
 
 def lifts_noise(f: Features) -> bool:
@@ -118,10 +123,11 @@ class GridData:
     again: wp.array(dtype=wp.int32)  # (1|W) 1: the sweeps of this step are those after its first solution
     active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
     moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
-    stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: the last round in which each body was moved
+    stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: number of the last move of each body
+    seen: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) the last move that each contact has answered
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
     place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
-    sorted: wp.array2d(dtype=wp.float32)  # (4, W·B + PAIRS) `place` when lists were made, on a CPU
+    sorted: wp.array2d(dtype=wp.float32)  # (4, W·E + PAIRS) places [µm] and radii when lists were made, on a CPU
     order: wp.array2d(dtype=wp.int32)  # (2, W·B) body of each slot, now and while being sorted
     row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
     turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now

@@ -11,7 +11,7 @@ from otwarp.kernels.core.packed import distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import image_shift, nearest
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term
-from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term
+from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term, obstacle_bit
 from otwarp.kernels.drivers.grid.reach import (
     PUSHED,
     drawn_term,
@@ -173,14 +173,16 @@ def wall_term(f: Features) -> wp.Function:
         step: wp.int64,
     ) -> int:  # fmt: skip
         """Append the contacts of sphere e with all obstacles within its reach in this step: the new count."""
+        near = grid.near.walled[world * grid.near.elements + e]
         s = model.contact.sphere[e]
         arm = arm_of(pose, s)
         far = wall_reach(model, grid, world, a, radius_of(s))
         for o in range(model.obstacles.shape.shape[0]):
-            at = wall_hit(model, o, pose, arm, far, step)
-            if distance_of(at.hit) < far:
-                c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
-                count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
+            if near & obstacle_bit(o) != 0:
+                at = wall_hit(model, o, pose, arm, far, step)
+                if distance_of(at.hit) < far:
+                    c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
+                    count = list_contact(readout, grid, world, world * model.bodies + a, count, c, step)
         return count
 
     return walls

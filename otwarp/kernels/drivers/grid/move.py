@@ -62,8 +62,8 @@ def draw_block_term(f: Features) -> wp.Function:
 def grid_move_term(f: Features) -> wp.Function:
     """`(model, control, state, grid, world, b, pose, block, k) -> (Move, Move)` in the step that the clock shows.
 
-    The integrator's first stage without contact, and the drift in it. With `lanes` the noise is that of place k in a
-    block at the address `block`; else these do not matter.
+    The integrator's first stage without contact, and the drift in it. With `lanes` or `blocks` the noise of lone
+    spheres is that of place k in a block at the address `block`; else these do not matter.
     """
     if f.lanes:
         return _move_in_block_term(f)
@@ -80,6 +80,8 @@ def grid_move_term(f: Features) -> wp.Function:
         step = grid.clock[own(world)]
         time = wp.float64(step) * model.time_step
         body = constants_of(model, control, world, b)
+        if wp.static(f.blocks):
+            body.bead.deviates = before_step(block, step - wp.int64(k))
         move, drift = predict(model, control, state, body, world, b, pose, step, time)
         return as_move(move), as_move(drift)
 

@@ -14,8 +14,9 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import beside, distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ModelData, StateData
+from otwarp.kernels.cpu.pair_block import among_term
 from otwarp.kernels.drivers.grid.cells import cell_key, cell_of, element_term, run_of_three
-from otwarp.kernels.drivers.grid.data import GridData, NeighbourData, own_term
+from otwarp.kernels.drivers.grid.data import GridData, NeighbourData, in_columns, own_term
 
 NEIGHBOURS = 24
 """Neighbours that a list can hold."""
@@ -75,14 +76,20 @@ def entry_term(f: Features) -> wp.Function:
     return own_item if f.soft_contacts or f.by_world else sphere_item
 
 
+@wp.func
+def obstacle_bit(o: int) -> int:
+    """What obstacle o is in a mark of those that are near; of more than 32 several share a bit."""
+    return 1 << (o & 31)
+
+
 def walled_term(f: Features) -> wp.Function:
-    """`(model, grid, centre, radius) -> int`: 1 if an obstacle may be touched before the next lists are made."""
+    """`(model, grid, centre, radius) -> int`: which obstacles may be touched before the next lists are made."""
     distance_to = distance_term(f.obstacles)
 
     @wp.func
     def walled(model: ModelData, grid: GridData, centre: wp.vec3, radius: float) -> int:
-        """1 where an obstacle at rest is within reach plus skin, or any obstacle moves; else 0."""
-        near = int(wp.static(f.moving_obstacles))
+        """Not 0 where an obstacle at rest is within reach plus skin, or any obstacle moves: a bit for each, in turn."""
+        near = int(wp.static(-int(f.moving_obstacles)))
         if wp.static(not f.moving_obstacles):
             far = radius + grid.near.reach + grid.near.skin
             for o in range(model.obstacles.shape.shape[0]):
@@ -93,7 +100,7 @@ def walled_term(f: Features) -> wp.Function:
                 if wp.length(away) < far + model.obstacles.bound[o]:
                     local = wp.quat_rotate_inv(wall.rotation, away)
                     if distance_of(distance_to(model.obstacles, o, local, far)) < far:
-                        near = 1
+                        near = near | obstacle_bit(o)
         return near
 
     return walled
@@ -161,6 +168,19 @@ def reference_term(f: Features) -> wp.Function:
 def around_term(f: Features) -> wp.Function:
     """`(model, state, grid, world, i, e) -> int`: list the neighbours of element i, vec4 e; how many there are."""
     search = search_term(f)
+    among = among_term(f.periodic) if in_columns(f) else None
+
+    @wp.func
+    def of_columns(model: ModelData, state: StateData, grid: GridData, world: int, i: int, e: wp.vec4) -> int:
+        """The same in vector registers: `NEIGHBOURS` at most are listed."""
+        n = grid.near
+        first = world * n.elements
+        b = model.contact.body[i - first]
+        return among(
+            model.period, grid.sorted, first, first + n.elements, first + model.contact.start[b],
+            first + model.contact.start[b + 1], point_of(e), radius_of(e) + n.reach + n.skin, n.neighbour,
+            i * n.stride, NEIGHBOURS,
+        )  # fmt: skip
 
     @wp.func
     def of_all(model: ModelData, state: StateData, grid: GridData, world: int, i: int, e: wp.vec4) -> int:
@@ -191,6 +211,8 @@ def around_term(f: Features) -> wp.Function:
                     found = search(model, state, grid, world, i, centre, far, one, found)
         return found
 
+    if in_columns(f):
+        return of_columns
     return of_all if f.by_world else in_cells
 
 
@@ -203,6 +225,9 @@ def refer_term(f: Features) -> wp.Function:
         """Write the reference place [µm] of element i, and give it back with its radius [µm]."""
         e = element(model, state, grid, world, i)
         grid.near.reference[i] = point_of(e)
+        if wp.static(in_columns(f)):
+            for c in range(4):
+                grid.sorted[c, i] = e[c]
         return e
 
     return refer

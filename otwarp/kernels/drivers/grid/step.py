@@ -99,7 +99,8 @@ def advance_term(f: Features) -> wp.Function:
     On a CPU, where noise comes in blocks, these are all from `begin` to `end` − 1: the stride is 1.
     """
     grid_move = grid_move_term(f)
-    draw_block = draw_block_term(f) if f.lanes else None
+    blocks = f.lanes or f.blocks
+    draw_block = draw_block_term(f) if blocks else None
     body_pose = body_pose_term(f)
 
     @wp.func
@@ -123,7 +124,7 @@ def advance_term(f: Features) -> wp.Function:
         stride: int,
     ):  # fmt: skip
         """Free moves of the bodies begin, begin + stride, …, below `end`."""
-        if wp.static(f.lanes):
+        if wp.static(blocks):
             deviates = wp.zeros(shape=(wp.static(3 * BLOCK),), dtype=wp.float32)
             for b0 in range(begin, end, wp.static(BLOCK)):
                 count = wp.min(wp.static(BLOCK), end - b0)
@@ -158,11 +159,15 @@ def check_body_term(f: Features) -> wp.Function:
     @wp.func
     def check_body(model: ModelData, grid: GridData, world: int, b: int, pose: Pose):
         """Compare the place of each colliding element of body b with that for which the lists were made [µm]."""
+        turns = bool(True)
+        if wp.static(f.rigid):
+            turns = model.body.rigid[b] != 0
         for e in range(model.contact.start[b], model.contact.start[b + 1]):
             centre = pose.position
             if wp.static(f.rigid):
-                s = model.contact.sphere[e]
-                centre = centre + wp.quat_rotate(pose.rotation, point_of(s))
+                if turns:
+                    s = model.contact.sphere[e]
+                    centre = centre + wp.quat_rotate(pose.rotation, point_of(s))
             away = centre - grid.near.reference[world * grid.near.elements + e]
             if wp.static(f.periodic):
                 away = nearest(model.period, away)
@@ -204,8 +209,9 @@ def commit_term(f: Features) -> wp.Function:
         if good:
             pose.position = pose.position + linear
             if wp.static(f.rigid):
-                pose.rotation = rotate_by(pose.rotation, angular)
-                state.orientation[world, b] = pose.rotation
+                if model.body.rigid[b] != 0:
+                    pose.rotation = rotate_by(pose.rotation, angular)
+                    state.orientation[world, b] = pose.rotation
             if wp.static(f.walls > 0):
                 pose.position = pose.position + out_of_walls(model.walls, b, pose)
             state.position[world, b] = pose.position

@@ -10,12 +10,13 @@ which it counts as settled, are those of the sweeps.
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact
-from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
+from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, nearer_root
+from otwarp.kernels.contact.excursion import path_tolerance, reach_beyond
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.roots import cube_root
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
-from otwarp.kernels.drivers.grid.contacts import end_overlap, gap_error, lift_term, opening_term
+from otwarp.kernels.drivers.grid.contacts import gap_error, lift_term, opening_term
 from otwarp.kernels.drivers.grid.data import GridData, PushData, own_term
 from otwarp.kernels.drivers.grid.store import contact_store_terms, peek_terms
 
@@ -24,10 +25,36 @@ TURNS = 128
 
 
 @wp.func
-def load_alone(c: Contact, opened: float) -> float:
-    """Load λ [pN] that solves a contact whose gap is open by `opened` [µm] with its present load, all else at rest."""
-    end = end_overlap(c, opened, c.load, 1.0, swept_reach(c, opened, c.load, 1.0))
-    return c.floor + c.hardness * end * wp.sqrt(end)
+def load_alone(c: Contact, opened: float, reach: float) -> float:
+    """Load λ [pN] that solves a contact whose gap is open by `opened` [µm] with its present load, all else at rest.
+
+    `reach` [µm] is what its path asks to keep out, not above 0 where Hertz's law at the end is enough.
+    """
+    kept = reach
+    if reach <= 0.0:
+        kept = c.overlap - opened + c.give * (c.load - c.floor)
+    load = c.floor
+    if kept > 0.0:
+        # as `overlap_alone`; from within a third of the root four steps are as many as float32 has digits for
+        a = c.give * c.hardness
+        w = wp.min(wp.sqrt(kept), cube_root(kept / a))
+        for _ in range(4):
+            w = nearer_root(w, a, kept)
+        load += c.hardness * w * w * w
+    return load
+
+
+@wp.func
+def path_reach(c: Contact, opened: float) -> float:
+    """What the path of a contact asks to keep out [µm], as `swept_reach`, with its present load."""
+    reach = float(-1.0)
+    if c.wander > 0.0:
+        above = wp.max(c.load - c.floor, 0.0)
+        root = float(0.0)
+        if above > 0.0:
+            root = cube_root(above / c.hardness)
+        reach = reach_beyond(c, opened, above * c.give, root * root, 1.0)
+    return reach
 
 
 def move_pair_term(f: Features) -> wp.Function:
@@ -51,74 +78,81 @@ def move_pair_term(f: Features) -> wp.Function:
 
 
 def one_round_term(f: Features) -> wp.Function:
-    """`(model, grid, push, world, turn) -> int`: once every contact that needs it; 1 if any was not settled."""
+    """`(model, grid, push, world, turn, moves) -> int`: once every contact that needs it; moves are counted from 1."""
     opening, move_pair = opening_term(f), move_pair_term(f)
     partner_of = peek_terms(f)[0]
     _, read_contact, write_load, _ = contact_store_terms(f)
 
     @wp.func
-    def take_turn(grid: GridData, push: PushData, world: int, row: int, i: int, a: int, b: int, turn: int) -> int:
-        """Solve entry i of body a, and move both partners; 1 if it was not settled."""
+    def take_turn(grid: GridData, push: PushData, world: int, row: int, i: int, a: int, b: int, moves: int) -> int:
+        """Solve entry i of body a, and move both partners; the new number of moves, one more if it was not settled."""
         c = read_contact(grid, row, i, a)
         opened = opening(grid, push, world, c, 1.0)
-        load = load_alone(c, opened)
-        moved = int(0)
+        reach = path_reach(c, opened)
+        load = load_alone(c, opened, reach)
         if load != c.load:
             move_pair(push, world, c, load - c.load)
             write_load(grid, row, i, load)
-            reach = swept_reach(c, opened, c.load, 1.0)
             if wp.abs(load - c.load) * c.give > wp.static(SETTLED) + path_tolerance(c, reach):
-                grid.stir[world, a] = turn
+                moves += 1
+                grid.stir[world, a] = moves
                 if b >= 0:
-                    grid.stir[world, b] = turn
-                moved = 1
-        return moved
+                    grid.stir[world, b] = moves
+        grid.seen[row, i] = moves
+        return moves
 
     @wp.func
-    def one_round(model: ModelData, grid: GridData, push: PushData, world: int, turn: int) -> int:
-        """A round over the contacts in the order of the bodies."""
-        busy = int(0)
+    def one_round(model: ModelData, grid: GridData, push: PushData, world: int, turn: int, moves: int) -> int:
+        """A round over the contacts in the order of the bodies: the number of moves after it."""
         for a in range(model.bodies):
             row = world * model.bodies + a
             for i in range(grid.count[world, a]):
                 b = partner_of(grid, row, i)
-                wanted = turn == 0 or grid.stir[world, a] >= turn - 1
+                last = grid.stir[world, a]
                 if b >= 0:
-                    wanted = wanted or grid.stir[world, b] >= turn - 1
-                if wanted:
-                    busy = wp.max(busy, take_turn(grid, push, world, row, i, a, b, turn))
-        return busy
+                    last = wp.max(last, grid.stir[world, b])
+                if turn == 0 or last > grid.seen[row, i]:
+                    moves = take_turn(grid, push, world, row, i, a, b, moves)
+        return moves
 
     return one_round
 
 
+@wp.func
+def add_to_report(readout: ReadoutData, world: int, c: Contact):
+    """Add what a contact does to net force and load [pN] of its bodies."""
+    force = c.load * c.normal
+    readout.contact_force[world, c.a] = readout.contact_force[world, c.a] + force
+    readout.contact_load[world, c.a] = readout.contact_load[world, c.a] + wp.abs(c.load)
+    if c.b >= 0:
+        readout.contact_force[world, c.b] = readout.contact_force[world, c.b] - force
+        readout.contact_load[world, c.b] = readout.contact_load[world, c.b] + wp.abs(c.load)
+
+
 def gather_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, push, world)`: pushes and contact readout from the loads, anew."""
+    """`(model, readout, grid, push, world, report)`: pushes, and contact readout if wanted, from the loads, anew."""
     move_pair = move_pair_term(f)
     load_of = peek_terms(f)[1]
     _, read_contact, _, _ = contact_store_terms(f)
 
     @wp.func
-    def gather(model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, world: int):
+    def gather(model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, world: int, report: bool):
         """Sums without the rounding that many small changes leave; net force and sum of |forces| [pN] of each body."""
         for b in range(model.bodies):
             push.linear[world, b] = wp.vec3(0.0)
             if wp.static(f.rigid):
                 push.angular[world, b] = wp.vec3(0.0)
-            readout.contact_force[world, b] = wp.vec3(0.0)
-            readout.contact_load[world, b] = 0.0
+            if report:
+                readout.contact_force[world, b] = wp.vec3(0.0)
+                readout.contact_load[world, b] = 0.0
         for a in range(model.bodies):
             row = world * model.bodies + a
             for i in range(grid.count[world, a]):
                 if load_of(grid, row, i) != 0.0:
                     c = read_contact(grid, row, i, a)
                     move_pair(push, world, c, c.load)
-                    force = c.load * c.normal
-                    readout.contact_force[world, a] = readout.contact_force[world, a] + force
-                    readout.contact_load[world, a] = readout.contact_load[world, a] + wp.abs(c.load)
-                    if c.b >= 0:
-                        readout.contact_force[world, c.b] = readout.contact_force[world, c.b] - force
-                        readout.contact_load[world, c.b] = readout.contact_load[world, c.b] + wp.abs(c.load)
+                    if report:
+                        add_to_report(readout, world, c)
 
     return gather
 
@@ -148,7 +182,7 @@ def settle_term(f: Features) -> wp.Function:
 
     From those at its start or, with `again` 1, from those of its first solution, after the free moves have changed.
     """
-    one_round, gather, check_rest = one_round_term(f), gather_term(f), check_rest_term(f)
+    one_round, gather, check_rest, own = one_round_term(f), gather_term(f), check_rest_term(f), own_term(f)
     lift = lift_term(f) if f.bends else None
     _, read_contact, _, write_lift = contact_store_terms(f)
 
@@ -157,8 +191,11 @@ def settle_term(f: Features) -> wp.Function:
         model: ModelData, readout: ReadoutData, grid: GridData, push: PushData, world: int, again: int, turns: int
     ):
         """Solve the contacts of one world in `turns` rounds at most."""
+        report = grid.clock[own(world)] + wp.int64(1) == grid.until[own(world)]
         if again == 0:
-            gather(model, readout, grid, push, world)
+            gather(model, readout, grid, push, world, False)
+        for b in range(model.bodies):
+            grid.stir[world, b] = 0
         if wp.static(f.bends):
             if again != 0:
                 for a in range(model.bodies):
@@ -166,15 +203,19 @@ def settle_term(f: Features) -> wp.Function:
                     for i in range(grid.count[world, a]):
                         c = read_contact(grid, row, i, a)
                         write_lift(grid, row, i, lift(grid, push, world, c))
-        busy = int(1)
+        busy = bool(True)
         turn = int(0)
-        while busy != 0 and turn < turns:
-            busy = one_round(model, grid, push, world, turn)
-            if turn == 0 or busy == 0:
-                gather(model, readout, grid, push, world)
+        moves = int(0)
+        while busy and turn < turns:
+            before = moves
+            moves = one_round(model, grid, push, world, turn, moves)
+            busy = moves != before
+            # without the rounding that large changes leave; those of a second solution are small
+            if (turn == 0 and again == 0) or not busy:
+                gather(model, readout, grid, push, world, report and not busy)
             turn += 1
-        if busy != 0:
-            gather(model, readout, grid, push, world)
+        if busy:
+            gather(model, readout, grid, push, world, report)
             check_rest(model, readout, grid, push, world)
 
     return settle_world

@@ -1,4 +1,4 @@
-"""Square roots and reciprocals in float64, rounded correctly: as `otwarp.kernels.core.roots`."""
+"""Roots and reciprocals in float64, rounded correctly: as `otwarp.kernels.core.roots`."""
 
 import warp as wp
 
@@ -13,6 +13,12 @@ def square_root(x: wp.float64) -> wp.float64:
 def reciprocal_root(x: wp.float64) -> wp.float64:
     """1/√x of x > 0 by a root and a division, each rounded correctly; inf for x = 0."""
     return wp.float64(1.0) / wp.sqrt(x)
+
+
+@wp.func
+def cube_root(x: wp.float64) -> wp.float64:
+    """∛x of x > 0."""
+    return wp.cbrt(x)
 
 
 @wp.func

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 from otwarp import Simulation
 from otwarp.scene import Scene, Settings
-from tests.simulation.setups import ENERGY, drag, harmonic, neutral
+from otwarp.simulation import composition
+from tests.simulation.crowds import crowd, jumbled
+from tests.simulation.setups import ENERGY, drag, harmonic, neutral, robot
 
 
 @pytest.mark.parametrize("integrator", ["leimkuhlerMatthews", "heun"])
@@ -27,3 +32,24 @@ def test_a_crowd_diffuses_as_it_should(integrator, device):
     shared = steps - 0.5 if integrator == "leimkuhlerMatthews" else steps
     expected = 2.0 * ENERGY / drag(1.0) * shared * sim.time_step
     assert (moved**2).mean() == pytest.approx(expected, rel=5.0 * (2.0 / 12_000) ** 0.5)
+
+
+@pytest.mark.cpu_forms
+def test_blocks_of_noise_change_no_bit(monkeypatch, device):
+    """Of spheres in a channel beside a robot, with their noise 16 at a time and one by one; some touch."""
+    if device != "cpu":
+        pytest.skip("a CPU's form of the noise")
+    base = crowd(jumbled(37, 2.2), temperature=298.15)
+    bodies = (*base.bodies, robot("R", (-20.0, 0.0, 0.0), collides=True))
+    scene = dataclasses.replace(base, bodies=bodies)
+    found = []
+    for blocks in (True, False):
+        if not blocks:
+            monkeypatch.setattr(composition, "_takes_blocks", lambda f: False)
+        sim = Simulation(scene, worlds=2, seed=4, device=device, allow_large_step=True)
+        assert sim.model.features.blocks == blocks
+        sim.step(30)
+        found.append((sim.state.position.numpy(), sim.state.orientation.numpy(), sim.readout.contact_load.numpy()))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert np.count_nonzero(found[0][2]) > 5
