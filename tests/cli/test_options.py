@@ -42,6 +42,7 @@ NEEDED = {
     "vision export": ["absent"],
     "vision dataset": [SMOKE],
     "vision calibrate": [ROBOT],
+    "vision track": ["absent"],
 }
 """What a command needs beside the option under test."""
 

@@ -13,6 +13,8 @@ In come frames or estimates of networks, out come poses with covariances at any 
     consistency                whether covariances are right: NEES and NIS
     finding                    bodies in a frame, and pieces of it
     templates, matching        rendered images of a body at many poses; poses from images by least squares
+    recorded, source           frames of a recorded run, tracked; what looks at them: templates or a network
+    results, figure            errors beside the truth, `track.nc`; the picture
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from otwarp.vision.tracking.matching import Matcher as Matcher
     from otwarp.vision.tracking.measurement import Measurement as Measurement
     from otwarp.vision.tracking.mobile import MobileBody as MobileBody
+    from otwarp.vision.tracking.recorded import track_run as track_run
     from otwarp.vision.tracking.shape import Shape as Shape
     from otwarp.vision.tracking.templates import Templates as Templates
     from otwarp.vision.tracking.tracker import Pose as Pose
@@ -42,6 +45,7 @@ __getattr__, __dir__ = lazy_names(
         "matching": ("Matcher",),
         "measurement": ("Measurement",),
         "mobile": ("MobileBody",),
+        "recorded": ("track_run",),
         "shape": ("Shape",),
         "templates": ("Templates",),
         "tracker": ("Pose", "Tracker"),

@@ -1,0 +1,75 @@
+"""A recorded run tracked through rendered frames: errors, files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from otwarp.cli.main import main
+from otwarp.record import record_run
+from otwarp.scene import Scene
+
+BEAD = "scenes/single_bead.usda"
+QUICKLY = ["--size", "48", "--rings", "1", "--thickness", "0.3", "--device", "cpu"]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "bead"
+    record_run(Scene.load(BEAD, duration=0.2), folder, device="cpu")
+    return folder
+
+
+@pytest.mark.quick
+def test_a_run_is_tracked(run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """By templates, late and with gaps: the track is nearer to the bead than its thermal motion."""
+    import xarray
+
+    file = tmp_path / "bead.nc"
+    assert main(["vision", "track", str(run), "-o", str(file), "--delay", "0.02", "--drop", "0.2", *QUICKLY]) == 0
+    told = capfd.readouterr().out
+    assert "NIS per degree of freedom" in told
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bead.nc", "bead.png"]
+    with xarray.open_dataset(file) as track:
+        off = (track.seen_position - track.true_position).values
+        assert 0.5 < np.isfinite(off[:, 0]).mean() < 1.0
+        assert np.nanmax(np.abs(off)) < 0.05
+        held = (track.position - track.true_position).values[3:]
+        assert np.sqrt(np.nanmean(held**2)) < 0.12
+        # a prediction every millisecond between frames of 60 Hz
+        assert 15 * len(track.frame) < len(track.prediction) < 17 * len(track.frame)
+        assert np.all(np.diff(track.predicted_time) > 0.0)
+        eigenvalues = np.linalg.eigvalsh(track.predicted_covariance.values[:, :3, :3])
+        assert eigenvalues.min() > 0.0
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--body", "/World/none"], "body is /World/none; allowed: /World/bead"),
+        (["--world", "3"], "world = 3; allowed: 0 … 0"),
+        (["--camera", "side"], "--camera is side; allowed: /World/microscope"),
+        (["--every", "1000"], "frames = 1 to track; allowed: 2 or more"),
+        (["--net", "absent"], "absent"),
+        (["--net", "absent", "--templates"], "--net and --templates are both given"),
+        (["-o", "track.csv"], "--out is track.csv; allowed: a file that ends with .nc"),
+    ],
+)
+def test_nonsense_is_refused(
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch, words: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["vision", "track", str(run), *QUICKLY, *words]) == 2
+    error = capfd.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.quick
+def test_a_run_without_frames_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["vision", "track", str(tmp_path)]) == 2
+    assert "holds no run.nc; allowed: the folder of a recorded run" in capfd.readouterr().err
