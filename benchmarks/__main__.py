@@ -22,6 +22,7 @@ from benchmarks import (
     time_step,
     vision,
     vision_networks,
+    vision_tracking,
     worlds,
 )
 from benchmarks.report import PAGES, check_places, options, run, save_json, write_pages
@@ -42,6 +43,7 @@ BENCHMARKS = {
     "escape": escape.measure,
     "vision": vision.measure,
     "vision_networks": vision_networks.measure,
+    "vision_tracking": vision_tracking.measure,
     "stability": stability.measure,
     "budget": budget.measure,
     "haptics": haptics.measure,

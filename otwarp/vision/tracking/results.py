@@ -109,13 +109,8 @@ def save_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
     with written(file, f"--out {file}") as part, netCDF4.Dataset(part, "w") as data:
         data.setncatts({"title": "track of a body through the frames of a run", "body": recorded.body, **about})
         between = [p for s in steps for p in s.between]
-        for name, size in (
-            ("frame", len(steps)),
-            ("xyz", 3),
-            ("quaternion", 4),
-            ("pose", 6),
-            ("prediction", len(between)),
-        ):
+        sizes = {"frame": len(steps), "xyz": 3, "quaternion": 4, "pose": 6, "pose_too": 6, "prediction": len(between)}
+        for name, size in sizes.items():
             data.createDimension(name, size)
         _frames(data, recorded, steps, errors)
         _poses(data, "predicted_", ("prediction",), between)
@@ -161,7 +156,7 @@ def _poses(data: Any, prefix: str, dimension: tuple[str], poses: list[Any]) -> N
         for n, pose in enumerate(poses):
             if pose is not None:
                 values[n] = getattr(pose, name)
-        axes = {(3,): ("xyz",), (4,): ("quaternion",), (6, 6): ("pose", "pose"), (): ()}[shape]
+        axes = {(3,): ("xyz",), (4,): ("quaternion",), (6, 6): ("pose", "pose_too"), (): ()}[shape]
         _put(data, prefix + name, (*dimension, *axes), values, units, said)
 
 
