@@ -46,7 +46,7 @@ NEEDED = {
 }
 """What a command needs beside the option under test."""
 
-ANY_TEXT = {"--split", "--body", "--node", "--namespace", "--namespaces", "--token"}
+ANY_TEXT = {"--split", "--camera", "--body", "--node", "--namespace", "--namespaces", "--token"}
 """Options whose text is a name that is made up."""
 
 

@@ -61,6 +61,8 @@ def track(
     """
     from otwarp.cli import stop
     from otwarp.cli.progress import parts
+    from otwarp.device import pick_device
+    from otwarp.vision.networks import load
     from otwarp.vision.render import Rendering
     from otwarp.vision.tracking.figure import draw_track
     from otwarp.vision.tracking.recorded import RecordedBody, Source, track_run
@@ -73,12 +75,14 @@ def track(
     file = out or Path(f"{run.resolve().name}_track.nc")
     if file.suffix != ".nc":
         raise InputError(f"--out is {file}; allowed: a file that ends with .nc")
+    network = None if net is None else load(net, device=device)
+    pick_device(device)
     recorded = RecordedBody.load(run, body, world=world, every=every, frames=frames, camera=camera)
     how = Rendering(rings=rings, thickness=thickness)
     stop.begin()
     source: Source
-    if net is not None:
-        source, size = network_source(recorded, net, device)
+    if network is not None:
+        source, size = network_source(recorded, network)
     else:
         with parts("tilt of the templates", "tilts of the templates") as progress:
             source = template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.estimate import Estimate
+from otwarp.vision.networks.run import Estimator
 from otwarp.vision.render import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, mirror_probability, with_errors
@@ -53,11 +52,11 @@ class NetworkSource:
     """Poses by a trained network, which expects nothing.
 
     Attributes:
-        net: With `estimate` of images (n, height, width).
+        net: Which says poses.
         mirror: Probability that the sign of a tilt is wrong.
     """
 
-    net: Any
+    net: Estimator
     mirror: float = 0.0
 
     def look(self, image: np.ndarray, guess: np.ndarray | None) -> tuple[Estimate, float] | None:
@@ -65,26 +64,22 @@ class NetworkSource:
         return self.net.estimate(image[None])[0], self.mirror
 
 
-def network_source(recorded: RecordedBody, path: str | Path, device: str | None = None) -> tuple[NetworkSource, int]:
+def network_source(recorded: RecordedBody, net: Estimator) -> tuple[NetworkSource, int]:
     """A trained network, and the side of the images that it takes [pixels].
 
     Args:
         recorded: The run, whose camera must have the network's pixels.
-        path: Folder of a training, or its ONNX file.
-        device: Where it runs.
+        net: Of `otwarp.vision.networks.load`.
 
     Raises:
-        InputError: No such network, or one of other pixels.
+        InputError: It takes other pixels, or images that are not square.
     """
-    from otwarp.vision.networks.run import load
-
-    net = load(path, device=device)
     pixel = camera_of(recorded.scene).pixel_size
     if abs(net.pixel / pixel - 1.0) > 0.02:
-        raise InputError(f"--net {path} takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
+        raise InputError(f"--net takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
     height, width = net.shape
     if height != width:
-        raise InputError(f"--net {path} takes images of {width} × {height} pixels; allowed: squares")
+        raise InputError(f"--net takes images of {width} × {height} pixels; allowed: squares")
     return NetworkSource(net), width
 
 
