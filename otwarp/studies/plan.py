@@ -165,12 +165,16 @@ def _worst(study: Study, values: dict[Target, np.ndarray]) -> dict[Target, np.nd
 TIMED = {True: 2**16, False: 256}
 """Trials that are timed, on a GPU or a CPU."""
 
+PART, LONGER = 256, 3.0
+"""Steps that are timed at first, and how much longer than the start they should take: on a busy machine times differ
+from themselves by as much as that."""
+
 
 def estimate(study: Study, device: str | None = None) -> tuple[tuple[float, float], str]:
     """Least and largest time [s], and the device: if no trial ended before its horizon.
 
-    Some trials of points all over the study are run twice, the second time with compiled kernels, over a part of their
-    horizon.
+    Some trials of points all over the study are run over a part of their horizon, with compiled kernels, so far that
+    their steps take longer than their start.
     """
     place = pick_device(device)
     runner = study.runner
@@ -180,13 +184,17 @@ def estimate(study: Study, device: str | None = None) -> tuple[tuple[float, floa
     chosen = np.resize(group, count)
     at = {t: v for t, v in study.design.at(chosen).items() if not t.grouped}
     scene = study.design.scene_of(values)
-    most = min(runner.steps, 256)
-    taken: list[float] = []
-    for steps in (1, 1, most):
+
+    def taken(steps: int) -> float:
         begun = time.perf_counter()
         runner.shortened(steps).run(scene, at, np.arange(count), device=str(place))
-        taken.append(time.perf_counter() - begun)
-    per_step = max(taken[2] - taken[1], 1e-9) / max(most - 1, 1) / count
+        return time.perf_counter() - begun
+
+    taken(1)  # kernels are compiled
+    start, steps = min(taken(1), taken(1)), min(runner.steps, PART)
+    while (long := taken(steps)) < LONGER * start and steps < runner.steps:
+        steps = min(runner.steps, 4 * steps)
+    per_step = (long - start if long > start else long) / steps / count
     plan = study.plan()
     last = plan.steps * per_step
     return (last * plan.trials[0] / plan.trials[1], last), str(place)

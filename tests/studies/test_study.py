@@ -84,6 +84,7 @@ def test_results_do_not_depend_on_batches(scene):
     assert np.all(together["end"] >= 0) and np.any(together["end"] == 1)
 
 
+@pytest.mark.thorough
 def test_what_a_trap_holds_does_not_depend_on_batches(tmp_path):
     """A trap that names no sphere, moved from one to another: it holds one sphere in all points, in whatever batch."""
     builder = SceneBuilder(settings=Settings(duration=0.5, accuracy=0.05))

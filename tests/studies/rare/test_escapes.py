@@ -81,8 +81,10 @@ def at(scene, depth: float, **how) -> EscapeStudy:
     ("depth", "how"),
     [
         (8.0, {"interfaces": [0.21, 0.3, 0.31, 0.398], "basin": 0.2}),
-        (6.0, {"order": ot.energy(), "interfaces": [1.6, 4.0, 5.9], "basin": 1.5}),
-        (5.0, {"method": "splitting", "branches": 100}),
+        pytest.param(
+            6.0, {"order": ot.energy(), "interfaces": [1.6, 4.0, 5.9], "basin": 1.5}, marks=pytest.mark.thorough
+        ),
+        pytest.param(5.0, {"method": "splitting", "branches": 100}, marks=pytest.mark.thorough),
     ],
 )
 def test_against_the_exact_time(scene, depth, how):
