@@ -67,16 +67,17 @@ def repeatable(seed: int) -> Iterator[None]:
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     filling = torch.utils.deterministic
     before = (torch.are_deterministic_algorithms_enabled(), torch.backends.cudnn.benchmark,
-              filling.fill_uninitialized_memory)  # fmt: skip
+              filling.fill_uninitialized_memory, torch.is_deterministic_algorithms_warn_only_enabled())  # fmt: skip
     devices = list(range(torch.cuda.device_count())) if torch.cuda.is_available() else []
     with torch.random.fork_rng(devices=devices):
         torch.manual_seed(seed)
-        torch.use_deterministic_algorithms(True)
+        # an algorithm of a GPU that has no such form is named by a warning, and does not end the training
+        torch.use_deterministic_algorithms(True, warn_only=True)
         torch.backends.cudnn.benchmark = False
         filling.fill_uninitialized_memory = False  # nothing here reads what was not written
         try:
             yield
         finally:
-            torch.use_deterministic_algorithms(before[0])
+            torch.use_deterministic_algorithms(before[0], warn_only=before[3])
             torch.backends.cudnn.benchmark = before[1]
             filling.fill_uninitialized_memory = before[2]

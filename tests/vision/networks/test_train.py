@@ -124,6 +124,16 @@ def test_a_batch_that_does_not_fit_is_named(smoke: Path, tmp_path: Path, monkeyp
         train.train(smoke, tmp_path / "out", Settings(**QUICK), device="cpu")
 
 
+def test_half_precision_begins_as_single_does(smoke: Path, tmp_path: Path) -> None:
+    losses = []
+    for precision in ("float32", "bf16"):
+        train.train(
+            smoke, tmp_path / precision, Settings(**{**QUICK, "precision": precision, "epochs": 1}), device="cpu"
+        )
+        losses.append(json.loads((tmp_path / precision / "curves.json").read_text())[0]["training_loss"])
+    assert losses[1] == pytest.approx(losses[0], rel=0.05)  # eight bits of every activation
+
+
 @pytest.mark.quick
 @pytest.mark.parametrize(
     ("settings", "said"),

@@ -67,7 +67,9 @@ class Network(nn.Module):
         if self.paper is not None:
             said["scores"], said["depth"] = self.paper(vector)
         if self.pose is not None:
-            said["mean"], said["factor"] = self.pose(vector.float(), maps.float())
+            # positions in µm and covariances need more digits than bf16 has
+            with torch.autocast(images.device.type, enabled=False):
+                said["mean"], said["factor"] = self.pose(vector.float(), maps.float())
         return said
 
 

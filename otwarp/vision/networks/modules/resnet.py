@@ -88,7 +88,6 @@ class ResNet(nn.Module):
                 inputs = outputs
             setattr(self, f"layer{stage + 1}", nn.Sequential(*layers))
         self.width = inputs
-        self.avgpool = nn.AdaptiveAvgPool2d((1, 1))
         self.fc = nn.Linear(inputs, classes)
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
@@ -103,7 +102,7 @@ class ResNet(nn.Module):
 
     def vector(self, maps: Tensor) -> Tensor:
         """(n, width) means of the maps."""
-        return torch.flatten(self.avgpool(maps), 1)
+        return torch.mean(maps, (-2, -1))
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, classes) scores of (n, 3, h, w) images."""
