@@ -169,7 +169,7 @@ DENSE = 12
 
 @functools.cache
 def _torch() -> Any:
-    """The package torch, or None."""
+    """The package torch, imported once, or None where it cannot be: its absence is no error, SciPy stands in."""
     try:
         import torch
     except ImportError:

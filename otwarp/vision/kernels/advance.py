@@ -7,13 +7,13 @@ import warp as wp
 
 @wp.func
 def times(a: wp.vec2f, b: wp.vec2f) -> wp.vec2f:
-    """Product of two complex numbers."""
+    """Product a b of two complex numbers, each its real and imaginary part; of the unit of both."""
     return wp.vec2f(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
 
 
 @wp.func
 def conjugate(a: wp.vec2f) -> wp.vec2f:
-    """Complex conjugate."""
+    """a*: the complex number (real, imaginary) with its imaginary part reversed, in the same unit."""
     return wp.vec2f(a[0], -a[1])
 
 
