@@ -97,5 +97,6 @@ def each_axis(axes: Sequence[str], row_of: Callable[[int], Row]) -> tuple[list[R
 
 
 def factor(value: float, error: float, quantile: float) -> tuple[float, float, float]:
-    """A positive value with the interval that a normal error of its logarithm gives."""
-    return value, value * np.exp(-quantile * error), value * np.exp(quantile * error)
+    """A positive value with the interval of a normal error of its logarithm, 0 to inf where nothing is known."""
+    with np.errstate(over="ignore"):
+        return value, value * np.exp(-quantile * error), value * np.exp(quantile * error)
