@@ -13,6 +13,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+import warp as wp
 
 from otwarp.device import start_warp
 
@@ -62,13 +63,37 @@ THOROUGH = (
 """Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`
 always run, one of each thing that is promised: an installed package, a force of one's own, an example, a benchmark."""
 
+STEPPING = (
+    "cli/test_forces.py",
+    "kernels/drivers/test_solo.py",
+    "kernels/optics/test_force_table.py",
+    "optics/",
+    "ros/",
+    "scenes/",
+    "simulation/test_determinism.py",
+    "simulation/test_statistics.py",
+    "studies/",
+    "teleop/",
+    "validation/",
+    "vision/",
+)
+"""Files that step for seconds, or look at what the compiler made: their kernels are optimised, as for users. Those of
+the others are compiled without that by `make test`, which takes a quarter of the time: with cold caches, compiling is
+most of what they do."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--thorough", action="store_true", help="also run the files of THOROUGH (tests/conftest.py)")
     parser.addoption("--validate", action="store_true", help="also run the long statistical tests")
+    parser.addoption("--unoptimised", action="store_true", help="compile kernels without optimisation")
     parser.addoption("--costs", type=int, default=0, metavar="N", help="list the N tests that take most CPU time")
     parser.addoption("--gpu-forms", action="store_true", help="step in the forms for GPUs, whatever the device")
     parser.addoption("--device", default="cpu", help="device of the tests that step: cpu (default), cuda:0, …")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--unoptimised"):
+        wp.config.optimization_level = 0
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -80,8 +105,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if not config.getoption("--thorough"):
             left_out["thorough"] = pytest.mark.skip(reason="one of the longest files: run with --thorough")
     for item in items:
-        long = item.path.relative_to(Path(__file__).parent).as_posix().startswith(THOROUGH)
-        if long and "quick" not in item.keywords:
+        file = item.path.relative_to(Path(__file__).parent).as_posix()
+        if file.startswith(STEPPING):
+            item.add_marker("stepping")
+        if file.startswith(THOROUGH) and "quick" not in item.keywords:
             item.add_marker("thorough")
         for mark, skip in left_out.items():
             if mark in item.keywords:

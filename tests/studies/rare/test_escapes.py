@@ -77,6 +77,7 @@ def at(scene, depth: float, **how) -> EscapeStudy:
     return EscapeStudy(scene, axes={"trap_power": ot.values([power_of(depth)], unit="mW")}, **(asked | how))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("depth", "how"),
     [
@@ -279,6 +280,7 @@ def test_bad_arguments(scene, how, said):
         EscapeStudy(scene, axes={"trap_power": ot.grid(0.5, 1.0, 3, unit="mW")}, **(SMALL | {"branches": 64} | how))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("how", "said"),
     [
