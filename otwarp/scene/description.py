@@ -160,12 +160,16 @@ class Sphere:
 
 @dataclass(frozen=True, kw_only=True)
 class Rod:
-    """A rod of a body, which no trap acts on: centres of its rounded ends in the body's frame [µm], radius [µm]."""
+    """A rod of a body, which no trap acts on: centres of its rounded ends in the body's frame [µm], radius [µm].
+
+    Its refractive index counts in images alone; None for that of the body's first sphere.
+    """
 
     prim: str
     start: Vec3
     end: Vec3
     radius: float
+    refractive_index: float | None = None
     collides: bool = True
     drag: bool = True
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene import Camera, Scene
+from otwarp.scene import Body, Camera, Scene, Vec3
 from otwarp.scene.transforms import conjugate, rotate
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.sensor import Sensor
@@ -70,10 +70,22 @@ def image_size(camera: Camera) -> tuple[int, int]:
     return width, height
 
 
+def solids_of(body: Body) -> list[tuple[Vec3, Vec3, float, float]]:
+    """Centres of the rounded ends [µm, body frame], radius [µm] and refractive index of a body's spheres, then rods.
+
+    A rod that has no index of its own has that of the body's first sphere.
+    """
+    solids = [(s.offset, s.offset, s.radius, s.refractive_index) for s in body.spheres]
+    for rod in body.rods:
+        index = body.spheres[0].refractive_index if rod.refractive_index is None else rod.refractive_index
+        solids.append((rod.start, rod.end, rod.radius, index))
+    return solids
+
+
 def specimen_of(scene: Scene, position: np.ndarray, orientation: np.ndarray) -> Specimen:
     """All bodies as solids in the frame of the scene's camera: its middle at x = y = 0, heights along its axis.
 
-    A rod has the index of its body's first sphere. Obstacles are not seen.
+    Obstacles are not seen.
 
     Args:
         scene: Its bodies and camera.
@@ -83,9 +95,7 @@ def specimen_of(scene: Scene, position: np.ndarray, orientation: np.ndarray) -> 
     camera = camera_of(scene)
     start, end, radius, index = [], [], [], []
     for body, place, turn in zip(scene.bodies, position, orientation, strict=True):
-        solids = [(s.offset, s.offset, s.radius, s.refractive_index) for s in body.spheres]
-        solids += [(r.start, r.end, r.radius, body.spheres[0].refractive_index) for r in body.rods]
-        for first, last, thick, optical in solids:
+        for first, last, thick, optical in solids_of(body):
             start.append(rotate(turn, np.array(first)) + place)
             end.append(rotate(turn, np.array(last)) + place)
             radius.append(thick)

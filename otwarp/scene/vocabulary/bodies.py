@@ -72,6 +72,13 @@ ROD = Schema(
     doc="A rod of a body: a Capsule with its own radius, height and axis, or the Capsule that fills a Cylinder from end"
     " to end. Traps do not act on rods.",
     attributes=(
+        Attribute(
+            "ot:rod:refractiveIndex",
+            0.0,
+            range="[1, 5]",
+            none=0.0,
+            doc="Refractive index, which microscopes see; 0 for that of the body's first sphere.",
+        ),
         Attribute("ot:rod:collides", True, doc="Whether it collides."),
         Attribute("ot:rod:drag", True, doc="Whether it counts in the mobility of its body."),
     ),

@@ -12,6 +12,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Body, Scene
 from otwarp.vision.specimen import Specimen
+from otwarp.vision.view import solids_of
 
 SAME = 1e-3
 """Distance of solids that count as one where symmetries are sought [µm]."""
@@ -76,15 +77,14 @@ class Robot:
 
     @classmethod
     def of_body(cls, scene: Scene, name: str | None = None, axis: np.ndarray | None = None) -> Robot:
-        """A body of a scene, or its only one; rods have the index of the first sphere.
+        """A body of a scene, or its only one.
 
         Raises:
             InputError: No such body, or several where none is named.
         """
         body = _body(scene, name)
-        solids = [(s.offset, s.offset, s.radius, s.refractive_index) for s in body.spheres]
-        solids += [(r.start, r.end, r.radius, body.spheres[0].refractive_index) for r in body.rods]
-        start, end, radius, index = (np.array(column, dtype=float) for column in zip(*solids, strict=True))
+        columns = zip(*solids_of(body), strict=True)
+        start, end, radius, index = (np.array(column, dtype=float) for column in columns)
         return cls.of_solids(start, end, radius, index, axis=axis, name=body.name)
 
     def varied(self, *, radius_scale: float = 1.0, length_scale: float = 1.0, index: float | None = None) -> Robot:
