@@ -35,6 +35,7 @@ def world_function(what: str, function: Callable[..., Any]) -> tuple[WorldFuncti
     defaults = {p.name: p.default for p in rest}
 
     def row(values: Mapping[str, Any]) -> tuple[float, ...]:
+        """Numbers of all parameters in their order, those that are not given at their defaults."""
         numbers: list[float] = []
         for given in values:
             if given not in defaults:

@@ -138,20 +138,12 @@ def propagate(
     here = np.ix_(*(np.arange(-reach, reach + 1) % n,) * 2)
     axial, travels = (a[here] for a in axial_wavenumbers(microscope.wavenumber, grid))
     b = 2 * reach + 1
-    amplitude = fourier.zeros(sources, b, b)
-    rows, columns = light.steps[:, 1] + reach, light.steps[:, 0] + reach
     # while light passes, the origin is the middle of the first cell of the box around the specimen
     slices = sliced(specimen, grid, fourier, thickness) if len(specimen) else None
     at = np.zeros(2) if slices is None else (np.array(slices.corner) + 0.5) * grid.spacing - 0.5 * grid.length
     x, y = (q[here] for q in grid.wavenumbers())
     shift = x * at[0] + y * at[1]
-    if microscope.illumination_curvature:
-        curved = _curved(microscope, grid)
-        for s in range(sources):
-            turned = np.roll(curved, light.steps[s, ::-1], (0, 1))[here]
-            amplitude[s] = fourier.array(turned * np.exp(1j * shift))
-    else:
-        amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
+    amplitude = _incoming(microscope, light, grid, here, shift, fourier)
     if slices is not None:
         count = max(1, BATCH_BYTES // (8 * b * b)) if not fourier.device.is_cuda else sources
         media = _media(specimen, microscope, grid, slices, here, fourier, method)
@@ -170,6 +162,28 @@ def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     x, y = grid.wavenumbers()
     square = k * k - x * x - y * y
     return np.sqrt(np.maximum(square, 0.0)), square > 0.0
+
+
+def _incoming(
+    microscope: Microscope,
+    light: Illumination,
+    grid: Grid,
+    here: tuple[np.ndarray, ...],
+    shift: np.ndarray,
+    fourier: Fourier,
+) -> Any:
+    """(s, b, b) amplitudes of the light of each source at height 0, their phases turned by `shift` (b, b)."""
+    sources, b = len(light.weights), len(shift)
+    amplitude = fourier.zeros(sources, b, b)
+    if microscope.illumination_curvature:
+        curved = _curved(microscope, grid)
+        for s in range(sources):
+            turned = np.roll(curved, light.steps[s, ::-1], (0, 1))[here]
+            amplitude[s] = fourier.array(turned * np.exp(1j * shift))
+        return amplitude
+    rows, columns = light.steps[:, 1] + b // 2, light.steps[:, 0] + b // 2
+    amplitude[np.arange(sources), rows, columns] = fourier.array(np.exp(1j * shift[rows, columns]))
+    return amplitude
 
 
 def _curved(microscope: Microscope, grid: Grid) -> np.ndarray:

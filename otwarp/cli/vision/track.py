@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from otwarp.cli.options import device_option, seed_option
 from otwarp.cli.types import COUNT, FILE, Number, OutputPath
 from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.vision.networks.run import Estimator
+    from otwarp.vision.render import Rendering
+    from otwarp.vision.tracking.recorded import RecordedBody, Source
 
 
 @click.command()
@@ -65,10 +71,9 @@ def track(
     from otwarp.vision.networks import load
     from otwarp.vision.render import Rendering
     from otwarp.vision.tracking.figure import draw_track
-    from otwarp.vision.tracking.recorded import RecordedBody, Source, track_run
+    from otwarp.vision.tracking.recorded import RecordedBody, track_run
     from otwarp.vision.tracking.results import errors_of, rows_of, save_track
     from otwarp.vision.tracking.shape import Shape
-    from otwarp.vision.tracking.source import network_source, template_source
 
     if net is not None and templates:
         raise InputError("--net and --templates are both given; allowed: one of them")
@@ -80,12 +85,7 @@ def track(
     recorded = RecordedBody.load(run, body, world=world, every=every, frames=frames, camera=camera)
     how = Rendering(rings=rings, thickness=thickness)
     stop.begin()
-    source: Source
-    if network is not None:
-        source, size = network_source(recorded, network)
-    else:
-        with parts("tilt of the templates", "tilts of the templates") as progress:
-            source = template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress)
+    source, size = _source(recorded, network, size, how, device, seed)
     with parts("frame", "frames") as progress:
         steps = track_run(recorded, source, size=size, delay=delay, drop=drop, rate=rate, seed=seed, rendering=how,
                           device=device, progress=lambda n: progress(n, len(recorded)))  # fmt: skip
@@ -95,9 +95,26 @@ def track(
     save_track(file, recorded, steps, errors, **about)
     draw_track(file.with_suffix(".png"), recorded, steps, errors)
     click.echo(f"{recorded.body}: {len(steps)} frames, {errors.seen} measurements")
-    rows = [("", "seen", "track"), *rows_of(errors)]
+    _print_table([("", "seen", "track"), *rows_of(errors)])
+    click.echo(f"wrote {file}")
+    click.echo(f"look at {file.with_suffix('.png')}")
+
+
+def _source(
+    recorded: RecordedBody, network: Estimator | None, size: int, how: Rendering, device: str | None, seed: int
+) -> tuple[Source, int]:
+    """What looks at the frames, a network or else templates; and the side of the pieces that it looks at [pixels]."""
+    from otwarp.cli.progress import parts
+    from otwarp.vision.tracking.source import network_source, template_source
+
+    if network is not None:
+        return network_source(recorded, network)
+    with parts("tilt of the templates", "tilts of the templates") as progress:
+        return template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress), size
+
+
+def _print_table(rows: list[tuple[str, str, str]]) -> None:
+    """Columns as wide as what is in them."""
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
     for name, seen, tracked in rows:
         click.echo(f"{name:<{widths[0]}}  {seen:>{widths[1]}}  {tracked:>{widths[2]}}".rstrip())
-    click.echo(f"wrote {file}")
-    click.echo(f"look at {file.with_suffix('.png')}")

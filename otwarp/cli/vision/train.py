@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,38 +79,36 @@ def summary(metrics: Mapping[str, Any]) -> str:
     return ": ".join((words[0], ", ".join(words[1:])))
 
 
-def _progress(epochs: int) -> Any:
+def _line(row: Mapping[str, Any]) -> str:
+    """What an epoch gave."""
+    words = f"loss {row['training_loss']:.4g}, validation {row['validation_loss']:.4g}"
+    words += f", accuracy {row['accuracy']:.3f}" if "accuracy" in row else ""
+    words += f", depth {row['depth_rmse_um']:.3g} µm" if "depth_rmse_um" in row else ""
+    return f"{words}, {row['images_per_second']:.0f} images/s"
+
+
+@contextmanager
+def _progress(epochs: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
     """A bar on standard error, if that is a terminal, else a line for each epoch."""
-    import sys
-    from contextlib import contextmanager
+    if not sys.stderr.isatty():
 
-    def line(row: Mapping[str, Any]) -> str:
-        words = f"loss {row['training_loss']:.4g}, validation {row['validation_loss']:.4g}"
-        words += f", accuracy {row['accuracy']:.3f}" if "accuracy" in row else ""
-        words += f", depth {row['depth_rmse_um']:.3g} µm" if "depth_rmse_um" in row else ""
-        return f"{words}, {row['images_per_second']:.0f} images/s"
+        def say(row: Mapping[str, Any]) -> None:
+            """Write a line."""
+            stop.check()
+            click.echo(f"otwarp: epoch {row['epoch']} of {epochs}: {_line(row)}", err=True)
 
-    @contextmanager
-    def bar() -> Any:
-        if not sys.stderr.isatty():
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-            def say(row: Mapping[str, Any]) -> None:
-                stop.check()
-                click.echo(f"otwarp: epoch {row['epoch']} of {epochs}: {line(row)}", err=True)
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True, highlight=False)) as progress:
+        task = progress.add_task("first epoch", total=epochs)
 
-            yield say
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        def move(row: Mapping[str, Any]) -> None:
+            """Move the bar."""
+            stop.check()
+            progress.update(task, completed=row["epoch"], description=_line(row))
 
-        columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
-        with Progress(*columns, console=Console(stderr=True, highlight=False)) as progress:
-            task = progress.add_task("first epoch", total=epochs)
-
-            def move(row: Mapping[str, Any]) -> None:
-                stop.check()
-                progress.update(task, completed=row["epoch"], description=line(row))
-
-            yield move
-
-    return bar()
+        yield move

@@ -99,9 +99,7 @@ def flux(
             age[anew] = 0
         if np.any(anew):
             _start_again(ensemble, np.flatnonzero(anew), life, number_of, window)
-            if window is not None and life.max() >= LIVES:
-                raise InputError(f"a world escapes {LIVES} times while the flux is counted; allowed: a deeper trap, "
-                                 "or a study of first passages")  # fmt: skip
+            _check_lives(life, window)
             inside[anew] = True
         over = running & (counted >= looks)
         running &= ~over
@@ -126,6 +124,13 @@ def _start_again(
     life[worlds] += 1
     clock = None if window is not None else ensemble.clock(worlds)
     ensemble.start(worlds, number_of(worlds, life[worlds] % LIVES), clock)
+
+
+def _check_lives(life: np.ndarray, window: int | None) -> None:
+    """Refuse worlds whose noise would begin to repeat where each life starts at the same clock."""
+    if window is not None and life.max() >= LIVES:
+        raise InputError(f"a world escapes {LIVES} times while the flux is counted; allowed: a deeper trap, "
+                         "or a study of first passages")  # fmt: skip
 
 
 def settled(

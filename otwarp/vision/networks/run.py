@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from otwarp.vision.networks.targets import Targets
 from otwarp.vision.networks.weights import put
 
 
-class Estimator:
+class Estimator(ABC):
     """A network with what it takes to use it; made by `use.load`.
 
     Attributes:
@@ -71,8 +72,9 @@ class Estimator:
                              "network was trained on")  # fmt: skip
         return found
 
+    @abstractmethod
     def _predict(self, images: np.ndarray) -> Predictions:
-        raise NotImplementedError
+        """As `predict`, of images (n, height, width) uint8 of the right shape."""
 
 
 class TorchEstimator(Estimator):

@@ -49,19 +49,13 @@ class TemplateSource:
 
 @dataclass(frozen=True)
 class NetworkSource:
-    """Poses by a trained network, which expects nothing.
-
-    Attributes:
-        net: Which says poses.
-        mirror: Probability that the sign of a tilt is wrong.
-    """
+    """Poses by a trained network, which expects nothing; the signs of its tilts count as right."""
 
     net: Estimator
-    mirror: float = 0.0
 
-    def look(self, image: np.ndarray, guess: np.ndarray | None) -> tuple[Estimate, float] | None:
+    def look(self, image: np.ndarray, guess: np.ndarray | None) -> tuple[Estimate, float]:
         """As `Source`."""
-        return self.net.estimate(image[None])[0], self.mirror
+        return self.net.estimate(image[None])[0], 0.0
 
 
 def network_source(recorded: RecordedBody, net: Estimator) -> tuple[NetworkSource, int]:

@@ -16,7 +16,7 @@ from otwarp.vision.tracking.measurement import Measurement, tilt_and_azimuth
 from otwarp.vision.tracking.mobile import MobileBody
 from otwarp.vision.tracking.rotations import difference, exponential
 from otwarp.vision.tracking.shape import Shape
-from otwarp.vision.tracking.tracker import Tracker
+from otwarp.vision.tracking.tracker import Pose, Tracker
 
 NOISE = np.array([0.03, 0.03, 0.06, 0.03, 0.03])
 """Standard deviations of x, y, z [µm], tilt and azimuth [rad]."""
@@ -53,6 +53,22 @@ def measured(
     return Measurement(time=time, position=place + off[:3], axis=seen, covariance=covariance)
 
 
+def whitened_error(pose: Pose, shape: Shape, centre: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """What is seen of the difference of truth and estimate, in standard deviations that are independent of each other.
+
+    Args:
+        pose: Estimated.
+        shape: Of the body.
+        centre: (3) where it is [µm].
+        turn: (4) quaternion of it.
+    """
+    nearest = shape.nearest(turn, pose.orientation)
+    error = np.concatenate([centre - pose.belief.position, difference(nearest, pose.orientation)])
+    seeable = shape.visible(pose.orientation)
+    spread = np.linalg.cholesky(seeable @ pose.belief.covariance @ seeable.T)
+    return np.linalg.solve(spread, seeable @ error)
+
+
 def followed(
     scene: Scene,
     *,
@@ -83,8 +99,7 @@ def followed(
     shape = Shape.of(scene, scene.bodies[0].name, body.reference)
     sim, rng = Simulation(scene, worlds=worlds, seed=seed, device="cpu"), np.random.default_rng(seed)
     trackers = [Tracker(body, shape, Commands.of_scene(scene)) for _ in range(worlds)]
-    nees, nis, whitened, raw, filtered = [], [], [], [], []
-    degrees = 3
+    nees, nis, whitened, raw, filtered, degrees = [], [], [], [], [], 3
     for _ in range(frames):
         if commanded is not None:
             position = commanded(sim.time)
@@ -94,24 +109,19 @@ def followed(
         sim.run(interval)
         places, turns = sim.prim_poses()
         centres = sim.state.position.numpy().astype(float)
-        rows: list[list] = [[], [], []]
+        rows = []
         for w, tracker in enumerate(trackers):
             seen = measured(rng, sim.time, shape, places[w, 0], turns[w, 0], noise * NOISE)
             kept = rng.random() >= drop or tracker.time is None
             update = tracker.add(seen) if kept else None
             pose = tracker.predict(sim.time)
             value, degrees = squared_error(pose.belief, shape, centres[w, 0], turns[w, 0])
-            nearest = shape.nearest(turns[w, 0], pose.orientation)
-            error = np.concatenate([centres[w, 0] - pose.belief.position, difference(nearest, pose.orientation)])
-            seeable = shape.visible(pose.orientation)
-            spread = np.linalg.cholesky(seeable @ pose.belief.covariance @ seeable.T)
-            rows[0].append(value)
-            rows[1].append(update.nis if update is not None else np.nan)
-            rows[2].append(np.linalg.solve(spread, seeable @ error))
+            whole = whitened_error(pose, shape, centres[w, 0], turns[w, 0])
+            rows.append((value, np.nan if update is None else update.nis, whole))
             raw.append(seen.position - places[w, 0])
             filtered.append(pose.position - places[w, 0])
-        for kept_rows, row in zip((nees, nis, whitened), rows, strict=True):
-            kept_rows.append(row)
+        for series, row in zip((nees, nis, whitened), zip(*rows, strict=True), strict=True):
+            series.append(row)
     squares, innovations = np.array(nees)[settle:].T, np.array(nis)[settle:].T
     correlation = error_correlation(np.array(whitened)[settle:].swapaxes(0, 1))
     return Looks(

@@ -17,7 +17,7 @@ def reciprocal_root(x: wp.float64) -> wp.float64:
 
 @wp.func
 def cube_root(x: wp.float64) -> wp.float64:
-    """∛x of x > 0."""
+    """∛x of x > 0, as the platform's cbrt has it: relative error at most 2⁻⁵⁰."""
     return wp.cbrt(x)
 
 
