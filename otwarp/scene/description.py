@@ -279,6 +279,9 @@ class Camera:
         prim: Path of the camera.
         numerical_aperture, condenser_aperture: Of objective and condenser.
         condenser_shape, condenser_inner: `disc`, or `annulus` that begins at this aperture.
+        contrast: `brightField`, `darkField`, `phaseContrast` or `dic`, differential interference contrast.
+        ring_delay, ring_transmission: Of the ring of phase contrast: path [wavelengths], share of light.
+        shear, shear_angle, bias: Of differential interference contrast [µm, rad, wavelengths].
         wavelength, bandwidth: Of the illumination in vacuum; full width at half maximum [µm].
         immersion_index, depth: Index of immersion and glass; depth of the focal plane below it that counts [µm].
         defocus, astigmatism, coma, spherical_aberration: Of the objective, root mean square [wavelengths].
@@ -301,6 +304,12 @@ class Camera:
     condenser_aperture: float = 0.6
     condenser_shape: Literal["disc", "annulus"] = "disc"
     condenser_inner: float = 0.0
+    contrast: Literal["brightField", "darkField", "phaseContrast", "dic"] = "brightField"
+    ring_delay: float = -0.25
+    ring_transmission: float = 0.25
+    shear: float = 0.2
+    shear_angle: float = 0.0
+    bias: float = 0.25
     wavelength: float = 0.6328
     bandwidth: float = 0.0
     immersion_index: float = 1.518

@@ -16,7 +16,10 @@ from otwarp.vision.illumination import Illumination
 from otwarp.vision.kernels.intensity import add_intensity, add_intensity_at_once
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import BATCH_BYTES, axial_wavenumbers
-from otwarp.vision.pupil import pupil
+from otwarp.vision.pupil import pupil, sheared
+
+DARK = 1e-6
+"""Share of light below which a background of differential interference contrast counts as dark."""
 
 
 def images(
@@ -28,9 +31,11 @@ def images(
     focus: Sequence[float] | np.ndarray,
     shift: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(f, pixels, pixels) intensities in the focal planes, 1 where light is unhindered in bright field.
+    """(f, pixels, pixels) intensities in the focal planes, 1 where light is unhindered.
 
-    Rows go up: row 0 is the lowest. The origin of the specimen is pixel (pixels // 2, pixels // 2).
+    Where unhindered light is dark, 1 is what it would be if the objective let it pass (dark field), or with a bias of
+    half a wavelength (differential interference contrast). Row 0 is the lowest; the origin of the specimen is pixel
+    (pixels // 2, pixels // 2).
 
     Args:
         spectra: (s, cells, cells) of `propagate`, or (2, s, cells, cells) for the two components of a vector field.
@@ -62,17 +67,17 @@ def images(
     count = max(1, BATCH_BYTES // (8 * m * m)) if not device.is_cuda else len(fields)
     launched = (add_intensity, m * m) if device.is_cuda else (add_intensity_at_once, 1)
     blur = _pixel_response(p)
-    through, weight, last = axial, axial, None
+    through, weight, seen, last = axial, axial, some, None
     for f, (z, objective) in enumerate(zip(focus, objectives, strict=True)):
         if objective != last:
             whole, last = pupil(objective, grid), objective
-            through, weight = whole[here], np.tile(_weights(light, whole), len(fields) // len(light.weights))
-            weight = weight.astype(np.float32)
+            through, weight = whole[here], np.tile(_weights(light, whole, objective), len(some) // len(light.weights))
+            weight, seen = weight.astype(np.float32), _interfering(some, objective, light, grid, fourier, here)
         phase = axial * z - x * corner[f, 0] - y * corner[f, 1]
         passed = fourier.array(through * np.exp(1j * phase))
         image = fourier.array(np.zeros(m * m, dtype=np.float32))
         for start in range(0, len(fields), count):
-            field = fourier.image(some[start : start + count] * passed, m)
+            field = fourier.image(seen[start : start + count] * passed, m)
             shares = fourier.array(weight[start : start + count])
             inputs = [fourier.warp(field.reshape(-1, m * m)), fourier.warp(shares), fourier.warp(image)]
             wp.launch(launched[0], dim=launched[1], inputs=inputs, device=device)
@@ -93,14 +98,25 @@ def _resampled(image: np.ndarray, pixels: int, blur: np.ndarray) -> np.ndarray:
     return np.fft.irfft2(spectrum * blur, s=(pixels, pixels))
 
 
-def _weights(light: Illumination, through: np.ndarray) -> np.ndarray:
-    """Share of each source, such that the unhindered image is 1; in dark field, that it would be if light passed."""
+def _interfering(
+    fields: Any, microscope: Microscope, light: Illumination, grid: Grid, fourier: Fourier, here: tuple[np.ndarray, ...]
+) -> Any:
+    """The fields (…, b, b) whose intensities make the image: themselves, or the difference of two of each."""
+    if microscope.contrast != "dic":
+        return fields
+    x, y = (q[here] for q in grid.wavenumbers())
+    split = fourier.array(sheared(microscope, light, x, y, 2.0 * math.pi / grid.length))
+    return (fields.reshape(-1, *split.shape) * split).reshape(fields.shape)
+
+
+def _weights(light: Illumination, through: np.ndarray, microscope: Microscope) -> np.ndarray:
+    """Share of each source, such that the unhindered image is 1, or has the unit that `images` says."""
     rows, columns = light.steps[:, 1] % len(through), light.steps[:, 0] % len(through)
-    direct = np.abs(through[rows, columns]) ** 2
-    total = np.sum(light.weights * direct)
-    if total > 0.0:
-        return light.weights / total
-    return light.weights / light.weights.sum()
+    total = np.sum(light.weights * np.abs(through[rows, columns]) ** 2)
+    if microscope.contrast == "dic":
+        passed = math.sin(math.pi * microscope.bias) ** 2
+        total *= passed if passed > DARK else 1.0
+    return light.weights / (total if total > 0.0 else light.weights.sum())
 
 
 def _pixel_response(pixels: int) -> np.ndarray:

@@ -72,8 +72,8 @@ class Exposed:
 
         Args:
             focus: (f) heights of the planes.
-            objective: Another microscope to look through, of the same light, condenser, medium and pixel; or one for
-                each plane.
+            objective: Another microscope to look through, of the same light, condenser, medium and pixel, with its own
+                contrast; or one for each plane.
             shift: (f, 2) by which the specimen is seen moved in each plane (x, y) [µm], within the margin.
 
         Raises:
@@ -142,8 +142,6 @@ def render(
 
 def _other(microscope: Microscope, objective: Microscope) -> Microscope:
     """The objective of one microscope over the light of another."""
-    own = ("numerical_aperture", "immersion_index", "depth", "zernike")
-    given = {f.name: getattr(objective, f.name) for f in dataclasses.fields(objective) if f.name in own}
-    factor = objective.wavelength / microscope.wavelength
-    given["zernike"] = {noll: rms * factor for noll, rms in objective.zernike.items()}
-    return dataclasses.replace(microscope, **given)
+    own = ("numerical_aperture", "immersion_index", "depth", "contrast", "ring_transmission", "shear", "shear_angle")
+    given = {name: getattr(objective, name) for name in own}
+    return dataclasses.replace(microscope, **given, **objective.paths(microscope.wavelength))

@@ -91,6 +91,9 @@ def test_no_other_file_knows_a_profile_by_name():
     own = {"scene/flow_profile.py", "scene/vocabulary/medium.py", "kernels/bodies/flow.py", "bench/terms/scenes.py"}
     names = set(PROFILES) - {"uniform", "grid"}  # which are also names of a noise and of a driver
     for path in sorted(PACKAGE.rglob("*.py")):
-        if path.relative_to(PACKAGE).as_posix() not in own:
+        place = path.relative_to(PACKAGE).as_posix()
+        if place not in own:
             said = {n.value for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Constant)}
-            assert not names & {s for s in said if isinstance(s, str)}, path
+            # a microscope shears images
+            mine = names - {"shear"} if place.startswith(("vision/", "scene/vocabulary/task")) else names
+            assert not mine & {s for s in said if isinstance(s, str)}, path

@@ -18,6 +18,34 @@ CAMERA = Schema(
             "ot:camera:condenserShape", "disc", allowed=("disc", "annulus"), doc="Shape of the condenser's opening."
         ),
         Attribute("ot:camera:condenserInner", 0.0, range="[0, 3]", doc="Numerical aperture where an annulus begins."),
+        Attribute(
+            "ot:camera:contrast",
+            "brightField",
+            allowed=("brightField", "darkField", "phaseContrast", "dic"),
+            doc="What stands in the pupils: nothing, a condenser's annulus beyond the objective's aperture, a ring that"
+            " delays direct light, or two prisms (differential interference contrast).",
+        ),
+        Attribute(
+            "ot:camera:ringDelay",
+            -0.25,
+            range="[-0.5, 0.5]",
+            doc="By which the ring of phase contrast delays light [wavelengths]; negative shows dense things dark.",
+        ),
+        Attribute("ot:camera:ringTransmission", 0.25, range="[1e-06, 1]", doc="Share of light that passes that ring."),
+        Attribute(
+            "ot:camera:shear",
+            2e-7,
+            "length",
+            "[1e-12, 5e-06]",
+            doc="Distance of the two images of differential interference contrast.",
+        ),
+        Attribute("ot:camera:shearAngle", 0.0, "angle", "[-6.3, 6.3]", doc="Of the shear from the camera's x axis."),
+        Attribute(
+            "ot:camera:bias",
+            0.25,
+            range="[-1, 1]",
+            doc="By which one of these images is ahead of the other [wavelengths]; 0 for a dark background.",
+        ),
         Attribute("ot:camera:wavelength", 632.8e-9, "length", "[1e-07, 1e-05]", doc="Illumination wavelength."),
         Attribute(
             "ot:camera:bandwidth", 0.0, "length", "[0, 1e-06]", doc="Full width at half maximum of the illumination."

@@ -230,7 +230,7 @@ def _optics(said: Mapping[str, Any], scene: Scene | None) -> tuple[Microscope, S
     for name, value in given.items():
         if name in ZERNIKE:
             zernike[ZERNIKE[name]] = number(value, f"optics, {name},", -10.0, 10.0)
-        elif name == "condenser":
+        elif name in ("condenser", "contrast"):
             changes[name] = value
         else:
             changes["depth" if name == "glass_depth" else name] = number(value, f"optics, {name},")

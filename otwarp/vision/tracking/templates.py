@@ -80,9 +80,13 @@ class Templates:
             progress: Told how many tilts are done, of how many.
 
         Raises:
-            InputError: No camera, no such body, an empty range, or too many templates.
+            InputError: No camera, no such body, an empty range, too many templates, or a contrast that is not the same
+                along all directions.
         """
         microscope = microscope_of(scene)
+        if microscope.contrast == "dic":
+            raise InputError("contrast of the camera is dic, which shows a body differently at each azimuth; "
+                             "allowed for templates: brightField, darkField, phaseContrast")  # fmt: skip
         ball = not np.any(shape.axis)
         robot = Robot.of_body(scene, body)
         reach = float(np.abs(np.concatenate([robot.start, robot.end])).max())
