@@ -21,10 +21,10 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 	$(BIN)/otwarp run scenes/cell_delivery.usda --forces --out out/cell_delivery
 	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
-# most tests wait for the compiler alone; the others, with kernels as users have them
+# most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
 test: $(READY)  ## run the tests (eight minutes on two cores, the first time)
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not stepping" --unoptimised
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m stepping
+	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not stepping" --unoptimised
+	$(BIN)/python -m pytest -n 3 --dist loadfile -m stepping
 
 # bodies that touch have kernels of their own on GPUs: here they run on a CPU
 GPU_FORMS = $(addprefix tests/,kernels/drivers/grid kernels/drivers/test_world_phases.py \

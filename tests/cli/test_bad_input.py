@@ -227,6 +227,7 @@ ls -A "$0"
 """Commands that write on a disk of 300 kB: folder, Python, scene."""
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
 def test_a_disk_that_is_really_full_is_named(tmp_path: Path) -> None:
     disk = tmp_path / "disk"

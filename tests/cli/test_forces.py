@@ -36,6 +36,7 @@ def output(capfd):
     return captured.out
 
 
+@pytest.mark.quick
 def test_points_to_forces(tmp_path, capfd):
     points, out = points_file(tmp_path, [(0, 0, 0.0534000319), (1.0, 0, 0.0534000319)]), tmp_path / "forces.csv"
     assert main([*SPHERE, "--points", str(points), "--out", str(out), "--model", "exact"]) == 0
@@ -167,6 +168,7 @@ def test_help_is_grouped_and_has_examples(capfd):
         assert option in text
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -217,6 +219,7 @@ def test_bad_input(arguments, words, capfd):
         assert word in captured.err
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -28,5 +28,5 @@ def trained(smoke: Path) -> Path:
     from otwarp.vision.networks.train import train
 
     folder = smoke.with_name("small")
-    train(smoke, folder, Settings(net="small", split="focus_blocks", epochs=22, batch=8, lr=3e-3), device="cpu")
+    train(smoke, folder, Settings(net="small", split="focus_blocks", epochs=30, batch=8, lr=2e-3), device="cpu")
     return folder

@@ -32,7 +32,7 @@ def test_a_network_beats_the_baseline_on_blocks_of_focus_that_it_has_not_seen(sm
     metrics = checkpoint.read_json(trained / "metrics.json")
     assert metrics["weights"] == {"source": "none"} and metrics["images"] == {"train": 95, "validation": 20, "test": 25}
     assert metrics["test"]["rmse"]["tilt"] == pytest.approx(found.scores["rmse"]["tilt"], rel=1e-3)
-    assert len((trained / "curves.csv").read_text().splitlines()) == 23
+    assert len((trained / "curves.csv").read_text().splitlines()) == 31
     assert {p.name for p in trained.iterdir()} == {
         "run.json", "checkpoint.pt", "network.pt", "curves.csv", "curves.json", "curves.png", "metrics.json"
     }  # fmt: skip
