@@ -21,6 +21,9 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 	$(BIN)/otwarp run scenes/cell_delivery.usda --forces --out out/cell_delivery
 	$(BIN)/otwarp preview out/cell_delivery --camera closeup --time 3.9 --forces -o out/cell_delivery/frame.png
 
+# linear algebra would take two threads in each of the tests that run at once, which wait for each other spinning
+test thorough validate: export OMP_NUM_THREADS = 1
+
 # most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
 test: $(READY)  ## run the tests (eight minutes on two cores, the first time)
 	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not stepping" --unoptimised

@@ -24,6 +24,7 @@ THOROUGH = (
     "cli/test_forces.py",
     "cli/test_killed.py",
     "cli/test_warnings.py",
+    "extending/",
     "kernels/core/test_faults.py",
     "kernels/core/test_precision.py",
     "kernels/cpu/test_table_block.py",

@@ -128,9 +128,10 @@ def test_run_refuses(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str
     [
         (["run", BEAD, "--worlds", f"{2**40}"], "which fit into the memory of this machine"),
         (["info", BEAD, "--worlds", f"{10**30}"], "which fit into the memory of this machine"),
-        (
+        pytest.param(
             ["bench", "integrators", "--rounds", "1", "--worlds", f"{2**40}"],
             "which fit into the memory of this machine",
+            marks=pytest.mark.thorough,
         ),
         (["run", BEAD, "--record-worlds", f"{2**40}"], "allowed: 1 to 1"),
         (["run", BEAD, "--duration", "1e300"], "allowed: up to 1e+12 steps"),

@@ -21,6 +21,7 @@ from tests.teleop.scenes import three_beads
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
 
+@pytest.mark.thorough
 def test_the_roles_of_the_cell_delivery():
     scene = Scene.load(SCENES / "cell_delivery.usda")
     clock = VirtualClock()

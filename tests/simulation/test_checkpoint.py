@@ -50,6 +50,7 @@ def authored(scene: Scene, path: Path) -> Scene:
     return Scene.load(path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("driver", ["world", "grid"])
 def test_continues_bit_for_bit_in_a_new_process(driver, tmp_path, monkeypatch, device):
     limit = 0 if driver == "grid" else 24

@@ -147,6 +147,7 @@ def test_commands_per_world_survive_a_checkpoint(tmp_path, device):
     np.testing.assert_array_equal(sim.state.position.numpy(), again.state.position.numpy())
 
 
+@pytest.mark.thorough
 def test_bodies_put_elsewhere_are_found_by_the_grid(monkeypatch, device):
     """Two beads set down overlapping by 0.1 µm push each other in the very next step, and from both drivers alike."""
     loads = []

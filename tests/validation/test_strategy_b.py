@@ -11,6 +11,7 @@ import dataclasses
 import functools
 
 import numpy as np
+import pytest
 
 from otwarp.scene import Medium, Scene, Settings, Track
 from otwarp.simulation.simulation import Simulation
@@ -60,6 +61,7 @@ def at_rest(device: str, seconds: float) -> tuple[Simulation, np.ndarray]:
     return sim, (matrices(pose(sim)[1]) @ (line / np.linalg.norm(line)))[:, 2]
 
 
+@pytest.mark.thorough
 def test_tilt_depends_on_the_power_ratio(expect_law, device):
     """θ at rest differs between m = 1, 1.5 and 2.5, and reference forces vanish in each pose.
 

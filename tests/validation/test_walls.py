@@ -150,6 +150,7 @@ def place_dimers(sim: Simulation, length: float, seed: int) -> None:
     sim.set_state(position=position, orientation=orientation)
 
 
+@pytest.mark.thorough
 def test_dimer_above_a_wall(expect_law, device):
     """Tilts and heights stay Boltzmann's over a rotational relaxation time.
 

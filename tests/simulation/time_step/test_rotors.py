@@ -72,6 +72,7 @@ def test_noise_of_other_distributions():
     assert errors["uniform"] > 5e-3
 
 
+@pytest.mark.thorough
 def test_a_free_dimer_turns_and_moves_as_it_should(device):
     """At D_r dt = 0.3: orientations and displacements along the axis after one, two and three steps, by closed forms.
 

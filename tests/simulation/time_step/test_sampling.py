@@ -57,6 +57,7 @@ def test_a_way_that_is_straight_within_steps_is_not_astray():
     assert astray2((path.times, path.values), 10 * EVERY) == pytest.approx(exact, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_a_focus_that_leaves_the_straight_part_of_its_law_limits_the_step(device):
     """A bead at the bend of the law; with steps of 1/60 s the force of the mean place was 8 % off, and info says so."""
     found = Model.build(scene(bent(circle())), device="cpu").scales

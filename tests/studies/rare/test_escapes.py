@@ -210,6 +210,7 @@ def test_results_do_not_depend_on_batches(scene):
     assert not np.array_equal(together[0]["rate_of_trial"], together[0]["rate_halved_of_trial"])
 
 
+@pytest.mark.thorough
 def test_from_a_file(tmp_path, scene, capsys):
     """plan, run in shards, run again, status, show, export; the store of shards is that of one driver."""
     (tmp_path / "well.usda").write_text(scene.read_text())

@@ -173,6 +173,7 @@ def test_a_session_that_is_stopped_before_its_first_frame_reports_no_recording(t
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_the_snippet_in_the_documentation_runs_as_it_stands(tmp_path):
     root = Path(__file__).parents[3]
     text = (root / "docs" / "recordings.md").read_text(encoding="utf-8")

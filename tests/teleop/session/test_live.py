@@ -219,6 +219,7 @@ def test_what_a_reset_takes_is_not_owed(stage):
     assert live.pace.slipped == 0.0 and live.frame.time == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_a_hand_that_is_ahead_of_its_traps_is_told(stage):
     """In slow motion a hand may go faster than its traps: their limit is per simulated second."""
     limited = tuple(replace(trap, speed_limit=20.0) for trap in three_beads().traps)

@@ -37,7 +37,6 @@ def frame(depth: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return Sensor().levels(image[0], seed=seed), places / PIXEL + SIZE // 2
 
 
-@pytest.mark.quick
 def test_two_robots_and_a_cell_are_found() -> None:
     """In and out of focus, to a third of a pixel: the bodies are symmetric, their neighbours' fringes are not."""
     errors = []

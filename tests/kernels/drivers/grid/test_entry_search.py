@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.simulation import Simulation
@@ -24,6 +25,7 @@ def shoved_row(device: str) -> dict[str, np.ndarray]:
     return ended(sim) | {"shared": np.array(isinstance(sim._stepper, BlockStepper))}
 
 
+@pytest.mark.thorough
 def test_gaps_that_only_pushes_close_are_closed_in_the_same_step(monkeypatch, device):
     """All five, as where each neighbour is solved from the beginning; free moves close the first alone."""
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)

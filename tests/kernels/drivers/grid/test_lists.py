@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import obstacle, sphere_body
 from tests.simulation.test_contact_chains import still
 
 
+@pytest.mark.thorough
 def test_a_heap_of_silica_settles(device):
     """30 beads fall on the floor and on each other at the longest step: none is thrown, none sinks in."""
     rng = np.random.default_rng(1)

@@ -34,6 +34,7 @@ def test_a_crowd_diffuses_as_it_should(integrator, device):
     assert (moved**2).mean() == pytest.approx(expected, rel=5.0 * (2.0 / 12_000) ** 0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.cpu_forms
 def test_blocks_of_noise_change_no_bit(monkeypatch, device):
     """Of spheres in a channel beside a robot, with their noise 16 at a time and one by one; some touch."""

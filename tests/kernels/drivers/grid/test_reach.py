@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from otwarp.kernels.drivers.grid.reach import PUSHED
 from otwarp.simulation.simulation import Simulation
@@ -12,6 +13,7 @@ from tests.simulation.test_contact_chains import still
 RADIUS = 1.0
 
 
+@pytest.mark.thorough
 def test_an_obstacle_is_looked_at_from_as_far_as_a_step_may_go(monkeypatch, device):
     """Beads at rest above a floor, apart from each other: those have a contact that a push may bring down to it.
 
