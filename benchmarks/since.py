@@ -2,6 +2,7 @@
 
     python -m benchmarks.since 9a89201                      # all scenes that both know
     python -m benchmarks.since 9a89201 --rounds 40 held table
+    python -m benchmarks.since before/ --device cuda:0      # a folder with the older tree, where there is no repository
 
 Each tree steps in a process of its own with its own kernels. They take turns, and the least of all turns counts: on a
 shared machine the speed changes by a third within a minute, and only a scene's best is a property of the code.
@@ -28,7 +29,8 @@ class Tree:
     """A process that times scenes with the otwarp of one tree."""
 
     def __init__(self, tree: Path, cache: Path, device: str):
-        env = os.environ | {"PYTHONPATH": str(tree), "WARP_CACHE_PATH": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+        packages = os.pathsep.join(filter(None, (str(tree), os.environ.get("PYTHONPATH"))))
+        env = os.environ | {"PYTHONPATH": packages, "WARP_CACHE_PATH": str(cache), "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).resolve()), "--serve", device],
             cwd=tree, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -83,14 +85,23 @@ def serve(name: str) -> None:
             print("null", flush=True)
 
 
-def compare(commit: str, *, rounds: int, device: str, only: list[str]) -> dict[str, tuple[float, float]]:
-    """Least time of each scene [ns per body-step], of a commit and of this tree."""
+def unpack(commit: str, folder: Path) -> Path:
+    """The tree of a commit; a folder is one already."""
+    if Path(commit).is_dir():
+        return Path(commit).resolve()
     packed = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
+    with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        archive.extractall(folder, filter="data")
+    return folder
+
+
+def compare(
+    commit: str, *, rounds: int, device: str, only: list[str], kernels: Path | None = None
+) -> dict[str, tuple[float, float]]:
+    """Least time of each scene [ns per body-step], of a commit and of this tree."""
     with tempfile.TemporaryDirectory() as folder:
-        old = Path(folder, "tree")
-        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
-            archive.extractall(old, filter="data")
-        trees = Tree(old, Path(folder, "old"), device), Tree(ROOT, Path(folder, "new"), device)
+        old, cache = unpack(commit, Path(folder, "tree")), kernels or Path(folder)
+        trees = Tree(old, cache / "old", device), Tree(ROOT, cache / "new", device)
         names = [n for n in trees[0].scenes if n in trees[1].scenes and (not only or n in only)]
         best = {n: [float("inf"), float("inf")] for n in names}
         for turn in range(rounds):
@@ -114,8 +125,13 @@ if __name__ == "__main__":
         asked.add_argument("scenes", nargs="*", help="default: all that both trees have")
         asked.add_argument("--rounds", type=int, default=25)
         asked.add_argument("--device", default="cpu")
+        asked.add_argument(
+            "--kernels", type=Path, help="keeps the compiled kernels of both trees, and finds them again"
+        )
         given = asked.parse_intermixed_args()
-        found = compare(given.commit, rounds=given.rounds, device=given.device, only=given.scenes)
+        found = compare(
+            given.commit, rounds=given.rounds, device=given.device, only=given.scenes, kernels=given.kernels
+        )
         print("| scene | before [ns] | now [ns] | times as fast |\n|---|---:|---:|---:|")
         for scene, (before, now) in sorted(found.items(), key=lambda row: row[1][0] / row[1][1]):
             print(f"| {scene} | {before:.4g} | {now:.4g} | {before / now:.3f} |")
