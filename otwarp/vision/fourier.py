@@ -93,6 +93,12 @@ class Fourier:
         fft = _torch().fft
         return fft.ifft(fft.ifft(spectrum, n=m, dim=-2, norm="forward"), n=m, dim=-1, norm="forward").contiguous()
 
+    def resampled(self, images: Any, pixels: int, blur: Any) -> Any:
+        """(…, pixels, pixels) of real images (…, m, m) of the same square, each frequency times `blur`; with torch."""
+        fft = _torch().fft
+        spectrum = padded(fft.rfft2(images), images.shape[-1], pixels)
+        return fft.irfft2(spectrum * blur, s=(pixels, pixels))
+
     def inverse(self, values: Any, n: int, axis: int) -> Any:
         """Fields along an axis, of the first components of n."""
         if self.library == "scipy":
@@ -161,6 +167,18 @@ class Corner:
     def _product(sides: list[Any], middle: Any, *, rows_first: bool) -> Any:
         left, right = sides
         return (left @ middle) @ right if rows_first else left @ (middle @ right)
+
+
+def padded(spectrum: Any, m: int, pixels: int) -> Any:
+    """(…, pixels, pixels // 2 + 1) components of real images with `pixels` points a side, of those with m, no more."""
+    if m == pixels:
+        return spectrum
+    new = np.zeros if isinstance(spectrum, np.ndarray) else spectrum.new_zeros
+    whole = new((*spectrum.shape[:-2], pixels, pixels // 2 + 1), dtype=spectrum.dtype)
+    half = (m + 1) // 2  # the highest frequency of an even number of points is empty
+    whole[..., :half, :half] = spectrum[..., :half, :half]
+    whole[..., pixels - half + 1 :, :half] = spectrum[..., m - half + 1 :, :half]
+    return whole * (pixels / m) ** 2
 
 
 DENSE = 12

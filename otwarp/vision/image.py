@@ -10,13 +10,16 @@ import numpy as np
 import warp as wp
 from scipy.fft import next_fast_len
 
-from otwarp.vision.fourier import Fourier
+from otwarp.vision.fourier import Fourier, padded
 from otwarp.vision.grid import Grid
 from otwarp.vision.illumination import Illumination
-from otwarp.vision.kernels.intensity import add_intensity, add_intensity_at_once
+from otwarp.vision.kernels.intensity import add_intensities, add_intensity_at_once
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import BATCH_BYTES, axial_wavenumbers
 from otwarp.vision.pupil import pupil, sheared
+
+PLANE_BYTES = 2**29
+"""Of the fields of all sources in focal planes that a GPU works on together."""
 
 DARK = 1e-6
 """Share of light below which a background of differential interference contrast counts as dark."""
@@ -63,39 +66,61 @@ def images(
     x, y = (q[here] for q in grid.wavenumbers())
     # an image is looked at in the middles of its pixels; the specimen's origin is the middle of one of them
     corner = np.tile([(p // 2) * grid.pixel], (len(focus), 2)) + (0.0 if shift is None else np.asarray(shift))
-    out = np.zeros((len(focus), p, p), dtype=np.float32)
-    count = max(1, BATCH_BYTES // (8 * m * m)) if not device.is_cuda else len(fields)
-    launched = (add_intensity, m * m) if device.is_cuda else (add_intensity_at_once, 1)
     blur = _pixel_response(p)
     through, weight, seen, last = axial, axial, some, None
+    plans: list[tuple[Any, Any, list[np.ndarray]]] = []
     for f, (z, objective) in enumerate(zip(focus, objectives, strict=True)):
         if objective != last:
             whole, last = pupil(objective, grid), objective
             through, weight = whole[here], np.tile(_weights(light, whole, objective), len(some) // len(light.weights))
             weight, seen = weight.astype(np.float32), _interfering(some, objective, light, grid, fourier, here)
+            plans.append((seen, weight, []))
         phase = axial * z - x * corner[f, 0] - y * corner[f, 1]
-        passed = fourier.array(through * np.exp(1j * phase))
-        image = fourier.array(np.zeros(m * m, dtype=np.float32))
+        plans[-1][2].append(through * np.exp(1j * phase))
+    look = _planes_together if device.is_cuda else _planes_in_turn
+    return np.concatenate([look(seen, weight, passed, m, blur, fourier) for seen, weight, passed in plans])
+
+
+def _planes_in_turn(
+    fields: Any, weight: np.ndarray, passed: Sequence[np.ndarray], m: int, blur: np.ndarray, fourier: Fourier
+) -> np.ndarray:
+    """(f, pixels, pixels) images, plane by plane: as few fields (s, b, b) at once as stay in the cache of a CPU."""
+    p, device = len(blur), fourier.device
+    count = max(1, BATCH_BYTES // (8 * m * m))
+    out = np.zeros((len(passed), p, p), dtype=np.float32)
+    for f, one in enumerate(passed):
+        plane, image = fourier.array(one), fourier.array(np.zeros(m * m, dtype=np.float32))
         for start in range(0, len(fields), count):
-            field = fourier.image(seen[start : start + count] * passed, m)
+            field = fourier.image(fields[start : start + count] * plane, m)
             shares = fourier.array(weight[start : start + count])
             inputs = [fourier.warp(field.reshape(-1, m * m)), fourier.warp(shares), fourier.warp(image)]
-            wp.launch(launched[0], dim=launched[1], inputs=inputs, device=device)
+            wp.launch(add_intensity_at_once, dim=1, inputs=inputs, device=device)
         out[f] = _resampled(fourier.numpy(image).reshape(m, m), p, blur)
+    return out
+
+
+def _planes_together(
+    fields: Any, weight: np.ndarray, passed: Sequence[np.ndarray], m: int, blur: np.ndarray, fourier: Fourier
+) -> np.ndarray:
+    """The same on a GPU, which is only filled by many planes at once."""
+    p, device, s = len(blur), fourier.device, len(fields)
+    count = max(1, PLANE_BYTES // (8 * s * m * m))
+    shares, response = fourier.warp(fourier.array(weight)), fourier.array(blur)
+    out = np.zeros((len(passed), p, p), dtype=np.float32)
+    for start in range(0, len(passed), count):
+        some = fourier.array(np.stack(passed[start : start + count]))
+        field = fourier.image(fields * some[:, None], m).reshape(len(some), s, m * m)
+        image = fourier.array(np.zeros((len(some), m * m), dtype=np.float32))
+        inputs = [fourier.warp(field), shares, fourier.warp(image)]
+        wp.launch(add_intensities, dim=(len(some), m * m), inputs=inputs, device=device)
+        out[start : start + len(some)] = fourier.numpy(fourier.resampled(image.reshape(-1, m, m), p, response))
     return out
 
 
 def _resampled(image: np.ndarray, pixels: int, blur: np.ndarray) -> np.ndarray:
     """(pixels, pixels) means over pixels of an image (m, m) of the same square, m at most pixels."""
     m = len(image)
-    spectrum = np.fft.rfft2(image)
-    if m < pixels:
-        whole = np.zeros((pixels, pixels // 2 + 1), dtype=complex)
-        half = (m + 1) // 2  # the highest frequency of an even number of points is empty
-        whole[:half, :half] = spectrum[:half, :half]
-        whole[pixels - half + 1 :, :half] = spectrum[m - half + 1 :, :half]
-        spectrum = whole * (pixels / m) ** 2
-    return np.fft.irfft2(spectrum * blur, s=(pixels, pixels))
+    return np.fft.irfft2(padded(np.fft.rfft2(image), m, pixels) * blur, s=(pixels, pixels))
 
 
 def _interfering(

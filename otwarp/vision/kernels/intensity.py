@@ -6,13 +6,13 @@ import warp as wp
 
 
 @wp.kernel(enable_backward=False)
-def add_intensity(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)):
-    """image += Σ weight · |field|², over (source, pixel)."""
-    i = wp.tid()
+def add_intensities(field: wp.array3d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array2d(dtype=float)):
+    """image += Σ weight · |field|² over sources, for (plane, pixel) of fields (plane, source, pixel)."""
+    f, i = wp.tid()
     total = float(0.0)
-    for s in range(field.shape[0]):
-        total += weight[s] * wp.length_sq(field[s, i])
-    image[i] += total
+    for s in range(field.shape[1]):
+        total += weight[s] * wp.length_sq(field[f, s, i])
+    image[f, i] += total
 
 
 @wp.func_native("""
@@ -27,7 +27,7 @@ def add_intensity(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=floa
     }
 """)
 def add_intensity_all(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)):
-    """`add_intensity` for all pixels, in a CPU's vector registers."""
+    """`add_intensities` of one plane, for all pixels, in a CPU's vector registers."""
     ...
 
 
@@ -35,5 +35,5 @@ def add_intensity_all(field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=
 def add_intensity_at_once(
     field: wp.array2d(dtype=wp.vec2f), weight: wp.array(dtype=float), image: wp.array(dtype=float)
 ):
-    """`add_intensity` on a CPU: one thread for all pixels."""
+    """`add_intensities` of one plane on a CPU: one thread for all pixels."""
     add_intensity_all(field, weight, image)
