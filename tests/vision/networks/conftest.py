@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from otwarp.vision.networks.settings import Settings
 from tests.documents import ROOT
+
+TRAINED = Settings(net="small", split="focus_blocks", epochs=30, batch=8, lr=2e-3)
+"""How the network of these tests is trained."""
 
 
 @pytest.fixture(scope="session")
@@ -24,9 +28,8 @@ def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def trained(smoke: Path) -> Path:
     """The small network, trained on blocks of the focus sweep."""
-    from otwarp.vision.networks.settings import Settings
     from otwarp.vision.networks.train import train
 
     folder = smoke.with_name("small")
-    train(smoke, folder, Settings(net="small", split="focus_blocks", epochs=30, batch=8, lr=2e-3), device="cpu")
+    train(smoke, folder, TRAINED, device="cpu")
     return folder

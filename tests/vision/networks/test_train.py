@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from otwarp.errors import InputError
 from otwarp.vision.networks import checkpoint, train
 from otwarp.vision.networks.evaluate import evaluate
 from otwarp.vision.networks.settings import Settings
+from tests.vision.networks.conftest import TRAINED
 
 QUICK = {"net": "small", "heads": "both", "epochs": 3, "batch": 16, "images": 32, "size": 32}
 """Of trainings whose result does not matter."""
@@ -87,11 +89,10 @@ def test_a_killed_training_goes_on_to_the_same_bits(smoke: Path, tmp_path: Path)
 def test_a_training_that_is_over_is_not_taken_up_again(smoke: Path, trained: Path) -> None:
     was = (trained / "network.pt").read_bytes()
     rows: list[Any] = []
-    settings = Settings(net="small", split="focus_blocks", epochs=22, batch=8, lr=3e-3)
-    train.train(smoke, trained, settings, device="cpu", report=rows.append)
+    train.train(smoke, trained, TRAINED, device="cpu", report=rows.append)
     assert rows == [] and (trained / "network.pt").read_bytes() == was
     with pytest.raises(InputError, match=r"another batch: 8 there, 16 now; allowed"):
-        train.train(smoke, trained, Settings(net="small", split="focus_blocks", epochs=22, batch=16, lr=3e-3))
+        train.train(smoke, trained, dataclasses.replace(TRAINED, batch=16))
 
 
 def test_a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint(smoke: Path, tmp_path: Path, monkeypatch) -> None:
