@@ -91,7 +91,7 @@ def test_a_training_that_is_over_is_not_taken_up_again(smoke: Path, trained: Pat
     rows: list[Any] = []
     train.train(smoke, trained, TRAINED, device="cpu", report=rows.append)
     assert rows == [] and (trained / "network.pt").read_bytes() == was
-    with pytest.raises(InputError, match=r"another batch: 8 there, 16 now; allowed"):
+    with pytest.raises(InputError, match=r"another batch: 4 there, 16 now; allowed"):
         train.train(smoke, trained, dataclasses.replace(TRAINED, batch=16))
 
 
