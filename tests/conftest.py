@@ -42,6 +42,7 @@ THOROUGH = (
     "kernels/test_step.py",
     "optics/test_table.py",
     "scenes/test_physics.py",
+    "simulation/test_body_space.py",
     "simulation/test_contact_chains.py",
     "simulation/test_contact_stiff.py",
     "simulation/test_contact_thermal.py",

@@ -99,6 +99,13 @@ class Fourier:
         spectrum = padded(fft.rfft2(images), images.shape[-1], pixels)
         return fft.irfft2(spectrum * blur, s=(pixels, pixels))
 
+    def waves(self, at: np.ndarray, vectors: np.ndarray) -> Any:
+        """(f, …) plane waves of vectors (3, …) [1/µm] in points (f, 3) [µm], phases in float64; with torch."""
+        torch = _torch()
+        here, k = (torch.from_numpy(np.asarray(a, dtype=float)).to(self._torch_device) for a in (at, vectors))
+        phase = torch.tensordot(here, k, dims=1)
+        return torch.complex(torch.cos(phase).float(), torch.sin(phase).float())
+
     def inverse(self, values: Any, n: int, axis: int) -> Any:
         """Fields along an axis, of the first components of n."""
         if self.library == "scipy":

@@ -63,33 +63,51 @@ def images(
     here = np.ix_(block, block)
     some = fourier.block(fields, block)
     axial = axial_wavenumbers(objectives[0].wavenumber, grid)[0][here]
-    x, y = (q[here] for q in grid.wavenumbers())
     # an image is looked at in the middles of its pixels; the specimen's origin is the middle of one of them
     corner = np.tile([(p // 2) * grid.pixel], (len(focus), 2)) + (0.0 if shift is None else np.asarray(shift))
     blur = _pixel_response(p)
-    through, weight, seen, last = axial, axial, some, None
-    plans: list[tuple[Any, Any, list[np.ndarray]]] = []
-    for f, (z, objective) in enumerate(zip(focus, objectives, strict=True)):
+    weight, through, seen, last = axial, axial, some, None
+    plans: list[tuple[Any, Any, Any, list[np.ndarray]]] = []
+    for (x, y), z, objective in zip(corner, focus, objectives, strict=True):
         if objective != last:
             whole, last = pupil(objective, grid), objective
             through, weight = whole[here], np.tile(_weights(light, whole, objective), len(some) // len(light.weights))
             weight, seen = weight.astype(np.float32), _interfering(some, objective, light, grid, fourier, here)
-            plans.append((seen, weight, []))
-        phase = axial * z - x * corner[f, 0] - y * corner[f, 1]
-        plans[-1][2].append(through * np.exp(1j * phase))
+            plans.append((seen, weight, through, []))
+        plans[-1][3].append(np.array([-x, -y, z]))
+    waves = np.stack([*(q[here] for q in grid.wavenumbers()), axial])
     look = _planes_together if device.is_cuda else _planes_in_turn
-    return np.concatenate([look(seen, weight, passed, m, blur, fourier) for seen, weight, passed in plans])
+    return np.concatenate([look(*plan, waves, m, blur, fourier) for plan in plans])
 
 
 def _planes_in_turn(
-    fields: Any, weight: np.ndarray, passed: Sequence[np.ndarray], m: int, blur: np.ndarray, fourier: Fourier
+    fields: Any,
+    weight: np.ndarray,
+    through: np.ndarray,
+    ways: Sequence[np.ndarray],
+    waves: np.ndarray,
+    m: int,
+    blur: np.ndarray,
+    fourier: Fourier,
 ) -> np.ndarray:
-    """(f, pixels, pixels) images, plane by plane: as few fields (s, b, b) at once as stay in the cache of a CPU."""
+    """(f, pixels, pixels) images, plane by plane: as few fields at once as stay in the cache of a CPU.
+
+    Args:
+        fields: (s, b, b) spectra.
+        weight: (s) share of each in the image.
+        through: (b, b) what the objective leaves of each component.
+        ways: (f) vectors (3) from the origin of the fields to that of each image [µm].
+        waves: (3, b, b) wave vector of each component [1/µm].
+        m: Points along each side in which light is squared.
+        blur: (pixels, pixels // 2 + 1) what pixels leave of each frequency.
+        fourier: Where.
+    """
     p, device = len(blur), fourier.device
     count = max(1, BATCH_BYTES // (8 * m * m))
-    out = np.zeros((len(passed), p, p), dtype=np.float32)
-    for f, one in enumerate(passed):
-        plane, image = fourier.array(one), fourier.array(np.zeros(m * m, dtype=np.float32))
+    out = np.zeros((len(ways), p, p), dtype=np.float32)
+    for f, way in enumerate(ways):
+        phase = way[2] * waves[2] + way[0] * waves[0] + way[1] * waves[1]
+        plane, image = fourier.array(through * np.exp(1j * phase)), fourier.array(np.zeros(m * m, dtype=np.float32))
         for start in range(0, len(fields), count):
             field = fourier.image(fields[start : start + count] * plane, m)
             shares = fourier.array(weight[start : start + count])
@@ -100,15 +118,22 @@ def _planes_in_turn(
 
 
 def _planes_together(
-    fields: Any, weight: np.ndarray, passed: Sequence[np.ndarray], m: int, blur: np.ndarray, fourier: Fourier
+    fields: Any,
+    weight: np.ndarray,
+    through: np.ndarray,
+    ways: Sequence[np.ndarray],
+    waves: np.ndarray,
+    m: int,
+    blur: np.ndarray,
+    fourier: Fourier,
 ) -> np.ndarray:
-    """The same on a GPU, which is only filled by many planes at once."""
+    """The same on a GPU, which is only filled by many planes at once, and where phases are taken as well."""
     p, device, s = len(blur), fourier.device, len(fields)
     count = max(1, PLANE_BYTES // (8 * s * m * m))
     shares, response = fourier.warp(fourier.array(weight)), fourier.array(blur)
-    out = np.zeros((len(passed), p, p), dtype=np.float32)
-    for start in range(0, len(passed), count):
-        some = fourier.array(np.stack(passed[start : start + count]))
+    out, passes = np.zeros((len(ways), p, p), dtype=np.float32), fourier.array(through)
+    for start in range(0, len(ways), count):
+        some = passes * fourier.waves(np.stack(ways[start : start + count]), waves)
         field = fourier.image(fields * some[:, None], m).reshape(len(some), s, m * m)
         image = fourier.array(np.zeros((len(some), m * m), dtype=np.float32))
         inputs = [fourier.warp(field), shares, fourier.warp(image)]

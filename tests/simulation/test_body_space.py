@@ -58,7 +58,6 @@ def both(device):
     return sims
 
 
-@pytest.mark.thorough
 def test_both_solvers_go_the_same_way(both):
     for sim in both:
         sim.step(STEPS)
