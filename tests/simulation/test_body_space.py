@@ -53,24 +53,31 @@ def both(device):
         sims = []
         for space in (True, False):
             patch.setattr(model, "body_space", lambda *_, space=space: space)
-            sims.append(Simulation(scene, worlds=WORLDS, seed=11, device=device))
+            sims.append(Simulation(scene, worlds=WORLDS, seed=11, device=device, ends=()))
     assert [s.model.features.body_space for s in sims] == [True, False]
     return sims
 
 
-def test_both_solvers_go_the_same_way(both):
+@pytest.fixture
+def in_contact(both):
+    """Both on their way from the start, whatever other tests did with them."""
     for sim in both:
+        sim.reset()
         sim.step(STEPS)
-    places = [sim.state.position.numpy().astype(float) for sim in both]
+    return both
+
+
+def test_both_solvers_go_the_same_way(in_contact):
+    places = [sim.state.position.numpy().astype(float) for sim in in_contact]
     np.testing.assert_allclose(places[0], places[1], atol=SAME)
-    loads = [sim.readout.contact_load.numpy().astype(float) for sim in both]
+    loads = [sim.readout.contact_load.numpy().astype(float) for sim in in_contact]
     assert loads[1].mean() > 2.0
     np.testing.assert_allclose(loads[0].mean(axis=0), loads[1].mean(axis=0), rtol=0.02)
 
 
-def test_the_third_law_holds(both):
+def test_the_third_law_holds(in_contact):
     """Robots and cell touch nothing else: contact forces add up to nothing."""
-    force = both[0].readout.contact_force.numpy().astype(float)
+    force = in_contact[0].readout.contact_force.numpy().astype(float)
     assert np.abs(force).max() > 1.0
     np.testing.assert_allclose(force.sum(axis=1), 0.0, atol=1e-5)
 
@@ -94,7 +101,8 @@ def test_stiff_contacts_among_soft_ones(both):
         sim.step(1)
     loads = [sim.readout.contact_load.numpy()[:, :2].astype(float) for sim in both]
     assert loads[1].min() > 1.0
-    np.testing.assert_allclose(loads[0], loads[1], rtol=0.05)
+    # a thousandth of the radius left in a gap is a tenth of the overlap
+    np.testing.assert_allclose(loads[0], loads[1], rtol=0.1)
     for sim in both:
         sim.step(20)
     places = [sim.state.position.numpy().astype(float) for sim in both]
