@@ -26,8 +26,8 @@ test thorough validate: export OMP_NUM_THREADS = 1
 
 # most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
 test: $(READY)  ## run the tests (eight minutes on two cores, the first time)
-	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not stepping" --unoptimised
-	$(BIN)/python -m pytest -n 3 --dist loadfile -m stepping
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not stepping" --unoptimised
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m stepping
 
 # bodies that touch have kernels of their own on GPUs: here they run on a CPU
 GPU_FORMS = $(addprefix tests/,kernels/drivers/grid kernels/drivers/test_world_phases.py \

@@ -87,7 +87,6 @@ def test_author_scene(tmp_path: Path):
     assert lag == pytest.approx(theory, abs=SIGMAS * 0.0203 / math.sqrt(worlds))
 
 
-@pytest.mark.quick
 def test_optical_force():
     assert import_module("examples.optical_force").main(points=100, tolerance=1e-2) < 1e-2
 

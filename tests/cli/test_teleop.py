@@ -15,6 +15,7 @@ HOLD = "virtual:hold,at=0/0/0"
 QUIET = ["--no-page", "--budget", "off", "--device", "cpu"]
 
 
+@pytest.mark.thorough
 def test_a_session_without_a_page(capfd):
     hands = ["--left", "virtual:circle,radius=0.005", "--right", "virtual:hold,at=0/0/0", "--arm"]
     assert main(["teleop", SMALL, *QUIET, *hands, "--duration", "0.6", "--json"]) == 0

@@ -66,6 +66,7 @@ def test_the_map_shows_the_exact_force_in_the_plane_of_the_major_axis(ladder, fo
     assert found.force[:, ::-1, 0] == pytest.approx(-found.force[:, :, 0], abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_exact_flow_lines_part_at_the_escape_contour(ladder, found):
     """From just inside the contour the exact force leads home, from just outside it leads away."""
     (line,) = found.escape

@@ -204,6 +204,7 @@ def test_a_still_stage_has_no_movie(tmp_path):
     assert not (tmp_path / "a.gif").exists()
 
 
+@pytest.mark.thorough
 def test_a_picture_is_drawn_without_a_word(run, tmp_path):
     code = f"from otwarp.preview.draw import preview; preview({str(run)!r}, {str(tmp_path / 'a.png')!r}, size=(32, 18))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -166,6 +166,7 @@ def test_no_more_worlds_are_kept_than_there_are(worlds: int, kept: int, device: 
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scene", sorted(BEAD.parent.glob("*.usda")), ids=lambda path: path.stem)
 def test_a_run_ends_when_its_scene_does(scene: Path, device: str) -> None:
     loaded = Scene.load(scene)

@@ -119,6 +119,7 @@ def test_what_a_file_says_is_read_back(method: Method, scene: Scene, tmp_path: P
     assert read_run(tmp_path / "silent" / "run.nc").method is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

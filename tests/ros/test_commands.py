@@ -212,6 +212,7 @@ def check_a_hand_moves_the_first_group(
         assert registered(master, "/otwarp") == set()
 
 
+@pytest.mark.thorough
 def test_ros1_a_twist_moves_trap_and_robot(debian_master):
     twist = "/GeomagicLeft/smoothed_twist"
     check_a_hand_moves_the_first_group(debian_master, (), twist, ("left", "right"))

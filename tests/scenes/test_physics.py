@@ -34,7 +34,6 @@ def delivery() -> Scene:
     return Scene.load(SCENES / "cell_delivery.usda")
 
 
-@pytest.mark.quick
 def test_the_pair_delivers_the_cell(delivery, device):
     """The paper's order of magnitude: distance .02 ± .026 units, contact force 2.57 ± 3.18 pN, warning line 10 pN."""
     monitor = watch(delivery, device)

@@ -117,6 +117,7 @@ def test_squeezed_from_two_sides(driver, device):
     np.testing.assert_allclose(net[0], 0.0, atol=1e-3 * force)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.85, 1.15], ids=["below", "above"])
 def test_adhesion_holds_up_to_the_pull_off_force(share, driver, device):
     """Two sticky cells are drawn apart with `share` of the pull-off force 2πRW: they part above 1 and not below."""

@@ -21,7 +21,10 @@ def pair_scene() -> Scene:
     return contact_scene(neutral("A", (0.0, 0.0, 9.0)), neutral("B", (9.0, 0.0, 9.0)), traps=traps)
 
 
-@pytest.mark.parametrize("driver", ["solo", "world", "grid"])
+@pytest.mark.parametrize(
+    "driver",
+    [pytest.param("solo", marks=pytest.mark.thorough), "world", pytest.param("grid", marks=pytest.mark.thorough)],
+)
 def test_every_driver_sees_new_commands(driver, monkeypatch, device):
     """One row, then one row per world, then in place again: beads follow each within some relaxation times."""
     if driver == "grid":
@@ -105,6 +108,7 @@ def test_arrays_cannot_be_replaced(device):
         sim.control.trap_pwoer = 3.0
 
 
+@pytest.mark.thorough
 def test_what_is_commanded_stops_following(device):
     """Per trap if `follow` says so; an authored position given as a parameter stops all, and can be undone."""
     moves = [line((-1.0, (x - 1.0, 0, 0)), (1.0, (x + 1.0, 0, 0))) for x in (0.0, 9.0)]

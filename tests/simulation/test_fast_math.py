@@ -4,6 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from otwarp import Scene, Simulation
 
@@ -16,6 +17,7 @@ def places(device: str, *, fast_math: bool) -> np.ndarray:
     return sim.state.position.numpy()
 
 
+@pytest.mark.thorough
 def test_fast_math_changes_trajectories_by_rounding_only(device):
     """Deviates agree to some 1e-6; steps of 9 nm, remembered over 50 steps, differ by much less than a picometre × 1e3.
 

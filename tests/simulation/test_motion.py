@@ -102,6 +102,7 @@ def operated(device) -> Simulation:
     return Simulation(scene, worlds=2, device=device, parameters={"trap_speed_limit": limits})
 
 
+@pytest.mark.thorough
 def test_traps_are_followed_limited_and_lost(operated):
     """One run, sampled at every step of the flight: foci, lag, readout, and the step of the escape."""
     sim = operated
@@ -136,6 +137,7 @@ def test_traps_are_followed_limited_and_lost(operated):
     np.testing.assert_array_equal(got[:, 0], -1)
 
 
+@pytest.mark.thorough
 def test_dragged_bead_lags(operated):
     """Steady lag γv/k behind the moving trap, and the readout of that trap."""
     sim = operated
@@ -159,6 +161,7 @@ def test_dragged_bead_lags(operated):
         np.testing.assert_allclose(total, 0.0, atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_focus_never_exceeds_its_limit(operated):
     """Commanded by hand instead of by key frames: every step moves the focus by limit × dt, the last by the rest."""
     sim = operated

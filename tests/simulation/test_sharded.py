@@ -74,6 +74,7 @@ def test_parts_are_the_whole(pair):
         assert np.array_equal(getattr(left, name), getattr(right, name), equal_nan=True), name
 
 
+@pytest.mark.thorough
 def test_a_part_alone_is_a_slice_of_the_whole_without_episodes(device):
     whole = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, **options(device))
     part = ot.Simulation(lossy_scene(), worlds=WORLDS, part=(5, 7), device=device, **options(device))
@@ -158,6 +159,7 @@ def test_a_part_is_within_the_whole(part, device):
         ot.Simulation(lossy_scene(), worlds=WORLDS, part=part, device=device)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [pytest.param(soft_crowd, marks=pytest.mark.thorough), stiff_crowd])
 def test_parts_of_many_body_scenes(make, monkeypatch, device):
     """Noise, parameters and faults go by the world among all."""

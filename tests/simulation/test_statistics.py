@@ -71,7 +71,9 @@ def check_bead(integrator: str, worlds: int, samples: int, h: float, device: str
     np.testing.assert_allclose(cross, 0.0, atol=error)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    "integrator", [i if i == "heun" else pytest.param(i, marks=pytest.mark.thorough) for i in INTEGRATORS]
+)
 def test_bead_in_a_harmonic_trap(integrator, device):
     """At h = 0.4 with a standard error of 0.4 %: the scheme and not its limit, by Euler–Maruyama 25 % above kT/k."""
     check_bead(integrator, 2000, 120, 0.4, device, seed=11)

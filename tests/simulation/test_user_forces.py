@@ -108,6 +108,7 @@ stiffness, body = 1e6, Medium()
 """Globals with the names of a force's arguments, as a notebook has them; they mean nothing to it."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("precision", ROUNDING)
 def test_arguments_hide_globals_of_their_names_and_warp_may_have_another(precision: str, device: str):
     import warp as w

@@ -108,6 +108,7 @@ def expected() -> dict[str, np.ndarray]:
     return prediction(swarm(96))
 
 
+@pytest.mark.thorough
 def test_the_solution_has_converged():
     """Half as many cells along ρ and z change it by 1 % at most; the errors are of second order."""
     coarse, fine = prediction(swarm(48)), expected()

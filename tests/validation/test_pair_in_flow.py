@@ -75,6 +75,7 @@ def path(times: np.ndarray, coupled: bool) -> np.ndarray:
     return found.y.T.reshape(-1, 2, 3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("coupled", [True, False], ids=["coupled", "apart"])
 def test_two_spheres_in_shear(expect_law, device, coupled):
     """Paths of a held and a passing sphere, each with its weight, at ten times.

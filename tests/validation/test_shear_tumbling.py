@@ -98,6 +98,7 @@ def jeffery_half_turn(ratio: float) -> float:
     return np.pi / SHEAR * (ratio + 1.0 / ratio)
 
 
+@pytest.mark.thorough
 def test_half_turn_of_two_spheres(expect_law, device):
     """A dimer of two RPY spheres in the plane of shear turns over in π/γ̇·(r + 1/r), r from pygrpy.
 

@@ -108,6 +108,7 @@ def test_heights_above_a_wall_precisely(expect_law, device):
     check_heights(expect_law, sim.model.features.integrator, sim, LENGTH, sim.scene.settings.accuracy / 2.0)
 
 
+@pytest.mark.thorough
 def test_heights_of_a_sphere_that_touches(expect_law, device):
     """The same with contact, by the driver of worlds.
 

@@ -18,10 +18,122 @@ from otwarp.kernels.core.types import ObstacleData
 LEVEL = wp.constant(0.1)
 """Cosine to the normal up to which a rod touches with its side, as `segments.VALLEY_SLOPE`."""
 
-_BOX = wp.constant(SHAPES["box"][0])
-_BALL = wp.constant(SHAPES["sphere"][0])
-_CYLINDER = wp.constant(SHAPES["cylinder"][0])
-_CAPSULE = wp.constant(SHAPES["capsule"][0])
+
+@wp.func
+def flat_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
+    """R [µm] before flat obstacles: the radius of the sphere."""
+    return radius
+
+
+@wp.func
+def ball_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
+    """R [µm] before a ball."""
+    return radius / (1.0 + radius / obstacles.size[o][0])
+
+
+@wp.func
+def side_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
+    """R [µm] before the side of a cylinder or capsule: 1/√(AB)."""
+    return radius / wp.sqrt(1.0 + radius / obstacles.size[o][0])
+
+
+@wp.func
+def cylinder_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
+    """R [µm] before a cylinder: of its side, or of a flat cap."""
+    relative = radius
+    if outward[2] == 0.0:
+        relative = side_radius(obstacles, o, point, outward, radius)
+    return relative
+
+
+@wp.func
+def capsule_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
+    """R [µm] before a capsule: of its side, or of a round cap."""
+    relative = side_radius(obstacles, o, point, outward, radius)
+    if wp.abs(point[2]) > obstacles.size[o][1]:
+        relative = ball_radius(obstacles, o, point, outward, radius)
+    return relative
+
+
+@wp.func
+def straight(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
+    """No ridge and no curvature [1/µm]: centres move along flat obstacles on straight ways."""
+    return wp.vec4(0.0)
+
+
+@wp.func
+def ball_bend(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
+    """Curvature [1/µm] about the centre of a ball."""
+    return wp.vec4(0.0, 0.0, 0.0, 1.0 / (obstacles.size[o][0] + radius))
+
+
+@wp.func
+def capsule_bend(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
+    """Ridge and curvature [1/µm] about the axis of a capsule, or about the centre of its cap."""
+    bend = ball_bend(obstacles, o, point, outward, radius)
+    if wp.abs(point[2]) <= obstacles.size[o][1]:
+        bend[2] = 1.0
+    return bend
+
+
+@wp.func
+def cylinder_bend(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
+    """Ridge and curvature [1/µm] about the axis of a cylinder, or about its rim."""
+    bend = wp.vec4(0.0)
+    if outward[2] == 0.0:
+        bend = wp.vec4(0.0, 0.0, 1.0, 1.0 / (obstacles.size[o][0] + radius))
+    elif wp.abs(outward[2]) < 1.0:
+        ridge = wp.normalize(wp.vec3(-point[1], point[0], 0.0))
+        bend = wp.vec4(ridge[0], ridge[1], 0.0, 1.0 / radius)
+    return bend
+
+
+@wp.func
+def box_bend(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
+    """Ridge and curvature [1/µm] about an edge of a box, or about a corner, which has no ridge."""
+    along = wp.vec3(
+        wp.where(outward[0] == 0.0, 1.0, 0.0),
+        wp.where(outward[1] == 0.0, 1.0, 0.0),
+        wp.where(outward[2] == 0.0, 1.0, 0.0),
+    )
+    level = along[0] + along[1] + along[2]
+    bend = wp.vec4(0.0)
+    if level == 1.0:
+        bend = wp.vec4(along[0], along[1], along[2], 1.0 / radius)
+    elif level == 0.0:
+        bend = wp.vec4(0.0, 0.0, 0.0, 1.0 / radius)
+    return bend
+
+
+RADII = {"sphere": ball_radius, "cylinder": cylinder_radius, "capsule": capsule_radius}
+"""R before the shapes that are not flat, by name."""
+
+BENDS = {"box": box_bend, "sphere": ball_bend, "cylinder": cylinder_bend, "capsule": capsule_bend}
+"""Paths of centres along the shapes where they are not straight all over, by name."""
+
+
+def _by_shape(rows: dict[str, wp.Function], otherwise: wp.Function, shapes: tuple[str, ...]) -> wp.Function:
+    """The row of the only shape of a scene, or a branch on the obstacle's key; `otherwise` where there is none."""
+    rounded = [shape for shape in shapes if shape in rows]
+    if not rounded:
+        return otherwise
+    head = rows[rounded[0]]
+    if len(shapes) == 1:
+        return head
+    key = SHAPES[rounded[0]][0]
+    rest = _by_shape(rows, otherwise, tuple(shape for shape in shapes if shape != rounded[0]))
+
+    @wp.func
+    def either(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float):
+        """What this shape answers, or one of the rest."""
+        result = otherwise(obstacles, o, point, outward, radius)
+        if obstacles.shape[o] == wp.static(key):
+            result = head(obstacles, o, point, outward, radius)
+        else:
+            result = rest(obstacles, o, point, outward, radius)
+        return result
+
+    return either
 
 
 def relative_radius_term(shapes: tuple[str, ...]) -> wp.Function:
@@ -32,28 +144,7 @@ def relative_radius_term(shapes: tuple[str, ...]) -> wp.Function:
     Args:
         shapes: Those that the scene has.
     """
-
-    @wp.func
-    def flat(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
-        """R [µm] before flat obstacles: the radius of the sphere."""
-        return radius
-
-    @wp.func
-    def curved(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
-        """R [µm] from the curvature of the part that is touched: cap, side or face."""
-        shape = obstacles.shape[o]
-        size = obstacles.size[o]
-        ratio = float(0.0)
-        if size[0] > 0.0:
-            ratio = radius / size[0]
-        relative = radius
-        if shape == _BALL or (shape == _CAPSULE and wp.abs(point[2]) > size[1]):
-            relative = radius / (1.0 + ratio)
-        elif shape == _CAPSULE or (shape == _CYLINDER and outward[2] == 0.0):
-            relative = radius / wp.sqrt(1.0 + ratio)
-        return relative
-
-    return curved if {"sphere", "cylinder", "capsule"} & set(shapes) else flat
+    return _by_shape(RADII, flat_radius, shapes)
 
 
 def path_bend_term(shapes: tuple[str, ...]) -> wp.Function:
@@ -66,42 +157,7 @@ def path_bend_term(shapes: tuple[str, ...]) -> wp.Function:
     Args:
         shapes: Those that the scene has.
     """
-
-    @wp.func
-    def straight(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
-        """No ridge and no curvature [1/µm]: centres move along flat obstacles on straight ways."""
-        return wp.vec4(0.0)
-
-    @wp.func
-    def bent(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> wp.vec4:
-        """Ridge and curvature [1/µm] about a centre, an axis, an edge, a rim or a corner."""
-        shape = obstacles.shape[o]
-        size = obstacles.size[o]
-        ridge = wp.vec3(0.0)
-        curvature = float(0.0)
-        if shape == _BALL or (shape == _CAPSULE and wp.abs(point[2]) > size[1]):
-            curvature = 1.0 / (size[0] + radius)
-        elif shape == _CAPSULE or (shape == _CYLINDER and outward[2] == 0.0):
-            curvature = 1.0 / (size[0] + radius)
-            ridge = wp.vec3(0.0, 0.0, 1.0)
-        elif shape == _CYLINDER and wp.abs(outward[2]) < 1.0:
-            curvature = 1.0 / radius
-            ridge = wp.normalize(wp.vec3(-point[1], point[0], 0.0))
-        elif shape == _BOX:
-            faces = int(0)
-            for axis in range(3):
-                faces += wp.where(outward[axis] != 0.0, 1, 0)
-            if faces > 1:
-                curvature = 1.0 / radius
-            if faces == 2:
-                ridge = wp.vec3(
-                    wp.where(outward[0] == 0.0, 1.0, 0.0),
-                    wp.where(outward[1] == 0.0, 1.0, 0.0),
-                    wp.where(outward[2] == 0.0, 1.0, 0.0),
-                )
-        return wp.vec4(ridge[0], ridge[1], ridge[2], curvature)
-
-    return bent if set(shapes) - {"plane", "mesh"} else straight
+    return _by_shape(BENDS, straight, shapes)
 
 
 @wp.func

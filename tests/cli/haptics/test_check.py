@@ -26,6 +26,7 @@ def test_json_has_all_parts(device: str) -> None:
     assert result.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_tables_are_printed_and_parts_told() -> None:
     result = CliRunner().invoke(check, ["--seconds", "0.05", "--no-width"], catch_exceptions=False)
     assert result.exit_code == 0

@@ -48,6 +48,7 @@ def test_order_of_the_drift(integrator, order, device):
         assert coarse / fine == pytest.approx(2.0**order, rel=0.25)
 
 
+@pytest.mark.thorough
 def test_same_bits_however_launched(device):
     scene = mixed(1e-4)
     one, many = (Simulation(scene, worlds=5, seed=3, device=device, threads=t) for t in (1, 2))

@@ -48,6 +48,7 @@ def test_others_may_not(more):
     assert not go_together(Features(**{**ALIKE, **more}))
 
 
+@pytest.mark.thorough
 def test_worlds_that_differ_go_by_themselves(device):
     """Powers per world, of which the last of the first thread is another one; and all of them the same again."""
     lanes, plain = (simulation("one trap", device, lanes=form) for form in (True, False))

@@ -50,7 +50,15 @@ def compiler(device):
 
 
 @pytest.mark.parametrize(("escapes", "fast"), [(False, False), (True, False), (True, True)])
-@pytest.mark.parametrize("model", ["harmonic_isotropic", "harmonic_split", "piecewise_isotropic", "piecewise_split"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        "harmonic_isotropic",
+        pytest.param("harmonic_split", marks=pytest.mark.thorough),
+        pytest.param("piecewise_isotropic", marks=pytest.mark.thorough),
+        "piecewise_split",
+    ],
+)
 def test_loop_of_an_authored_law(model, escapes, fast, tmp_path):
     loop = step_loop(Features(**ONE_TRAP, trap_models=(model,), escapes=escapes, fast_math=fast), tmp_path)
     assert [name for name, pattern in SLOW.items() if any(re.search(pattern, line) for line in loop)] == []

@@ -36,6 +36,7 @@ def tilted_scene(cache, monkeypatch, **optical) -> scene.Scene:
     return scene.Scene(traps=(trap,), bodies=(bead,))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("polarization", ["circular", "45"])
 def test_trap_turns_its_table(polarization, cache, monkeypatch, device):
     """The force in the world's axes is that in the beam's frame, turned with the prim, at the trap's power."""

@@ -135,6 +135,7 @@ def test_everything_is_good(base: Path) -> None:
     assert len(read_drawables(base)) > 10
 
 
+@pytest.mark.thorough
 @fuzzed(120)
 @given(data=st.data())
 def test_attributes_of_any_type(base: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject) -> None:

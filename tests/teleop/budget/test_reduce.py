@@ -182,6 +182,7 @@ class TestFreeze:
         scene = line_of_cells(0, bodies=(bead(0.0), cell(26.0, spheres=(ghost,))))
         assert thin_out(scene, [0], Reach.of(scene, sweep=20.0)).left == (1,)
 
+    @pytest.mark.thorough
     def test_a_frozen_cell_is_a_wall(self, device):
         """A bead pressed on a frozen cell comes to rest on its surface; the scene has the cell as an obstacle."""
         wall = frozen_body(cell(4.0))[0]

@@ -34,6 +34,7 @@ def calls(monkeypatch):
     return found
 
 
+@pytest.mark.thorough
 def test_a_scene_with_hands_is_measured_with_traps_that_move(calls):
     ticks = itertools.count()
     clock = lambda: float(next(ticks))  # noqa: E731 - every reading a second later: one frame per batch

@@ -14,6 +14,7 @@ from tests.simulation.crowds import crowd, jumbled
 from tests.simulation.setups import ENERGY, drag, harmonic, neutral, robot
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["leimkuhlerMatthews", "heun"])
 def test_a_crowd_diffuses_as_it_should(integrator, device):
     """⟨Δx²⟩ = 2Dt of spheres that may touch and do not, whatever noise a scheme asks for and however it is drawn.

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.simulation.test_contact import forces, places, pressed
 
 
+@pytest.mark.thorough
 def test_drivers_agree_until_contact_and_nearly_after(device, monkeypatch):
     """World and grid driver: the same displacement to rounding before contact, the same rest after it."""
     fused = pressed(0.3, device, "world", apart=0.3, seed=4, integrator="eulerMaruyama")
