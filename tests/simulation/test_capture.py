@@ -43,6 +43,7 @@ class Loop:
         self.sim.reset(self.sim.episodes.done)
 
 
+@pytest.mark.thorough
 def test_a_captured_loop_is_the_loop(device):
     plain, loop = Loop(device), Loop(device)
     turn = loop.sim.capture(20, before=loop.before, after=loop.after, readout=True)

@@ -41,6 +41,7 @@ from otwarp.optics import Beam, Particle
 from otwarp.simulation.compilation import usable_cores
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.capacity import check_worlds
 from otwarp.simulation.simulation import Simulation
 
 WORLDS = {"cpu": 4096, "cuda": 1 << 20}
@@ -102,11 +103,12 @@ class Setup:
         """Find the wells, and what is true in them for the force models of the cases.
 
         Raises:
-            InputError: A trap that does not suit.
+            InputError: A trap that does not suit, or more worlds than memory holds.
         """
         note("wells")
         deep, shallow = Well.of_depth(beam, sphere, DEEP), Well.of_depth(beam, sphere, SHALLOW)
         default = next(c for c in cases if c.name == DEFAULT)
+        check_worlds(deep.bead.scene(default.rung), worlds or 1, device)
         near, far = (
             Model.build(w.bead.scene(default.rung), device=device, options=StepOptions(integrator=DEFAULT))
             for w in (deep, shallow)

@@ -236,6 +236,7 @@ def test_from_a_file(tmp_path, scene, capsys):
     assert "another escape" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_an_escape_that_nobody_sees_has_a_bound(tmp_path, scene):
     """Paths that never come to the next interface: a rate of 0, and what it is at most."""
     study = EscapeStudy(
