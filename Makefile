@@ -23,11 +23,14 @@ demo: $(READY)  ## run the cell delivery, draw it, say where to look
 
 # linear algebra would take two threads in each of the tests that run at once, which wait for each other spinning
 test thorough validate: export OMP_NUM_THREADS = 1
+# without its files of byte code each of some hundred processes compiles the package anew
+unexport PYTHONDONTWRITEBYTECODE
 
-# most tests wait for the compiler alone; the others, with kernels as users have them. Some wait: four at once
+# most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
 test: $(READY)  ## run the tests (eight minutes on two cores, the first time)
-	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not stepping" --unoptimised
-	$(BIN)/python -m pytest -n 4 --dist worksteal -m stepping
+	$(BIN)/python -m compileall -q -j 2 otwarp
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not stepping" --unoptimised
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m stepping
 
 # bodies that touch have kernels of their own on GPUs: here they run on a CPU
 GPU_FORMS = $(addprefix tests/,kernels/drivers/grid kernels/drivers/test_world_phases.py \

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from tests.documents import ROOT
 
-TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "otwarp").rglob("*.py"))}
-
 FOREIGN = re.compile(
     r"rmw_\w+|RMW_\w+|ros_discovery_info|dualsense_input_report|data_|_ptr"  # ROS 2, Linux, Cyclone DDS, Warp
     r"|(numpy|hid|wp|Gf|rosbags|law)\..*|\w+\.(nc|usda|usdc|png|toml|pt)"
@@ -63,27 +61,32 @@ def words(tree: ast.Module) -> set[str]:
     return found
 
 
-TOP: defaultdict[str, set[str]] = defaultdict(set)
-for _path, _tree in TREES.items():
-    TOP[stem(_path)] |= defined(_tree)
-MEMBERS = set().union(*map(members, TREES.values()))
-WORDS = set(TOP).union(*map(words, TREES.values()))
+class Names:
+    """What the package defines: by module, as members of classes, and anywhere in its code."""
 
+    def __init__(self, trees: dict[Path, ast.Module]):
+        self.top: defaultdict[str, set[str]] = defaultdict(set)
+        for path, tree in trees.items():
+            self.top[stem(path)] |= defined(tree)
+        self.members = set().union(*map(members, trees.values()), self.top)
+        self.words = set(self.top).union(*map(words, trees.values()))
 
-def is_there(name: str, path: Path) -> bool:
-    """Whether the package has what a docstring of `path` calls so."""
-    *_, room, last = ("", *name.split("."))
-    if room in TOP and (room != stem(path) or name.startswith("otwarp.")):
-        return last in TOP[room] | MEMBERS | set(TOP)
-    return last in WORDS or not (room or "_" in last)
+    def has(self, name: str, path: Path) -> bool:
+        """Whether the package has what a docstring of `path` calls so."""
+        *_, room, last = ("", *name.split("."))
+        if room in self.top and (room != stem(path) or name.startswith("otwarp.")):
+            return last in self.top[room] or last in self.members
+        return last in self.words or not (room or "_" in last)
 
 
 def test_names_in_docstrings_are_there():
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "otwarp").rglob("*.py"))}
+    names = Names(trees)
     stale = [
         f"{path.relative_to(ROOT)}:{text.lineno}: {name}"
-        for path, tree in TREES.items()
+        for path, tree in trees.items()
         for text in texts(tree)
         for name in re.findall(r"`(\w+(?:\.\w+)*)(?:\([^`\n]*\))?`", str(text.value))
-        if not is_there(name, path) and not FOREIGN.fullmatch(name)
+        if not names.has(name, path) and not FOREIGN.fullmatch(name)
     ]
     assert not stale, "\n".join(stale)
