@@ -12,6 +12,7 @@ above it:
     build, predict          a network by its name; what it says of many images
     metrics, curves         figures of merit; learning curves
     checkpoint              a training on disk
+    captured                steps of an optimiser as CUDA graphs
     train                   all of these together
     run, onnx_file, use     a network in use, by torch or exported; `load` of either
     baselines, bound        what is reached without networks, and what could be reached at all

@@ -18,6 +18,7 @@ from otwarp.errors import InputError
 from otwarp.vision.datasets import open_dataset
 from otwarp.vision.networks import checkpoint
 from otwarp.vision.networks.build import build, described, grey_of, parameters
+from otwarp.vision.networks.captured import CapturedSteps, set_rate
 from otwarp.vision.networks.curves import draw_curves, write_curves
 from otwarp.vision.networks.data import Samples, samples
 from otwarp.vision.networks.estimate import QUANTITIES
@@ -45,6 +46,9 @@ LONGEST = 5.0
 
 Report = Callable[[Mapping[str, Any]], None]
 
+Take = Callable[[Any, float], Any]
+"""`(batch, share) -> loss`: a step of the optimiser, as of `one_step`."""
+
 
 @dataclass
 class Training:
@@ -57,6 +61,7 @@ class Training:
         parts: Indices of the data set's training, validation and test part.
         train, validation: On the device.
         stretch: [pixels of the resized image per µm], along x and y.
+        change: Generator of the augmentation, on the device.
         weights: Where the network began.
         about: What `network.pt` says beside the weights.
         rows: Learning curves so far.
@@ -72,6 +77,7 @@ class Training:
     train: Samples
     validation: Samples
     stretch: tuple[float, float]
+    change: Any
     weights: Mapping[str, str]
     about: Mapping[str, Any]
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -114,8 +120,9 @@ def train(
         work = prepare(data, parts, folder, settings, where)
         if (folder / checkpoint.CHECKPOINT).exists():
             resume(work)
+        take = steps_of(work)
         for epoch in range(len(work.rows), settings.epochs):
-            row = one_epoch(work, epoch)
+            row = one_epoch(work, epoch, take)
             keep(work, row)
             if report:
                 report(row)
@@ -175,11 +182,26 @@ def prepare(data: Any, parts: Mapping[str, np.ndarray], folder: Path, settings: 
     stretch = (size / (data.shape[1] * pixel), size / (data.shape[0] * pixel))
     about = described(settings, targets, size, data, grey)
     return Training(folder, settings, network, optimiser, targets, parts, on["train"], on["validation"], stretch,
-                    weights, about)  # fmt: skip
+                    torch.Generator(device), weights, about)  # fmt: skip
 
 
-def one_epoch(work: Training, epoch: int) -> dict[str, Any]:
+def steps_of(work: Training) -> Take:
+    """How steps are taken: on a GPU as captured graphs."""
+
+    def take(batch: Any, share: Any) -> Any:
+        """One step, by launches of its own."""
+        return one_step(work, batch, share)
+
+    return CapturedSteps(take, work.network, work.optimiser, work.change) if work.device.type == "cuda" else take
+
+
+def one_epoch(work: Training, epoch: int, take: Take) -> dict[str, Any]:
     """Take all steps of an epoch, and look at the validation part; a row of the learning curves.
+
+    Args:
+        work: The training.
+        epoch: Counted from 0.
+        take: As of `steps_of`.
 
     Raises:
         InputError: The loss is not finite.
@@ -188,7 +210,7 @@ def one_epoch(work: Training, epoch: int) -> dict[str, Any]:
     settings, count = work.settings, len(work.train)
     order_seed, change_seed = checkpoint.seeds(settings.seed, epoch)
     order = torch.randperm(count, generator=torch.Generator().manual_seed(order_seed)).to(work.device)
-    change = torch.Generator(work.device).manual_seed(change_seed)
+    work.change.manual_seed(change_seed)
     batches = torch.tensor_split(order, max(1, round(count / settings.batch)))
     work.network.train()
     total = torch.zeros((), device=work.device)
@@ -196,10 +218,9 @@ def one_epoch(work: Training, epoch: int) -> dict[str, Any]:
     for n, batch in enumerate(batches):
         step = epoch * len(batches) + n
         rate = settings.rate * settings.factor(step, len(batches))
-        for group in work.optimiser.param_groups:
-            group["lr"] = rate
+        set_rate(work.optimiser, rate)
         share = min(1.0, step / (SQUARE_SHARE * settings.epochs * len(batches)))
-        total += one_step(work, batch, change, share) * len(batch)
+        total += take(batch, share) * len(batch)
         if n % LOOK == 0 or n == len(batches) - 1:
             check_finite(work, float(total), epoch, n)
     seconds = time.perf_counter() - begun
@@ -208,13 +229,12 @@ def one_epoch(work: Training, epoch: int) -> dict[str, Any]:
     return {**row, **validate(work)}
 
 
-def one_step(work: Training, batch: Any, change: Any, share: float) -> Any:
+def one_step(work: Training, batch: Any, share: Any) -> Any:
     """A step of the optimiser; the loss, on the device.
 
     Args:
         work: The training.
         batch: (b) indices into its training part.
-        change: Generator of the augmentation.
         share: Of the density in the loss of a pose.
     """
     torch = torch_library()
@@ -223,7 +243,7 @@ def one_step(work: Training, batch: Any, change: Any, share: float) -> Any:
     part = work.train
     images, true = part.images[batch].float() / 255.0, part.truth[batch]
     if work.settings.augment:
-        images, steps = augmented(images, change)
+        images, steps = augmented(images, work.change)
         for axis, name in enumerate(("x", "y")):
             if name in work.targets.names:
                 true[:, work.targets.names.index(name)] += steps[:, axis] / work.stretch[axis]
@@ -238,7 +258,7 @@ def one_step(work: Training, batch: Any, change: Any, share: float) -> Any:
     return loss.detach()
 
 
-def loss_of(work: Training, said: Mapping[str, Any], true: Any, tilt_class: Any, depth: Any, share: float) -> Any:
+def loss_of(work: Training, said: Mapping[str, Any], true: Any, tilt_class: Any, depth: Any, share: Any) -> Any:
     """Of all heads together."""
     from otwarp.vision.networks.modules.loss import paper_loss, pose_loss, residuals
 

@@ -25,8 +25,10 @@ def augmented(images: Tensor, generator: torch.Generator, *, shift: bool = True)
     """
     n, height, width = images.shape
     draw = torch.rand(n, 5, generator=generator, device=images.device)
-    reach = torch.tensor([SHIFT * width, SHIFT * height], device=images.device)
-    steps = torch.round((2.0 * draw[:, 3:] - 1.0) * reach) if shift else torch.zeros_like(draw[:, 3:])
+    ways = 2.0 * draw[:, 3:] - 1.0
+    steps = torch.round(torch.stack((SHIFT * width * ways[:, 0], SHIFT * height * ways[:, 1]), 1))
+    if not shift:
+        steps = torch.zeros_like(steps)
     moved = _shifted(images, steps.long())
     gain, offset, noise = 1.0 + GAIN * (2.0 * draw[:, 0] - 1.0), OFFSET * (2.0 * draw[:, 1] - 1.0), NOISE * draw[:, 2]
     white = torch.randn(images.shape, generator=generator, device=images.device)

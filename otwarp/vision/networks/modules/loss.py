@@ -52,7 +52,7 @@ def residuals(mean: Tensor, truth: Tensor, scale: Tensor, names: tuple[str, ...]
     return error / scale
 
 
-def pose_loss(error: Tensor, factor: Tensor, share: float) -> Tensor:
+def pose_loss(error: Tensor, factor: Tensor, share: float | Tensor) -> Tensor:
     """Negative logarithm of a normal distribution's density, or half the mean square error to begin with.
 
     Of the poses that look the same the most probable counts. A covariance that is learnt before the mean is keeps the
@@ -66,7 +66,7 @@ def pose_loss(error: Tensor, factor: Tensor, share: float) -> Tensor:
     return torch.mean(torch.min(mixed(error, factor, share), 0).values) / error.shape[-1]
 
 
-def mixed(error: Tensor, factor: Tensor, share: float) -> Tensor:
+def mixed(error: Tensor, factor: Tensor, share: float | Tensor) -> Tensor:
     """(g, n) of each pose and image, over all quantities; `pose_loss` has the arguments."""
     white = torch.einsum("nij,gni->gnj", factor, error)
     half = torch.sum(torch.log(torch.diagonal(factor, dim1=-2, dim2=-1)), -1)

@@ -1,0 +1,85 @@
+"""Steps of a training as CUDA graphs: with small batches a GPU would wait for the launches of some hundred kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from otwarp.vision.networks.library import torch_library
+
+WARM_UP = 3
+"""Steps before one is captured, in which libraries choose algorithms and take memory; they change nothing."""
+
+
+def set_rate(optimiser: Any, rate: float) -> None:
+    """The learning rate, as a number or where captured steps read it."""
+    for group in optimiser.param_groups:
+        if isinstance(group["lr"], float):
+            group["lr"] = rate
+        else:
+            group["lr"].fill_(rate)
+
+
+class CapturedSteps:
+    """A step of an optimiser, recorded once for each size of a batch and replayed.
+
+    Args:
+        step: `(batch, share) -> loss`, on a GPU alone: indices into the images, share of the density in the loss.
+        network, optimiser: That it changes, of torch.
+        random: Generator that it draws from, on the GPU, beside the default one.
+    """
+
+    def __init__(self, step: Callable[[Any, Any], Any], network: Any, optimiser: Any, random: Any):
+        torch = torch_library()
+        self.step, self.network, self.optimiser, self.random = step, network, optimiser, random
+        self.share = torch.zeros((), device=random.device)
+        self.graphs: dict[int, tuple[Any, Any, Any]] = {}
+        for group in optimiser.param_groups:
+            # a number of the host would be captured with its value
+            group["lr"] = torch.tensor(float(group["lr"]), device=random.device)
+            group["capturable"] = True
+
+    def __call__(self, batch: Any, share: float) -> Any:
+        """Take the step; its loss, on the device, where the next step's overwrites it."""
+        if len(batch) not in self.graphs:
+            self.graphs[len(batch)] = self._captured(batch.clone())
+        graph, index, loss = self.graphs[len(batch)]
+        index.copy_(batch)
+        self.share.fill_(share)
+        graph.replay()
+        return loss
+
+    def _captured(self, index: Any) -> tuple[Any, Any, Any]:
+        """A graph, the indices that it reads, and the loss that it writes."""
+        torch = torch_library()
+        with self._unchanged():
+            aside = torch.cuda.Stream(self.random.device)
+            aside.wait_stream(torch.cuda.current_stream(self.random.device))
+            with torch.cuda.stream(aside):
+                for _ in range(WARM_UP):
+                    self.step(index, self.share)
+            torch.cuda.current_stream(self.random.device).wait_stream(aside)
+        graph = torch.cuda.CUDAGraph()
+        graph.register_generator_state(self.random)
+        self.optimiser.zero_grad(set_to_none=True)
+        with torch.cuda.graph(graph):
+            loss = self.step(index, self.share)
+        return graph, index, loss
+
+    @contextmanager
+    def _unchanged(self) -> Iterator[None]:
+        """Weights, moments of the optimiser and random numbers as they were, in the memory in which they are."""
+        torch = torch_library()
+        weights = {name: value.clone() for name, value in self.network.state_dict().items()}
+        moments = {p: {k: v.clone() for k, v in kept.items()} for p, kept in self.optimiser.state.items()}
+        default, own = torch.cuda.get_rng_state(self.random.device), self.random.get_state()
+        yield
+        for name, value in self.network.state_dict().items():
+            value.copy_(weights[name])
+        for parameter, kept in self.optimiser.state.items():
+            for name, value in kept.items():
+                # before the first step there are none, and they begin with 0
+                value.copy_(moments.get(parameter, {}).get(name, torch.zeros_like(value)))
+        torch.cuda.set_rng_state(default, self.random.device)
+        self.random.set_state(own)
