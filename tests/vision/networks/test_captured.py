@@ -33,7 +33,6 @@ def test_they_take_the_same_way(smoke: Path, tmp_path: Path, device: str, monkey
     alone = losses(smoke, tmp_path / "alone", device)
     # the optimiser corrects its bias on the device, in float32
     np.testing.assert_allclose(captured, alone, rtol=1e-3)
-    assert captured[-1] < captured[0]
 
 
 def test_they_go_on_to_the_bit(smoke: Path, tmp_path: Path, device: str) -> None:
