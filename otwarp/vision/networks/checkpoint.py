@@ -2,7 +2,7 @@
 
 out/vision/r18/
     run.json          what was asked, of which data set: written first, never changed
-    checkpoint.pt     after every epoch: weights, optimiser, random numbers, curves
+    checkpoint.pt     after an epoch: weights, optimiser, random numbers, curves
     network.pt        the best network: all that estimating needs
     curves.csv        learning curves, a line an epoch; also .json and .png
     metrics.json      what it reached on the test part; written last
@@ -11,7 +11,9 @@ out/vision/r18/
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,26 @@ VERSION = 1
 """Of the layout of the folder."""
 
 RUN, CHECKPOINT, NETWORK, METRICS = "run.json", "checkpoint.pt", "network.pt", "metrics.json"
+
+
+class Seldom:
+    """Does something now and then, so that it takes a tenth of the time at most.
+
+    Args:
+        first: Not before this [s].
+    """
+
+    def __init__(self, first: float = 0.0):
+        self.due = time.monotonic() + first
+
+    @contextmanager
+    def if_due(self) -> Iterator[bool]:
+        """Whether it is time; what is done within is waited for nine times as long as it took."""
+        begun = time.monotonic()
+        yield begun >= self.due
+        if begun >= self.due:
+            now = time.monotonic()
+            self.due = now + 9.0 * (now - begun)
 
 
 def begin(folder: Path, asked: Mapping[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""Training: from a data set to a network on disk, resumable to the bit after every epoch."""
+"""Training: from a data set to a network on disk, resumable to the bit from its last checkpoint."""
 
 from __future__ import annotations
 
@@ -38,9 +38,6 @@ SQUARE_SHARE = 0.3
 LOOK = 50
 """Steps between looks at the loss: each waits for the device."""
 
-DRAW = 20.0
-"""Seconds between pictures of the curves; drawing may take longer than an epoch."""
-
 LONGEST = 5.0
 """Norm to which gradients of a pose's density are cut."""
 
@@ -65,7 +62,7 @@ class Training:
         weights: Where the network began.
         about: What `network.pt` says beside the weights.
         rows: Learning curves so far.
-        drawn: When they were [s].
+        checkpoints, pictures: How often where it stands, and its curves, are written.
     """
 
     folder: Path
@@ -81,7 +78,8 @@ class Training:
     weights: Mapping[str, str]
     about: Mapping[str, Any]
     rows: list[dict[str, Any]] = field(default_factory=list)
-    drawn: float = field(default_factory=time.monotonic)
+    checkpoints: checkpoint.Seldom = field(default_factory=checkpoint.Seldom)
+    pictures: checkpoint.Seldom = field(default_factory=lambda: checkpoint.Seldom(20.0))
 
     @property
     def device(self) -> Any:
@@ -310,19 +308,24 @@ def validate(work: Training) -> dict[str, Any]:
 
 
 def keep(work: Training, row: dict[str, Any]) -> None:
-    """Write the network if it is the best so far, then where the training stands, then its curves."""
+    """Write the network if it is the best so far, then where the training stands, then its curves.
+
+    Where writing takes long beside an epoch, it waits: a training that is killed loses a little more.
+    """
     best = min((r["validation_loss"] for r in work.rows), default=math.inf)
     if row["validation_loss"] < best or not work.rows:
         _save_network(work, row["epoch"], ())
     work.rows.append(row)
-    state = {"network": work.network.state_dict(), "optimiser": work.optimiser.state_dict()}
-    checkpoint.save(work.folder / checkpoint.CHECKPOINT,
-                    {"version": checkpoint.VERSION, **state, "random": checkpoint.random_state(), "rows": work.rows,
-                     "weights": dict(work.weights)})  # fmt: skip
+    with work.checkpoints.if_due() as due:
+        if due:
+            state = {"network": work.network.state_dict(), "optimiser": work.optimiser.state_dict()}
+            checkpoint.save(work.folder / checkpoint.CHECKPOINT,
+                            {"version": checkpoint.VERSION, **state, "random": checkpoint.random_state(),
+                             "rows": work.rows, "weights": dict(work.weights)})  # fmt: skip
     write_curves(work.folder, work.rows)
-    if time.monotonic() - work.drawn > DRAW:
-        draw_curves(work.folder / "curves.png", work.rows)
-        work.drawn = time.monotonic()
+    with work.pictures.if_due() as due:
+        if due:
+            draw_curves(work.folder / "curves.png", work.rows)
 
 
 def _save_network(work: Training, epoch: int, widen: tuple[float, ...]) -> None:

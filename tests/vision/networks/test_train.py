@@ -86,6 +86,19 @@ def test_a_killed_training_goes_on_to_the_same_bits(smoke: Path, tmp_path: Path)
     assert [[row[c] for c in columns] for row in one] == [[row[c] for c in columns] for row in other]
 
 
+def test_what_takes_long_is_done_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(checkpoint.time, "monotonic", lambda: clock[0])
+    seldom, done = checkpoint.Seldom(), []
+    for _ in range(1000):
+        clock[0] += 1.0
+        with seldom.if_due() as due:
+            if due:
+                done.append(clock[0])
+                clock[0] += 5.0
+    assert 5.0 * len(done) / clock[0] == pytest.approx(0.1, abs=0.01)
+
+
 def test_a_training_that_is_over_is_not_taken_up_again(smoke: Path, trained: Path) -> None:
     was = (trained / "network.pt").read_bytes()
     rows: list[Any] = []
