@@ -1,6 +1,7 @@
 """Studies: a capture map, what a study costs over bare steps, trials that have ended, shards and Ray, deliveries.
 
-`python -m benchmarks.study --ray` runs the same blocks on two Ray nodes of this machine as well.
+`python -m benchmarks.study --ray` runs the same blocks on two Ray nodes of this machine as well, and
+`--device cuda:0 --devices cuda:0 cuda:1` a map on several devices.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,8 @@ SHORT = {"cpu": 4_096, "cuda": 1_048_576}
 """Trials that end early."""
 DELIVERIES = {"cpu": 16, "cuda": 100_000}
 """Trials of the delivery."""
+WIDE = (64, 8_192)
+"""Points along each dimension and trials of each in the map that several devices share."""
 SHARED = (16, 256)
 """Points and trials of each in the study that is shared out: four blocks."""
 
@@ -209,8 +212,27 @@ def delivery(device: wp.Device, kind: str) -> dict[str, float]:
     }
 
 
-def measure(device: str = "cpu", *, ray: bool = False, rounds: int = 3) -> Section:
-    """All tables; shards and Ray nodes on request, and on a CPU alone."""
+def over_devices(devices: Sequence[str], rounds: int) -> Quartiles:
+    """How much faster a map is on all devices than on the first; stores written."""
+
+    def map_on(some: Sequence[str]) -> Callable[[], float]:
+        """Wall time of the whole map [s]."""
+
+        def wall() -> float:
+            begun = time.perf_counter()
+            with tempfile.TemporaryDirectory() as folder:
+                run_study(capture_map(*WIDE), Path(folder) / "out", devices=list(some))
+            return time.perf_counter() - begun
+
+        return wall
+
+    one, several = map_on(devices[:1]), map_on(devices)
+    several()
+    return interleaved({"": (one, several)}, rounds)[""].ratio()
+
+
+def measure(device: str = "cpu", *, ray: bool = False, devices: Sequence[str] = (), rounds: int = 3) -> Section:
+    """All tables; shards and Ray nodes on request, and on a CPU alone; `devices` that share a map if there are any."""
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
@@ -244,7 +266,14 @@ def measure(device: str = "cpu", *, ray: bool = False, rounds: int = 3) -> Secti
         walls = shared_out(rounds)
         tables.append(walls_table(walls))
         data["shared_out"] = {name: vars(wall) for name, wall in walls.items()}
-    return Section(name="study", kind=kind, machine=machine, tables=tables, data=data, asked="--ray" if ray else "")
+    asked = "--ray" if ray else ""
+    if devices:
+        asked = f"--devices {' '.join(devices)}"
+        faster = over_devices(devices, rounds)
+        title = f"A map of {WIDE[0]} × {WIDE[0]} points × {WIDE[1]:,} trials on {len(devices)} devices over one"
+        tables.append(Table(title=title, head=("way", "times as fast"), rows=[("one process", faster.text(".4g"))]))
+        data["devices"] = vars(faster)
+    return Section(name="study", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
 
 
 def bare_table(over: Quartiles, ended: dict[str, Any], kind: str) -> Table:
@@ -277,4 +306,5 @@ if __name__ == "__main__":
         "Studies: a capture map, what a study costs over bare steps, shards and Ray, deliveries.",
         rounds=3,
         ray={"action": "store_true", "help": "share a study out over shards and two Ray nodes as well"},
+        devices={"nargs": "+", "default": (), "help": "devices that share a map: cuda:0 cuda:1 …"},
     )
