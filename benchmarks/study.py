@@ -74,6 +74,11 @@ def run_anew(study: Study, device: wp.Device) -> None:
         run_study(study, Path(folder) / "out", devices=[str(device)])
 
 
+def computed(study: Study, device: wp.Device) -> None:
+    """The one block of a study, on one thread."""
+    study.compute([0], device=str(device), threads=1)
+
+
 def bare(study: Study, device: wp.Device) -> Callable[[], None]:
     """Steps of the same worlds to the horizon: no ends, no looks, no store; what is timed are the steps alone."""
     runner, n = study.runner, study.stop.at_most * study.design.points
@@ -120,7 +125,7 @@ def over_bare_steps(device: wp.Device, kind: str, rounds: int) -> Quartiles:
     if not np.all(found["end"] == 0):
         raise ValueError("a trial that was to be held was lost")
     steps = bare(study, device)
-    whole = partial(study.compute, [0], device=str(device), threads=1)
+    whole = partial(computed, study, device)
     steps()
     return interleaved({"": (timed(whole, device), timed(steps, device))}, rounds)[""].ratio()
 
@@ -131,7 +136,7 @@ def compaction(device: wp.Device, kind: str, rounds: int) -> dict[str, Any]:
     time_of = study.compute([0], device=str(device), threads=1)[0]["end_time"]
     needed = float(np.mean(np.minimum(time_of, 1.0)))
     steps = bare(study, device)
-    whole = partial(study.compute, [0], device=str(device), threads=1)
+    whole = partial(computed, study, device)
     steps()
     ratio = interleaved({"": (timed(whole, device), timed(steps, device))}, rounds)[""].ratio()
     return {"needed": needed, "time": vars(ratio), "efficiency": needed / ratio.median}
