@@ -37,17 +37,19 @@ class Seldom:
         first: Not before this [s].
     """
 
+    SHARE = 0.1
+
     def __init__(self, first: float = 0.0):
         self.due = time.monotonic() + first
 
     @contextmanager
     def if_due(self) -> Iterator[bool]:
-        """Whether it is time; what is done within is waited for nine times as long as it took."""
+        """Whether it is time; after what is done within comes a pause that makes it that share."""
         begun = time.monotonic()
         yield begun >= self.due
         if begun >= self.due:
             now = time.monotonic()
-            self.due = now + 9.0 * (now - begun)
+            self.due = now + (1.0 / self.SHARE - 1.0) * (now - begun)
 
 
 def begin(folder: Path, asked: Mapping[str, Any]) -> bool:

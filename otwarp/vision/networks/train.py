@@ -62,6 +62,7 @@ class Training:
         weights: Where the network began.
         about: What `network.pt` says beside the weights.
         rows: Learning curves so far.
+        kept: Epochs before the last checkpoint.
         checkpoints, pictures: How often where it stands, and its curves, are written.
     """
 
@@ -78,6 +79,7 @@ class Training:
     weights: Mapping[str, str]
     about: Mapping[str, Any]
     rows: list[dict[str, Any]] = field(default_factory=list)
+    kept: int = 0
     checkpoints: checkpoint.Seldom = field(default_factory=checkpoint.Seldom)
     pictures: checkpoint.Seldom = field(default_factory=lambda: checkpoint.Seldom(20.0))
 
@@ -279,7 +281,7 @@ def check_finite(work: Training, loss: float, epoch: int, step: int) -> None:
     """
     if math.isfinite(loss):
         return
-    kept = f"that of epoch {len(work.rows)} is kept in {work.folder}" if work.rows else "there is none yet"
+    kept = f"that of epoch {work.kept} is kept in {work.folder}" if work.kept else "there is none yet"
     raise InputError(f"the loss became {loss} in epoch {epoch + 1}, step {step + 1}, at lr {work.settings.rate:g}; "
                      f"allowed: a smaller lr; of checkpoints, {kept}")  # fmt: skip
 
@@ -308,10 +310,7 @@ def validate(work: Training) -> dict[str, Any]:
 
 
 def keep(work: Training, row: dict[str, Any]) -> None:
-    """Write the network if it is the best so far, then where the training stands, then its curves.
-
-    Where writing takes long beside an epoch, it waits: a training that is killed loses a little more.
-    """
+    """Write the network if it is the best so far; where the training stands and its curves unless it is too soon."""
     best = min((r["validation_loss"] for r in work.rows), default=math.inf)
     if row["validation_loss"] < best or not work.rows:
         _save_network(work, row["epoch"], ())
@@ -322,6 +321,7 @@ def keep(work: Training, row: dict[str, Any]) -> None:
             checkpoint.save(work.folder / checkpoint.CHECKPOINT,
                             {"version": checkpoint.VERSION, **state, "random": checkpoint.random_state(),
                              "rows": work.rows, "weights": dict(work.weights)})  # fmt: skip
+            work.kept = len(work.rows)
     write_curves(work.folder, work.rows)
     with work.pictures.if_due() as due:
         if due:
@@ -344,7 +344,7 @@ def resume(work: Training) -> None:
     found = checkpoint.load(file, "the checkpoint of this training")
     put(work.network, found["network"], f"{file}: checkpoint of another network than {work.settings.net}")
     work.optimiser.load_state_dict(found["optimiser"])
-    work.rows[:] = found["rows"]
+    work.rows[:], work.kept = found["rows"], len(found["rows"])
     checkpoint.set_random_state(found["random"])
 
 

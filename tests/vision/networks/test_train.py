@@ -117,6 +117,7 @@ def test_a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint(smoke: Pat
 
     with monkeypatch.context() as patch:
         patch.setattr(train, "one_step", bad)
+        patch.setattr(checkpoint.Seldom, "SHARE", 1.0)
         with pytest.raises(
             InputError, match=r"the loss became nan in epoch 3, step 1, at lr 0.001; .*of epoch 2 is kept"
         ):
