@@ -19,9 +19,9 @@ def pupil(microscope: Microscope, grid: Grid) -> np.ndarray:
     doi:10.1098/rspa.1959.0200): the light that crosses a plane in the object crosses it in the image.
 
     For phase contrast a ring where the condenser's opening is imaged passes the share T of light and delays it by
-    δ wavelengths, √T e^{2πiδ} (Zernike 1942, doi:10.1016/S0031-8914(42)80035-X): a weak phase φ that sends its light
-    past the ring has the intensity 1 + 2φ sin(2πδ)/√T. The ring is wider than the opening by 0.71 steps of the grid on
-    either side, by which points of the condenser are moved at most.
+    δ wavelengths, √T e^{2πiδ} (Zernike 1942, Physica 9, 686, doi:10.1016/S0031-8914(42)80035-X): a weak phase φ that
+    sends its light past the ring has the intensity 1 + 2φ sin(2πδ)/√T. The ring is wider than the opening by 0.71 steps
+    of the grid on either side, by which points of the condenser are moved at most.
     """
     x, y = grid.wavenumbers()
     axial, _ = axial_wavenumbers(microscope.wavenumber, grid)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -10,6 +12,9 @@ from otwarp.vision.datasets.domain import PARAMETERS
 from otwarp.vision.datasets.labels import Labels
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.render import Exposed, expose
+
+MOST_THREADS = 8
+"""That record the images of a pose beside a GPU."""
 
 
 def exposed_pose(labels: Labels, pose: int, fourier: Fourier, *, rings: int | None = None) -> Exposed:
@@ -46,10 +51,25 @@ def pose_intensities(labels: Labels, pose: int, fourier: Fourier, rows: np.ndarr
     return exposed.images(-labels.arrays["depth"][which], objective=objective, shift=shift)
 
 
-def pose_images(labels: Labels, pose: int, fourier: Fourier) -> np.ndarray:
-    """(k, height, width) uint8, all images of a pose; what else is rendered changes nothing in them."""
+def pose_images(labels: Labels, pose: int, fourier: Fourier, *, threads: int | None = None) -> np.ndarray:
+    """(k, height, width) uint8, all images of a pose; what else is rendered changes nothing in them.
+
+    Args:
+        labels: Of the data set.
+        pose: Its number.
+        fourier: On what.
+        threads: That record images side by side, to the same bits; None: some where a GPU has rendered them, which
+            would wait for one; one on a CPU, where processes share the cores.
+    """
     mine = labels.rows(pose)
     light = pose_intensities(labels, pose, fourier)
-    seed = labels.spec.seed
-    return np.stack([labels.sensor(row).levels(page, seed=seed, image=row)
-                     for row, page in zip(range(mine.start, mine.stop), light, strict=True)])  # fmt: skip
+    count = threads or (min(MOST_THREADS, os.cpu_count() or 1) if fourier.device.is_cuda else 1)
+
+    def recorded(n: int) -> np.ndarray:
+        row = mine.start + n
+        return labels.sensor(row).levels(light[n], seed=labels.spec.seed, image=row)
+
+    if count == 1:
+        return np.stack([recorded(n) for n in range(len(light))])
+    with ThreadPoolExecutor(count) as pool:  # NumPy draws and adds without the interpreter's lock
+        return np.stack(list(pool.map(recorded, range(len(light)))))

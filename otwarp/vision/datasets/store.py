@@ -27,6 +27,7 @@ from otwarp.errors import InputError
 from otwarp.files import written
 from otwarp.vision.datasets.domain import PARAMETERS
 from otwarp.vision.datasets.labels import Labels
+from otwarp.vision.sensor import NOISE
 
 VERSION = 1
 """Of the layout of the folder."""
@@ -144,6 +145,7 @@ def manifest_of(labels: Labels, versions: Mapping[str, str]) -> dict[str, Any]:
         "version": VERSION,
         "format": "otwarp vision dataset",
         "versions": dict(versions),
+        "noise": NOISE,
         "count": labels.count,
         "poses": labels.poses,
         "shape": [spec.height, spec.width],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,10 +18,11 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.vision.datasets import load_spec, make_dataset, open_dataset
 from otwarp.vision.datasets.labels import labels_of
-from otwarp.vision.datasets.shots import pose_intensities
+from otwarp.vision.datasets.shots import pose_images, pose_intensities
 from otwarp.vision.datasets.store import Store
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.render import render
+from otwarp.vision.sensor import NOISE
 from tests.vision.datasets.small import TEXT, written
 
 pytest.importorskip("zarr")
@@ -62,6 +64,24 @@ def test_labels_are_what_was_rendered(small: Path) -> None:
     assert np.sqrt(np.mean((alone - light) ** 2) / np.mean((alone - 1) ** 2)) < 0.12
     levels = found.images(row)[0] / 255 / label["brightness"]
     assert np.corrcoef(levels.ravel(), light.ravel())[0, 1] > 0.97
+
+
+def test_threads_change_no_bit(small: Path) -> None:
+    labels, rows = labels_of(load_spec(small.parent / "small.toml")), open_dataset(small)
+    there = rows.images(labels.rows(1))
+    for threads in (None, 3):
+        assert np.array_equal(pose_images(labels, 1, Fourier("cpu"), threads=threads), there)
+
+
+def test_a_data_set_of_other_noise_is_not_gone_on_with(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small, tmp_path / "old")
+    manifest = tmp_path / "old" / "manifest.json"
+    said = json.loads(manifest.read_text())
+    assert said.pop("noise") == NOISE
+    manifest.write_text(json.dumps(said))
+    with pytest.raises(InputError, match=f"another noise: None there, {NOISE} now; allowed: the same file, or a new"):
+        make_dataset(small.parent / "small.toml", tmp_path / "old", device="cpu")
+    assert open_dataset(tmp_path / "old").count == 48  # what is whole can be read
 
 
 def test_several_processes_and_interruptions_change_no_bit(small: Path, tmp_path: Path) -> None:
