@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import multiprocessing
+import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +64,7 @@ def measure(
     rounds: int = 1,
     full: bool = False,
     folder: Path | None = None,
+    devices: Sequence[str] = (),
     runs: Mapping[str, Any] | None = None,
 ) -> Section:
     """All tables.
@@ -69,7 +73,10 @@ def measure(
         device: cpu or cuda:0.
         rounds: Seeds of every training; of the full table five are meant.
         full: The paper's layout and networks, hours on a GPU, instead of 400 small images.
-        folder: Keeps data sets and trainings, which are found again; None for nowhere.
+        folder: Keeps data sets and trainings, which are found again; None for nowhere. One in memory (/dev/shm) saves
+            minutes of writing weights.
+        devices: On which trainings run at the same time, one for each time that a device is named; none for one after
+            the other on `device`.
         runs: Trainings by name, with settings; None for those of this script.
     """
     with tempfile.TemporaryDirectory() as apart:
@@ -78,12 +85,13 @@ def measure(
         place, spec = work / "data", SPECS / "paper.toml" if full else small_spec(work)
         make_dataset(labels_of(load_spec(spec)), place, processes=1, device=device)
         data: dict[str, Any] = {}
-        runs = runs or (FULL if full else SMALL)
+        runs, best = runs or (FULL if full else SMALL), "small, pose" if full else "small"
+        if devices:
+            at_once(place, all_trainings(place, work, runs, best, rounds), devices)
         tables = [table_of_splits(place, work, runs, rounds, device, data)]
         if full:
             make_dataset(labels_of(load_spec(SPECS / "shifted.toml")), work / "shifted", processes=1, device=device)
             tables.append(shifted(work / "shifted", work, runs, device, data))
-        best = "small, pose" if full else "small"
         run = work / f"{best}_focus_blocks_0"
         tables += [stated(run, place, device, data), photons(run, place, device, data)]
         tables += [
@@ -94,9 +102,71 @@ def measure(
             tables.append(training_speed(place, work, device, data))
         tables.append(run_times(work, {name: work / f"{name}_random_0" for name in runs}, data))
     kind = "cpu" if pick_device(device).is_cpu else "cuda"
-    asked = "--full" if full else ""
+    asked = f"{'--full' if full else ''}{' --devices ' + ' '.join(devices) if devices else ''}".strip()
     machine = Machine.look(pick_device(device))
     return Section(name="vision_networks", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
+
+
+Trainings = dict[Path, Settings]
+"""Settings of trainings by their folders."""
+
+
+def of_split(work: Path, name: str, how: Mapping[str, Any], split: str, seeds: int) -> Trainings:
+    """One network on one split, with several seeds."""
+    return {work / f"{name}_{split}_{seed}": Settings(**how, split=split, seed=seed) for seed in range(seeds)}
+
+
+def of_shares(place: Path, work: Path, name: str, how: Mapping[str, Any]) -> Trainings:
+    """One network with parts of the images, for the same number of steps."""
+    whole, found = len(open_dataset(place).split("random")["train"]), {}
+    for share in SHARES:
+        count = int(share * whole)
+        settings = Settings(**{**how, "epochs": round(how["epochs"] / share)}, images=count if share < 1.0 else 0)
+        found[work / (f"{name}_{count}" if share < 1.0 else f"{name}_random_0")] = settings
+    return found
+
+
+def of_losses(work: Path, runs: Mapping[str, Any]) -> Trainings:
+    """The first network, with the right loss of the depth and with the published one."""
+    how = {**next(iter(runs.values())), "heads": "paper", "augment": False}
+    return {work / f"loss_{loss}": Settings(**how, depth_loss=loss) for loss in ("right", "broadcast")}
+
+
+def all_trainings(place: Path, work: Path, runs: Mapping[str, Any], best: str, seeds: int) -> Trainings:
+    """What the tables look at, the longest first; `best` is the network that is looked at closely."""
+    found = of_losses(work, runs) | of_shares(place, work, best, runs[best])
+    for split in SPLITS:
+        for name, how in runs.items():
+            found |= of_split(work, name, how, split, seeds)
+    order = ("vgg16", "resnet50", "resnet18", "small")
+    return dict(sorted(found.items(), key=lambda row: (order.index(row[1].net), -row[1].epochs)))
+
+
+def at_once(place: Path, trainings: Trainings, devices: Sequence[str]) -> None:
+    """Train in a process for each device that is named; what is there already is left."""
+    context = multiprocessing.get_context("spawn")
+    free = context.Queue()
+    for device in devices:
+        free.put(device)
+    with ProcessPoolExecutor(len(devices), mp_context=context, initializer=take_device, initargs=(free,)) as pool:
+        done = [pool.submit(train_one, place, folder, how) for folder, how in trainings.items()]
+        for n, one in enumerate(as_completed(done), 1):
+            print(f"training {n} of {len(done)}: {one.result()}", file=sys.stderr, flush=True)
+
+
+DEVICE = ["cpu"]
+"""Where this process trains."""
+
+
+def take_device(free: Any) -> None:
+    """Of a process of `at_once`: the device on which all its trainings run."""
+    DEVICE[0] = free.get()
+
+
+def train_one(place: Path, folder: Path, how: Settings) -> str:
+    """A training in a process of `at_once`."""
+    found = train(place, folder, how, device=DEVICE[0])
+    return f"{folder.name}, {found['training_seconds']:.0f} s on {DEVICE[0]}"
 
 
 def table_of_splits(
@@ -106,9 +176,8 @@ def table_of_splits(
     rows, found = [], open_dataset(place)
     for split in SPLITS:
         for name, how in runs.items():
-            folders = [work / f"{name}_{split}_{seed}" for seed in range(seeds)]
-            some = [train(place, folder, Settings(**how, split=split, seed=seed), device=device)
-                    for seed, folder in enumerate(folders)]  # fmt: skip
+            folders = of_split(work, name, how, split, seeds)
+            some = [train(place, folder, settings, device=device) for folder, settings in folders.items()]
             seconds = np.median([s["training_seconds"] for s in some])
             speed = np.median([s["images_per_second"] for s in some])
             rows.append((f"{name}, {split}", *cells([s["test"] for s in some]), f"{seconds:.0f}", f"{speed:.0f}"))
@@ -216,26 +285,22 @@ def images_needed(
     place: Path, work: Path, name: str, how: Mapping[str, Any], device: str, data: dict[str, Any]
 ) -> Table:
     """Errors over the number of training images, for the same number of steps."""
-    rows, whole = [], len(open_dataset(place).split("random")["train"])
-    for share in SHARES:
-        count = int(share * whole)
-        settings = Settings(**{**how, "epochs": round(how["epochs"] / share)}, images=count if share < 1.0 else 0)
-        folder = work / (f"{name}_{count}" if share < 1.0 else f"{name}_random_0")
-        test = train(place, folder, settings, device=device)["test"]
-        rows.append((str(count), *cells([test])))
-        data[f"images {count}"] = test
+    rows = []
+    for folder, settings in of_shares(place, work, name, how).items():
+        found = train(place, folder, settings, device=device)
+        rows.append((str(found["images"]["train"]), *cells([found["test"]])))
+        data[f"images {found['images']['train']}"] = found["test"]
     head = ("training images", "accuracy", "F1", "depth, normalised", "depth [µm]", "tilt [°]")
     return Table(title="Errors over the number of images", head=head, rows=rows, note="Small network, random split.")
 
 
 def ablation(place: Path, work: Path, runs: Mapping[str, Any], device: str, data: dict[str, Any]) -> Table:
     """The published error of the depth's loss: (n, 1) against (n)."""
-    how = {**next(iter(runs.values())), "heads": "paper", "augment": False}
     rows = []
-    for loss in ("right", "broadcast"):
-        test = train(place, work / f"loss_{loss}", Settings(**how, depth_loss=loss), device=device)["test"]
-        rows.append((loss, f"{test['accuracy']:.3g}", f"{test['depth_normalized_rmse']:.3g}"))
-        data[f"loss {loss}"] = test
+    for folder, settings in of_losses(work, runs).items():
+        test = train(place, folder, settings, device=device)["test"]
+        rows.append((settings.depth_loss, f"{test['accuracy']:.3g}", f"{test['depth_normalized_rmse']:.3g}"))
+        data[f"loss {settings.depth_loss}"] = test
     note = "Paper's heads and loss, random split. The labels' own spread is 0.296."
     head = ("loss", "accuracy", "depth, normalised")
     return Table(title="What comparing every depth with every label costs", head=head, rows=rows, note=note)
@@ -294,4 +359,9 @@ if __name__ == "__main__":
         rounds=1,
         full={"action": "store_true", "help": "the paper's layout and networks: hours on a GPU"},
         folder={"type": Path, "default": None, "help": "keeps data sets and trainings, and finds them again"},
+        devices={
+            "nargs": "+",
+            "default": (),
+            "help": "trainings at the same time: cuda:0 cuda:0 cuda:1 cuda:1 for four",
+        },
     )
