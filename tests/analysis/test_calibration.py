@@ -56,11 +56,24 @@ def outcomes(fit, edge: str, count: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("edge", [e for e in EDGES if "corner" not in e])
 @pytest.mark.parametrize("fit", FITS, ids=lambda f: f.__name__)
 def test_intervals_hold_the_truth(fit, edge):
-    """300 tracks; a share of 0.95 has the standard error 0.0126. Medians are within 4 % of the truth."""
-    hits, ratios = outcomes(fit, edge, 300)
+    """300 tracks; a share of 0.95 has the standard error 0.0126. Medians are within 4 % of the truth.
+
+    Short tracks scatter most, and a median of 300 of them by 1.4 %: of more it is known as well as of the others.
+    """
+    hits, ratios = outcomes(fit, edge, 1500 if "short" in edge else 300)
     check_coverage(hits[:, :1])
     check_coverage(hits[:, 1:], allowance=MSD_ALLOWANCE if fit is fit_msd else 0.0)
     assert np.all(np.abs(np.median(ratios, axis=0) - 1.0) < 0.04)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("fit", FITS, ids=lambda f: f.__name__)
+def test_short_tracks_overestimate_stiffness(fit):
+    """By one to two relaxation times over the length of the track, here 60 of them: the mean of 1,500, within 5 σ."""
+    ratio = outcomes(fit, "short: 60 relaxation times", 1500)[1][:, 0]
+    error = ratio.std(ddof=1) / np.sqrt(len(ratio))
+    assert 1.0 / 60 - 5.0 * error < ratio.mean() - 1.0 < 2.0 / 60 + 5.0 * error
+    assert ratio.mean() > 1.0 + 3.0 * error
 
 
 @pytest.mark.validate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import warp as wp
 import otwarp as ot
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
+from tests.simulation.setups import obstacle
 
 
 @ot.order(unit="k_BT")
@@ -27,15 +29,21 @@ def bead_in_a_well(
     accuracy: float = 0.05,
     speed: float = 0.0,
     axial: float | None = None,
+    brownian: bool = True,
+    floor: float | None = None,
 ) -> Path:
     """A bead of radius 0.5 µm in a harmonic trap that ends at `cutoff` [µm] and moves at `speed` [µm/s]; the file.
 
-    Along the beam, which is z, it may have another stiffness, `axial` [pN/µm per mW].
+    Along the beam, which is z, it may have another stiffness, `axial` [pN/µm per mW]. It moves along z, or above a
+    hydrodynamic plane, `floor` [µm] below it, along x.
     """
     duration = 2.0 if speed else 0.5
-    path = [(0.0, 0.0, 10.0), (0.0, 0.0, 10.0 + speed * duration)]
+    way = speed * duration
+    path = [(0.0, 0.0, 10.0), (0.0, 0.0, 10.0 + way) if floor is None else (way, 0.0, 10.0)]
     track = Track(times=np.array([0.0, duration]), values=np.array(path)) if speed else Track.constant(path[0])
-    builder = SceneBuilder(settings=Settings(duration=duration, accuracy=accuracy))
+    builder = SceneBuilder(settings=Settings(duration=duration, accuracy=accuracy, brownian=brownian))
+    if floor is not None:
+        builder.add(dataclasses.replace(obstacle("Floor", "plane", (0.0, 0.0, 10.0 - floor)), hydrodynamic=True))
     builder.add(
         Body(
             prim="/World/bead",

@@ -8,6 +8,7 @@ from scipy.special import expit
 
 from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.errors import InputError
+from otwarp.hydrodynamics.bispherical import wall_resistance
 from otwarp.studies.axes import grid, values
 from otwarp.studies.file import load_study
 from otwarp.studies.intervals import interval
@@ -97,6 +98,58 @@ def test_a_study_searches_and_gives_a_table(tmp_path, scene):
         assert ends[0].value >= 0.75 - 0.01 and ends[1].value <= 0.75 + 0.01
     again = study.compute([1], device="cpu", worlds=97)[0]
     assert np.array_equal(again["trials"][0], found["trials"][1])
+
+
+def speeds_of(scene, power: float, speeds: np.ndarray, *, until: float, trials: int, probability: float = 0.95):
+    """A study of the largest speed at which the trap keeps its bead."""
+    return Study(
+        scene,
+        axes={
+            "trap_power": values([power], unit="mW"),
+            "speed:/World/trap": values(list(speeds), unit="µm/s"),
+        },
+        observables=[trapped(until=until)],
+        stop=largest(probability, along="speed:/World/trap", trials=trials),
+        seed=5,
+    )
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("floor", [None, 1.0, 0.6])
+def test_without_noise_the_largest_speed_is_the_largest_force_over_the_drag(tmp_path, floor):
+    """A well that ends holds with k·rim at most: between neighbours 2 % apart, free, and above a plane it drags along.
+
+    Drag beside the plane is that of the exact series in bispherical coordinates, at a radius of 0.5 µm 1.38 and 1.95 of
+    Stokes'; the slowest bead takes e^{−30} of the rim longer than half a second to lag as far as it will.
+    """
+    scene = bead_in_a_well(tmp_path, speed=30.0, brownian=False, floor=floor)
+    hindered = 1.0 if floor is None else wall_resistance(floor / 0.5 - 1.0).sliding
+    limit = 0.5 * 0.4 / (6.0 * np.pi * 0.00089 * 0.5 * hindered)
+    study = speeds_of(scene, 1.0, limit * np.linspace(0.9, 1.1, 11), until=0.5, trials=1, probability=0.5)
+    assert float(study.run(tmp_path / "out", devices=["cpu"])["largest"].squeeze()) == pytest.approx(limit, rel=0.02)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("power", [2.5, 10.0])
+def test_with_noise_the_largest_speed_is_that_of_the_fokker_planck_equation(tmp_path, power):
+    """The trap's frame: F = −k r − γ v ẑ. At the ends of the interval the exact chance is on either side of 95 %."""
+    speed, until = 400.0, 0.1
+    scene = bead_in_a_well(tmp_path, speed=speed, accuracy=0.005)
+    k, drag, energy = 0.5 * power, 6.0 * np.pi * 0.00089 * 0.5, BOLTZMANN * 298.15
+    limit = k * 0.4 / drag
+    study = speeds_of(scene, power, limit * np.linspace(0.3, 1.0, 71), until=until, trials=2_048)
+    found = study.run(tmp_path / "out", devices=["cpu"])
+    held = []
+    for end in ("low", "high"):
+        pull = np.array([0.0, 0.0, drag * float(found[f"largest_{end}"].squeeze())])
+        at = survival_probability(
+            lambda r, pull=pull: -k * r - pull, 0.4, np.array([1e-3]), until, diffusion=energy / drag, energy=energy
+        )[0]
+        held.append(at.value)
+        assert at.error < 0.005
+    assert held[0] >= 0.95 - 0.01 and held[1] <= 0.95 + 0.01
+    assert held[0] - held[1] < 0.1, "the interval must say something"
+    assert float(found["largest_high"].squeeze()) < 0.95 * limit, "noise must matter"
 
 
 def test_a_step_for_each_point(tmp_path, scene):
