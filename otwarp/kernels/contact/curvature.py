@@ -27,7 +27,7 @@ def flat_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec
 
 @wp.func
 def ball_radius(obstacles: ObstacleData, o: int, point: wp.vec3, outward: wp.vec3, radius: float) -> float:
-    """R [µm] before a ball."""
+    """R [µm] before a ball: the inverse of the sum of both curvatures."""
     return radius / (1.0 + radius / obstacles.size[o][0])
 
 
