@@ -18,7 +18,7 @@ from otwarp.kernels.contact.segments import (
     valley_t,
     valley_term,
 )
-from otwarp.kernels.contact.travel import closing_of, free_travel, obstacle_drift, obstacle_travel, opening_of
+from otwarp.kernels.contact.travel import closing_on, free_travel, obstacle_drift, obstacle_travel, opening_of
 from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import curvature_of, distance_of, point_of, radius_of
@@ -92,7 +92,7 @@ def rod_wall_term(f: Features) -> wp.Function:
                     arm = place_on(rod, t)
                     hit = distance_to(model.obstacles, o, point, far)
                     way = wp.quat_rotate(wall.rotation, point_of(hit))
-                    if distance_of(hit) < radius + reach + closing_of(move, still, arm, arm, way):
+                    if distance_of(hit) < radius + reach + closing_on(move, arm, way):
                         c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step)
                         c = beside_rod(c, rod.half)
                         c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step)
@@ -136,7 +136,7 @@ def element_wall_term(f: Features) -> wp.Function:
         near = wanted and distance_of(hit) < far and half == 0.0
         if near:
             way = wp.quat_rotate(wall.rotation, point_of(hit))
-            near = distance_of(hit) < radius + reach + closing_of(move, still, rod.centre, rod.centre, way)
+            near = distance_of(hit) < radius + reach + closing_on(move, rod.centre, way)
         votes = votes_of(near)
         if near:
             c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)

@@ -25,6 +25,12 @@ def closing_of(move_a: Move, move_b: Move, arm_a: wp.vec3, arm_b: wp.vec3, way: 
 
 
 @wp.func
+def closing_on(move: Move, arm: wp.vec3, normal: wp.vec3) -> float:
+    """How far a free move brings the point at the arm nearer to an obstacle [µm]; `normal` leads away from it."""
+    return wp.max(-along(move, arm, normal), 0.0)
+
+
+@wp.func
 def obstacle_drift(wall: Pose, later: Pose, point: wp.vec3) -> wp.vec3:
     """Displacement in one step of the obstacle's material point that is at `point` of its own frame [µm].
 

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.contact.travel import lift_of, obstacle_drift, obstacle_travel, opening_of
+from otwarp.kernels.contact.travel import closing_of, closing_on, lift_of, obstacle_drift, obstacle_travel, opening_of
 from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import Move, Pose
 from tests.kernels.samples import evaluate, on_device, quaternions
@@ -44,6 +44,33 @@ def test_points_move_as_the_poses_do_and_no_farther_than_the_bound(device):
     assert np.all(np.linalg.norm(drift, axis=1) <= travel + ROUNDING)
     # an obstacle that does not turn moves every point alike, without rounding
     np.testing.assert_array_equal(drift[:50], (later - place)[:50])
+
+
+@wp.kernel(enable_backward=False)
+def probe_closing(
+    linear: wp.array(dtype=wp.vec3),
+    angular: wp.array(dtype=wp.vec3),
+    arm: wp.array(dtype=wp.vec3),
+    way: wp.array(dtype=wp.vec3),
+    onto: wp.array(dtype=float),
+    between: wp.array(dtype=float),
+):
+    """How far a body closes its gap to an obstacle, and to a body that does not move."""
+    i = wp.tid()
+    move, still = Move(linear[i], angular[i]), Move(wp.vec3(0.0), wp.vec3(0.0))
+    onto[i] = closing_on(move, arm[i], wp.normalize(way[i]))
+    between[i] = closing_of(move, still, arm[i], wp.vec3(0.0), way[i])
+
+
+def test_gaps_close_by_what_leads_into_them(device):
+    rng, n = np.random.default_rng(4), 300
+    rows = [rng.normal(size=(n, 3)).astype(np.float32) for _ in range(4)]
+    onto, between = evaluate(probe_closing, n, on_device(device, *((v, wp.vec3) for v in rows)), [float, float], device)
+    linear, angular, arm, way = (v.astype(float) for v in rows)
+    normal = way / np.linalg.norm(way, axis=1, keepdims=True)
+    expected = np.maximum(-np.einsum("ni,ni->n", linear + np.cross(angular, arm), normal), 0.0)
+    np.testing.assert_allclose(onto, expected, atol=ROUNDING)
+    np.testing.assert_allclose(between, expected, atol=ROUNDING)
 
 
 @wp.kernel(enable_backward=False)
