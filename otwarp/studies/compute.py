@@ -86,14 +86,19 @@ class _Trials:
 
 def _run(study: Study, points: np.ndarray, nth: np.ndarray, place: _Place) -> Outcomes:
     """Trials of points, group by group, and in a group step by step."""
-    order = np.arange(len(points))
     code, time = np.empty(len(points), np.int8), np.empty(len(points))
     numbers = np.empty((len(points), len(study.runner.numbers)), np.float32)
-    for group, values in study.design.groups(np.unique(points)):
+    chosen = np.zeros(study.design.points, dtype=bool)  # a million trials of few points are not sorted
+    chosen[points] = True
+    present = np.flatnonzero(chosen)
+    chosen[:] = False
+    for group, values in study.design.groups(present):
         scene = study.design.scene_of(values)
         for steps in np.unique(study.step_counts[group]):
             own = group[study.step_counts[group] == steps]
-            mine = order[np.isin(points, own)]
+            chosen[own] = True
+            mine = np.flatnonzero(chosen[points])
+            chosen[own] = False
             at = {t: v for t, v in study.design.at(points[mine]).items() if not t.grouped}
             trial = study.stop.streams(points[mine], study.design.shape) * study.stop.at_most + nth[mine]
             runner = study.runner.in_steps(int(steps))

@@ -111,7 +111,8 @@ class Runner:
         sim = self.simulation(scene, values, trials, beside=beside, device=device, threads=threads)
         observer = _Observer(sim, self.numbers) if self.numbers else None
         done = 0
-        while done < self.steps and (done == 0 or sim.episodes.running):
+        # exact, as nothing but ends stops worlds here, and there already: `running` would bring a number of each
+        while done < self.steps and sim.episodes.at_most:
             count = min(self.every, self.steps - done)
             sim.step(count)
             done += count
@@ -286,8 +287,8 @@ def start_rows(origin: Model, values: dict[Target, np.ndarray], n: int) -> dict[
     for b, vector in vectors.items():
         orientation[:, b] = turned(orientation[:, b], vector)
     # where all are turned alike, so are their reference points: a million of them need not be turned one by one
-    rows = {"position": place + rotate(orientation if turns else orientation[:1], origin.reference)}
-    return rows | {"orientation": orientation} if turns else rows
+    place += rotate(orientation if turns else orientation[:1], origin.reference)
+    return {"position": place} | ({"orientation": orientation} if turns else {})
 
 
 def turned(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:

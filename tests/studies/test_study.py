@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
 from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.simulation.simulation import Simulation
 from otwarp.studies.axes import Scatter, grid, sobol, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.observables import contact_force, delivered, first_passage, trapped
@@ -99,6 +101,20 @@ def test_what_a_trap_holds_does_not_depend_on_batches(tmp_path):
     together = study.compute([0], device="cpu")[0]
     assert same(together, study.compute([0], device="cpu", worlds=8)[0])
     assert together["end"][0].tolist() != together["end"][1].tolist()
+
+
+def test_a_look_brings_two_numbers_to_the_host(scene, monkeypatch):
+    """However many trials there are: what waits for a GPU between the segments is not a number of each world."""
+    study = study_of(scene, axes={"trap_power": values([1.0], unit="mW")}, stop=trials(512))
+    study.compute([0], device="cpu")
+    brought: list[list[int]] = []
+    numpy, step = wp.array.numpy, Simulation.step
+    monkeypatch.setattr(Simulation, "step", lambda sim, steps: brought.append([]) or step(sim, steps))
+    monkeypatch.setattr(wp.array, "numpy", lambda a: (brought and brought[-1].append(a.size)) or numpy(a))
+    study.compute([0], device="cpu")
+    assert len(brought) > 30
+    assert all(sum(sizes) <= 4 for sizes in brought[:-1])  # twice two: a CPU also asks how many it lists
+    assert sum(brought[-1]) >= 2 * 512  # at last what became of each
 
 
 def test_more_trials_keep_the_first_ones(scene):

@@ -130,10 +130,13 @@ def left_behind(
     bodies = [b for b, _ in held]
     far = np.zeros(len(scene.traps))
     for t, (trap, b) in enumerate(zip(scene.traps, bodies, strict=True)):
-        powers = np.concatenate([values["trap_power"][:, t], trap.power.values.ravel()])
-        spring = stiffness[t] * min(powers[powers > 0.0], default=0.0)
         times, points = trap.position.times, trap.position.values
-        if len(times) < 2 or spring == 0.0:
+        if len(times) < 2:
+            continue
+        powers = np.concatenate([values["trap_power"][:, t], trap.power.values.ravel()])
+        least = float(powers.min(where=powers > 0.0, initial=np.inf))
+        spring = stiffness[t] * least if np.isfinite(least) else 0.0
+        if spring == 0.0:
             continue
         rate = spring / (drags[b] / bodies.count(b) if b >= 0 else max(drags))
         spans, ways = np.diff(times), np.diff(points, axis=0)
