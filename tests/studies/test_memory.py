@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +16,8 @@ from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.stopping import trials
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +47,38 @@ def test_little_memory_gives_the_same_bits(scene, monkeypatch):
     little = study.compute([0], device="cpu")[0]
     assert max(batches) == 100 and sum(batches) == 512
     assert all(np.array_equal(plenty[n], little[n], equal_nan=plenty[n].dtype.kind == "f") for n in plenty)
+
+
+CHILD = """
+import resource, sys
+from pathlib import Path
+from otwarp.studies.engines.memory import room_of
+from tests.studies.test_memory import study_of
+
+def held():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+study_of(sys.argv[1], 1).compute([0], device="cpu")
+study = study_of(sys.argv[1], int(sys.argv[2]))
+room, before = room_of(study, "cpu"), held()
+study.compute([0], device="cpu", worlds=room.worlds)
+print(room.each * int(sys.argv[2]), 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+"""A process that says what `plan` says of as many trials, and by how much its memory grew at its highest [bytes]."""
+
+ALLOCATORS = 2**24
+"""What a process takes beside its arrays: pages that were free before, threads, code."""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is counted as Linux does")
+def test_a_run_takes_what_the_plan_says(scene):
+    """2^18 trials in one batch: their peak is no higher than what is said of them, and not far below."""
+    line = [sys.executable, "-c", CHILD, str(scene), str(2**18)]
+    said, took = map(
+        int, subprocess.run(line, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()[-2:]
+    )
+    assert said > 4 * ALLOCATORS
+    assert 0.25 * said < took < said + ALLOCATORS
 
 
 def test_a_million_trials_are_bounded(scene, monkeypatch):
