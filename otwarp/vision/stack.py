@@ -1,4 +1,4 @@
-"""Stacks of images on disk: panels with their focal planes, grey levels as TIFF, numbers as NumPy's file."""
+"""Stacks of images on disk: panels with their focal planes, grey levels as TIFF, numbers as NumPy's file; and read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from otwarp.errors import InputError
 from otwarp.files import written
 
 ENDINGS = (".png", ".tif", ".npy")
+READ = (".png", ".tif", ".tiff", ".npy")
+"""Endings of files that are read."""
 
 
 def check_ending(file: Path) -> None:
@@ -75,3 +77,54 @@ def _round_length(length: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(f * power for f in (1, 2, 5) if f * power <= length * (1 + 1e-9)))
+
+
+def load_stack(file: str | Path) -> np.ndarray:
+    """(f, height, width) images of a file, row 0 the lowest: pages of a TIFF, a PNG, or an array of NumPy's.
+
+    Grey levels are uint8 or uint16, NumPy's files may hold any real numbers, with row 0 the lowest as `save_stack`
+    writes them. Colours count as grey where they are equal.
+
+    Raises:
+        InputError: Another ending, a file that cannot be read, or images that are not grey.
+    """
+    path = Path(file)
+    if path.suffix.lower() not in READ:
+        raise InputError(f"{path}: ending = {path.suffix or 'none'}; allowed: {', '.join(READ)}")
+    try:
+        pages = _array(path) if path.suffix.lower() == ".npy" else _pages(path)
+    except (OSError, ValueError, EOFError, SyntaxError) as error:  # SyntaxError is what Pillow makes of a broken PNG
+        why = "there is no such file" if isinstance(error, FileNotFoundError) else " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: cannot be read ({why}); allowed: images, {', '.join(READ)}") from None
+    if pages.ndim == 4 and pages.shape[-1] in (3, 4):
+        if np.any(pages[..., :3] != pages[..., :1]):
+            raise InputError(f"{path}: images are in colour; allowed: grey ones")
+        pages = pages[..., 0]
+    if pages.ndim != 3 or not pages.size or pages.dtype.kind not in "uif":
+        raise InputError(f"{path}: images are {pages.dtype} {pages.shape}; allowed: (height, width) or (images, "
+                         "height, width) of numbers")  # fmt: skip
+    if pages.dtype.kind == "f" and not np.all(np.isfinite(pages)):
+        raise InputError(f"{path}: images have values that are not finite; allowed: finite numbers")
+    return pages
+
+
+def _array(path: Path) -> np.ndarray:
+    found = np.load(path, allow_pickle=False)
+    return found[None] if found.ndim == 2 else found
+
+
+def _pages(path: Path) -> np.ndarray:
+    from PIL import Image, ImageSequence
+
+    with Image.open(path) as opened:
+        pages = []
+        for page in ImageSequence.Iterator(opened):
+            if page.mode in ("1", "P", "LA", "PA", "CMYK", "YCbCr", "HSV"):
+                page = page.convert("RGB")
+            pages.append(np.array(page)[::-1])
+    if any(page.shape != pages[0].shape for page in pages):
+        raise ValueError("its pages differ in size")
+    found = np.stack(pages)
+    # Pillow has 16 bits of a PNG as whole numbers of 32
+    narrow = found.dtype.kind == "i" and found.size and found.min() >= 0 and found.max() <= 65535
+    return found.astype(np.uint16) if narrow else found

@@ -19,6 +19,8 @@ STUDY = str(Path(__file__).parents[2] / "studies" / "capture.toml")
 ROBOT = str(Path(__file__).parents[2] / "scenes" / "strategy_b.usda")
 SMOKE = str(Path(__file__).parents[2] / "vision" / "smoke.toml")
 
+FRAME = str(Path(__file__).parents[2] / "docs" / "images" / "vision_stack.png")
+
 NEEDED = {
     "run": [BEAD],
     "info": [BEAD],
@@ -42,6 +44,7 @@ NEEDED = {
     "vision export": ["absent"],
     "vision dataset": [SMOKE],
     "vision calibrate": [ROBOT],
+    "vision find": [FRAME],
     "vision track": ["absent"],
 }
 """What a command needs beside the option under test."""

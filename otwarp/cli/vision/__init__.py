@@ -3,7 +3,7 @@
 `render`: images in focal planes, by `otwarp.vision` (open `picture` there). `dataset`: many of them with their labels,
 by `otwarp.vision.datasets`. `calibrate`: pixels, planes and depths in µm, by `otwarp.vision.calibration`. `train`,
 `evaluate`, `export`: networks that tell from an image how a robot lies, by `otwarp.vision.networks`.
-`track`: a body in the frames of a run, by `otwarp.vision.tracking`.
+`find`, `track`: robots in a frame, a body in the frames of a run, by `otwarp.vision.tracking`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ COMMANDS = {
     "train": "Train a network on a data set, or go on with it.",
     "evaluate": "Say how good a network is, how sure, and what images hold.",
     "export": "Write a network as ONNX.",
+    "find": "Find the robots in an image, and say how each lies.",
     "track": "Follow a body of a recorded run through what its camera sees.",
 }
 """Commands and their one-line help; each lives in the module of its name and is imported when called."""

@@ -11,7 +11,7 @@ In come frames or estimates of networks, out come poses with covariances at any 
     belief                     one hypothesis: led on through time, corrected
     tracker                    several of them; late, missing and wrong measurements; prediction
     consistency                whether covariances are right: NEES and NIS
-    finding                    bodies in a frame, and pieces of it
+    finding, looking           bodies in a frame, and pieces of it; what a network says of each
     templates, matching        rendered images of a body at many poses; poses from images by least squares
     recorded, source           frames of a recorded run, tracked; what looks at them: templates or a network
     results, figure            errors beside the truth, `track.nc`; the picture
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from otwarp.vision.tracking.finding import Found as Found
     from otwarp.vision.tracking.finding import crop as crop
     from otwarp.vision.tracking.finding import find as find
+    from otwarp.vision.tracking.looking import sightings as sightings
     from otwarp.vision.tracking.matching import Matcher as Matcher
     from otwarp.vision.tracking.measurement import Measurement as Measurement
     from otwarp.vision.tracking.mobile import MobileBody as MobileBody
@@ -42,6 +43,7 @@ __getattr__, __dir__ = lazy_names(
     {
         "commands": ("Commands",),
         "finding": ("Found", "crop", "find"),
+        "looking": ("sightings",),
         "matching": ("Matcher",),
         "measurement": ("Measurement",),
         "mobile": ("MobileBody",),

@@ -41,7 +41,9 @@ class Found:
     azimuth: float
 
 
-def find(frame: np.ndarray, *, scale: float = 4.0, smallest: float = 6.0, threshold: float = THRESHOLD) -> list[Found]:
+def find(
+    frame: np.ndarray, *, scale: float = 4.0, smallest: float = 6.0, threshold: float = THRESHOLD, join: float = 0.0
+) -> list[Found]:
     """Bodies in a frame, from the left to the right.
 
     The squared contrast is smoothed, and what exceeds that of the noise is parted into connected pieces; bodies whose
@@ -52,6 +54,7 @@ def find(frame: np.ndarray, *, scale: float = 4.0, smallest: float = 6.0, thresh
         scale: Width of the smoothing [pixels], that of a fringe.
         smallest: Least side of a box [pixels].
         threshold: Standard deviations above an empty frame.
+        join: Distance up to which pieces are one body, as the spheres of a robot without rods [pixels].
 
     Raises:
         InputError: No image, or numbers out of range.
@@ -62,6 +65,8 @@ def find(frame: np.ndarray, *, scale: float = 4.0, smallest: float = 6.0, thresh
     for name, value in (("scale", scale), ("smallest", smallest), ("threshold", threshold)):
         if not 0.0 < value < 1e6:
             raise InputError(f"{name} is {value:g}; allowed: above 0")
+    if not 0.0 <= join < 1e6:
+        raise InputError(f"join is {join:g}; allowed: 0 or more")
     background = float(np.median(image))
     if background <= 0.0:
         raise InputError(f"background of the frame is {background:g}; allowed: above 0, bright field")
@@ -70,7 +75,9 @@ def find(frame: np.ndarray, *, scale: float = 4.0, smallest: float = 6.0, thresh
     energy = ndimage.gaussian_filter(contrast**2, scale, mode="nearest")
     # a Gaussian of this width averages 4π scale² squares, each of which scatters by √2 of its mean
     level = noise**2 * (1.0 + threshold * math.sqrt(2.0 / (4.0 * math.pi * scale**2)))
-    pieces, _ = ndimage.label(ndimage.binary_fill_holes(energy > level))  # type: ignore[misc]
+    there = ndimage.binary_fill_holes(energy > level)
+    near = there if join == 0.0 else ndimage.distance_transform_edt(~there) <= 0.5 * join  # type: ignore[operator]
+    pieces = ndimage.label(near)[0] * there  # type: ignore[index]
     found = []
     for n, box in enumerate(ndimage.find_objects(pieces), start=1):
         if box is None or min(s.stop - s.start for s in box) < smallest:
