@@ -5,17 +5,20 @@ Seen in Warp 1.19; `tests/test_warp_internals.py` fails when what is used here i
 - *Whether Warp runs.* `wp.init` cannot be asked, and starting it writes to the terminal where no driver is.
 - *Fields of a struct*, and another one of its type: an instance knows its `Struct`, which has no public name for them.
 - *Numbers and shape of a vector type*, which public functions tell of arrays alone.
+- *What is wrong with a function*, and what it returns: Warp tells it when a kernel that calls the function is compiled,
+  in a message with a place for every function on the way.
 - *Machine code of a kernel*, to be called where Warp is not imported: its file, symbol, launch bounds, and the library
   that loads it.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import warp as wp
-from warp._src import context
+from warp._src import codegen, context, types
 
 
 def is_running() -> bool:
@@ -49,6 +52,36 @@ def scalar_of(dtype: Any) -> Any:
 def shape_of(dtype: Any) -> tuple[int, ...]:
     """Shape of a vector, quaternion or matrix type; () of any other."""
     return tuple(getattr(dtype, "_shape_", ()))
+
+
+def fault_of(function: wp.Function) -> tuple[str, int, str] | None:
+    """File, line and message of the first thing in a function that Warp cannot compile; None where it can."""
+    try:
+        with codegen._codegen_lock:
+            function.build(None, function.module.options if function.module else {})
+    except Exception as error:  # of half a dozen types, some of them Python's own
+        text = str(error.args[0]) if error.args else str(error)
+        found = list(re.finditer(r'Error while parsing function "[^"]*" at (.*):(\d+):\n.*\n', text))
+        if not found:
+            raise
+        message = " ".join(text[found[-1].end() :].lstrip(";").split())
+        return found[-1][1], int(found[-1][2]), message.removeprefix("Error, ")
+    return None
+
+
+def returned_by(function: wp.Function) -> list[Any]:
+    """Types of what a function returns that `fault_of` has looked at, none for one that returns nothing."""
+    return [value.type for value in function.adj.return_var or ()]
+
+
+def same_type(a: Any, b: Any) -> bool:
+    """Whether two types are one to Warp, as `float` and `wp.float32` are."""
+    return types.types_equal(a, b)
+
+
+def name_of(dtype: Any) -> str:
+    """What Warp calls a type."""
+    return str(getattr(dtype, "key", types.type_repr(dtype)))
 
 
 def cpu_code(kernel: wp.Kernel) -> dict[str, Any]:

@@ -12,7 +12,19 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.core.types import ForceInput, vec6
-from otwarp.warp_internals import alike, cpu_code, fields, is_running, is_struct, scalar_of, shape_of
+from otwarp.warp_internals import (
+    alike,
+    cpu_code,
+    fault_of,
+    fields,
+    is_running,
+    is_struct,
+    name_of,
+    returned_by,
+    same_type,
+    scalar_of,
+    shape_of,
+)
 
 PACKAGE = Path(__file__).resolve().parent.parent / "otwarp"
 ADAPTER = PACKAGE / "warp_internals.py"
@@ -50,6 +62,31 @@ def test_fields_of_a_struct(device):
 )
 def test_numbers_and_shape_of_a_type(dtype, scalar, shape):
     assert scalar_of(dtype) is scalar and shape_of(dtype) == shape
+
+
+@wp.func
+def half(x: float):
+    return 0.5 * x
+
+
+@wp.func
+def unfinished(x: float):
+    return half(x) + nothing  # noqa: F821 # pyright: ignore[reportUndefinedVariable]
+
+
+@wp.func
+def silent(x: float):
+    x = x + 1.0
+
+
+def test_what_is_wrong_with_a_function_and_what_it_returns(device):
+    assert fault_of(half) is None and fault_of(silent) is None
+    assert len(returned_by(half)) == 1 and same_type(returned_by(half)[0], float) and returned_by(silent) == []
+    assert not same_type(returned_by(half)[0], wp.float64) and name_of(returned_by(half)[0]) == "float32"
+    assert name_of(ForceInput) == "ForceInput"
+    file, line, message = fault_of(unfinished) or ("", 0, "")
+    assert Path(file) == Path(__file__) and "nothing" in Path(file).read_text().splitlines()[line - 1]
+    assert message == "Referencing undefined symbol: nothing"
 
 
 @wp.kernel(module="unique", enable_backward=False)

@@ -84,3 +84,14 @@ def test_forces_are_a_list(device):
     for wrong, says in ((None, "forces is None; allowed: a list"), ([42], "forces has 42; allowed: functions")):
         with pytest.raises(ot.InputError, match=says):
             Simulation(bead_scene(), forces=wrong, device=device)
+
+
+def test_a_bug_in_an_end_is_told_in_one_line(device):
+    @ot.end
+    def high(now: ot.WorldNow, height: float) -> bool:
+        return now.state.position[now.world, 0][2]
+
+    with pytest.raises(
+        ot.InputError, match=r"end high \(.*test_ends.py:\d+\): Warp cannot compile it: .*annotated as `bool`"
+    ):
+        simulate(device, [high(height=1.0)])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,6 +69,59 @@ def test_bad_values_are_refused_before_anything_is_compiled(forces: list, parame
 def test_an_unknown_parameter_of_a_force_is_refused():
     with pytest.raises(InputError, match="parameter 'pull' is unknown; allowed: push"):
         constant(pull=1.0)
+
+
+HEADER = """
+import otwarp as ot, warp as wp
+
+@wp.func
+def wave(time: float):
+    return wp.sine(time)
+
+@ot.force(a="pN")
+def f(body: ot.ForceInput, a: float):
+"""
+
+BUGS = [
+    ("return wp.vec3(a * b)", "f.py:9): Warp cannot compile it: Referencing undefined symbol: b"),
+    ("return body.place * a", "f.py:9): Warp cannot compile it: `place` is not an attribute of 'body'"),
+    ("return wp.vec3(wp.dot(a, a))", "f.py:9): Warp cannot compile it: Couldn't find function overload for 'dot'"),
+    ("return wp.vec3(wave(a))", "f.py:5): Warp cannot compile it: Could not find function wp.sine"),
+    ("return a", "f.py:7) returns float32; allowed: wp.vec3"),
+    ("a = a + 1.0", "f.py:7) returns nothing; allowed: wp.vec3"),
+    ("return ot.Wrench(wp.vec3(a), wp.vec3(a))", "f.py:7) returns Wrench; allowed: wp.vec3, or otwarp.Wrench where"),
+    ("return wp.vec3(wp.sqrt(-a))", "on /World/B0 is [nan, nan, nan] pN"),
+]
+"""A line of a force's function, and what is said of it."""
+
+
+@pytest.mark.parametrize(("line", "words"), BUGS, ids=[line for line, _ in BUGS])
+@pytest.mark.parametrize("precision", ROUNDING)
+def test_a_bug_is_told_in_one_line_with_its_place(line: str, words: str, precision: str, device: str, tmp_path: Path):
+    file = tmp_path / "f.py"
+    file.write_text(f"{HEADER.strip()}\n    {line}\n")
+    force = runpy.run_path(str(file))["f"](a=1.0)
+    with pytest.raises(InputError) as error:
+        Simulation(DRIVERS["solo"], device=device, precision=precision, forces=[force])
+    said = str(error.value)
+    assert said.startswith("force f") and words in said and "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        (lambda b: b, "load of force f cannot be had"),
+        (lambda a: a + np.zeros(7), "load of force f cannot be had"),
+        (lambda a: np.nan * a, "load of force f is nan; allowed: finite numbers"),
+    ],
+)
+def test_a_bound_that_is_none_is_refused(load, words: str, device: str):
+    @ot.force(a="pN", slope=0.0, load=load)
+    def f(body: ot.ForceInput, a: float):
+        return wp.vec3(a)
+
+    with pytest.raises(InputError, match=words):
+        Simulation(DRIVERS["solo"], device=device, forces=[f(a=1.0)])
 
 
 SCRIPT = """

@@ -105,8 +105,14 @@ class BodyForce:
         return f"{self.name}_{parameter}"
 
     def compiled(self, precision: str) -> wp.Function:
-        """The function in a precision, as Warp's."""
-        return compiled(self.function, precision)
+        """The function in a precision, as Warp's.
+
+        Raises:
+            InputError: Warp cannot compile it, or it returns something else than its annotation says.
+        """
+        kind = Wrench if self.turns else wp.vec3
+        allowed = "otwarp.Wrench" if self.turns else "wp.vec3, or otwarp.Wrench where it is annotated -> otwarp.Wrench"
+        return compiled(self.function, precision, "force", (kind,), allowed)
 
 
 def _parameter(force: str, argument: inspect.Parameter, units: dict[str, str]) -> ForceParameter:

@@ -20,7 +20,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import SINGLE, Doubler, in_double, in_warp, typed, types_module
-from otwarp.warp_internals import scalar_of
+from otwarp.warp_internals import fault_of, name_of, returned_by, same_type, scalar_of
 
 _counter = itertools.count()
 
@@ -232,10 +232,47 @@ class _WarpByItsName(ast.NodeTransformer):
         return ast.Name("wp", node.ctx) if self.known.get(node.id) is wp else node
 
 
+def _checked(function: wp.Function, name: str, place: str, returns: tuple[Any, ...], allowed: str) -> wp.Function:
+    """A function as Warp's, if Warp can compile it and it returns one of some types.
+
+    Raises:
+        InputError: It cannot, or it returns something else.
+    """
+    fault = fault_of(function)
+    if fault is not None:
+        file, line, message = fault
+        where = place if file.startswith("<otwarp") else f"{file}:{line}"
+        raise InputError(f"{name} ({where}): Warp cannot compile it: {message}")
+    found = returned_by(function)
+    if len(found) != 1 or not any(same_type(found[0], kind) for kind in returns):
+        got = ", ".join(map(name_of, found)) or "nothing"
+        raise InputError(f"{name} ({place}) returns {got}; allowed: {allowed}")
+    return function
+
+
 @functools.lru_cache(maxsize=256)
-def compiled(function: Callable[..., Any], precision: str) -> wp.Function:
-    """A function from outside this package as Warp's, in a precision."""
-    return wp.func(function) if precision == "float32" else doubled_function(function)
+def compiled(
+    function: Callable[..., Any], precision: str, what: str, returns: tuple[Any, ...], allowed: str
+) -> wp.Function:
+    """A function from outside this package as Warp's, in a precision.
+
+    Args:
+        function: As written, for float32.
+        precision: One of `PRECISIONS`.
+        what: Kind of function, for messages: `force`, `end`.
+        returns: Types of which it returns one, in float32.
+        allowed: Those types in words, for messages.
+
+    Raises:
+        InputError: Warp cannot compile it, or it returns something else; with its file and line.
+    """
+    name = f"{what} {function.__name__}"
+    place = f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
+    single = _checked(wp.func(function), name, place, returns, allowed)
+    if precision == "float32":
+        return single
+    twins = tuple(typed(kind, precision) for kind in returns)
+    return _checked(doubled_function(function), f"{name} in {precision}", place, twins, allowed)
 
 
 @functools.lru_cache(maxsize=256)

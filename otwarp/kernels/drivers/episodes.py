@@ -69,7 +69,8 @@ def end_term(predicates: tuple[WorldFunction, ...]) -> wp.Function:
         "vec3": wp.vec3,
         "world_row": world_row,
     }
-    names |= {f"end_{n}": compiled(predicate.function, PRECISION) for n, predicate in enumerate(predicates)}
+    for n, predicate in enumerate(predicates):
+        names[f"end_{n}"] = compiled(predicate.function, PRECISION, "end", (wp.bool, wp.int32), "bool")
     return wp.func(function_from_text("end_of", text, names))
 
 

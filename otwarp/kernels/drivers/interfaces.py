@@ -111,7 +111,7 @@ def order_term(function: WorldFunction) -> wp.Function:
         "vec3": wp.vec3,
         "float": wp.float32,
         "world_row": world_row,
-        "order": compiled(function.function, PRECISION),
+        "order": compiled(function.function, PRECISION, "order", (wp.float32,), "float"),
     }
     return wp.func(function_from_text("order_of", text, names))
 

@@ -49,7 +49,8 @@ def observe_kernel(functions: tuple[WorldFunction, ...], reductions: tuple[str, 
         "wp": wp,
         "world_row": world_row,
     }
-    names |= {f"observed_{n}": compiled(function.function, PRECISION) for n, function in enumerate(functions)}
+    for n, function in enumerate(functions):
+        names[f"observed_{n}"] = compiled(function.function, PRECISION, "observable", (wp.float32,), "float")
     keep_all = wp.func(function_from_text("keep_all", text, names))
 
     @wp.kernel(module="unique", enable_backward=False)

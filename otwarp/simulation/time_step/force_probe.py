@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import warp as wp
 
+from otwarp.errors import InputError
 from otwarp.hydrodynamics import BodyMobility
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.precision import kernel_module
@@ -52,6 +53,9 @@ def measured_loads(
     """Loads of all bodies by the largest force, torque and rate that are seen of one force.
 
     It is looked at where each body starts, and where traps go as far as `MOST_LOOKS` allows.
+
+    Raises:
+        InputError: The force is no number where a body starts.
     """
     worlds = _probed_worlds(values, active, index)
     acting = np.flatnonzero(active.acts[index])
@@ -110,7 +114,7 @@ class ForceProbe:
         place: Place,
     ):
         self.scene, self.place = scene, place
-        self.index = index
+        self.name = active.body_forces[index].name
         data = place.typed(ModelData)()
         data.bodies = len(scene.bodies)
         data.medium = pack_medium(values["medium_temperature"], values["medium_viscosity"], place)
@@ -132,8 +136,11 @@ class ForceProbe:
 
         Args:
             bodies: (n,) which.
-            places: (n, p, 3) of their centres of diffusion [µm].
+            places: (n, p, 3) of their centres of diffusion [µm], where each starts first.
             worlds: (w,) whose parameters to take.
+
+        Raises:
+            InputError: The force is no number where a body starts.
         """
         duration = self.scene.settings.duration
         # no two moments differ by a multiple of a third one, so that no oscillation hides
@@ -146,11 +153,24 @@ class ForceProbe:
                           for b, d in zip(bodies, h, strict=True)])  # fmt: skip
         position = places[n, p] + (steps[m] * h[n])[:, :3]
         out = self._evaluate(bodies[n], worlds[w], position, turns[n, m], times[t]).reshape(*shape, 6)
+        self._check_starts(bodies, worlds, out[:, :, 0, 0, 0])
         still = out[..., 0, :].reshape(len(bodies), -1, 6)
         gradient = (out[..., 1:7, :] - out[..., 7:, :]) / (2.0 * h[:, None, None, None, :, None])
         jacobian = np.swapaxes(gradient.reshape(len(bodies), -1, 6, 6), 2, 3)
         force, torque = (np.linalg.norm(still[..., k : k + 3], axis=2) for k in (0, 3))
         return np.nanmax(force, axis=1), np.nanmax(torque, axis=1), np.nan_to_num(jacobian)
+
+    def _check_starts(self, bodies: np.ndarray, worlds: np.ndarray, start: np.ndarray) -> None:
+        """Refuse a force that has no value where a simulation begins: (n, w, 6) in a body's first place, at time 0."""
+        wrong = np.argwhere(~np.isfinite(start).all(axis=2))
+        if len(wrong):
+            n, w = wrong[0]
+            force, torque = ([float(x) for x in start[n, w, k : k + 3]] for k in (0, 3))
+            where = "" if len(worlds) == 1 else f" in world {worlds[w]}"
+            raise InputError(
+                f"force {self.name} on {self.scene.bodies[bodies[n]].name}{where} is {force} pN with a torque of "
+                f"{torque} pN·µm where the body starts, at time 0; allowed: finite numbers"
+            )
 
     def _evaluate(
         self, body: np.ndarray, world: np.ndarray, position: np.ndarray, rotation: np.ndarray, time: np.ndarray

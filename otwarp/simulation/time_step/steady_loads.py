@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 import warp as wp
 
+from otwarp.errors import InputError
 from otwarp.hydrodynamics.mobility import BodyMobility
 from otwarp.kernels.body_forces.body_force import BodyForce, Bound
 from otwarp.kernels.core.features import Features
@@ -89,8 +90,9 @@ def _completed(stated: Load, seen: Load, body_force: BodyForce) -> Load:
 def _stated(active: ActiveForces, index: int, moves: list[BodyMobility], scene: Scene) -> list[Load]:
     """Loads by what a force states about itself, 0 where it states nothing."""
     body_force, bodies = active.body_forces[index], len(moves)
-    force = _bound(body_force.load, active.parameters_of(index), bodies)
-    slope = _bound(body_force.slope, active.parameters_of(index), bodies)
+    values = active.parameters_of(index)
+    force = _bound(f"load of force {body_force.name}", body_force.load, values, bodies)
+    slope = _bound(f"slope of force {body_force.name}", body_force.slope, values, bodies)
     loads = []
     for b, (body, move) in enumerate(zip(scene.bodies, moves, strict=True)):
         if body_force.acts_on == "spheres":
@@ -109,10 +111,20 @@ def _lever(arm: np.ndarray) -> np.ndarray:
     return np.hstack([np.eye(3), -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])])
 
 
-def _bound(bound: Bound | None, values: Mapping[str, np.ndarray], bodies: int) -> np.ndarray:
-    """(B,) the largest value of a bound in any world, 0 for None."""
+def _bound(what: str, bound: Bound | None, values: Mapping[str, np.ndarray], bodies: int) -> np.ndarray:
+    """(B,) the largest value of a bound in any world, 0 for None.
+
+    Raises:
+        InputError: A user's function that fails, or that gives something else than a number for each body.
+    """
     if bound is None:
         return np.zeros(bodies)
-    found = np.asarray(bound(**values) if callable(bound) else bound, dtype=float)
-    rows = np.broadcast_to(np.abs(found), (found.shape[0] if found.ndim == 2 else 1, bodies))
+    try:
+        found = np.asarray(bound(**values) if callable(bound) else bound, dtype=float)
+        rows = np.broadcast_to(np.abs(found), (found.shape[0] if found.ndim == 2 else 1, bodies))
+    except Exception as error:
+        raise InputError(f"{what} cannot be had ({type(error).__name__}: {error}); allowed: a number, or a function of "
+                         f"{', '.join(values) or 'nothing'} with one for each body") from error  # fmt: skip
+    if not np.isfinite(rows).all():
+        raise InputError(f"{what} is {rows[~np.isfinite(rows)][0]}; allowed: finite numbers")
     return rows.max(axis=0)
