@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import importlib
 import importlib.util
 import os
 import signal
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
 from otwarp.studies.engines.local import Engine, Progress, compute_and_keep, tasks
+from otwarp.studies.engines.ray_internals import silent_workers, sockets_in
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import Store
 
@@ -107,19 +107,14 @@ def _connected(address: str | None) -> Iterator[Any]:
             where = f"--address is {address}" if address else "--engine is ray"
             raise InputError(f"{where}: {_first_line(error)}; allowed: a Ray head, from a host on which "
                              "`ray start` has joined it") from None  # fmt: skip
-    worker: Any = importlib.import_module("ray._private.worker")
-    said = getattr(worker, "print_worker_logs", None)
     try:
         _handle(kept)
-        if said is not None:  # a lost worker is no news worth a hundred lines on standard output
-            worker.print_worker_logs = lambda *_: None
-        yield ray
+        with silent_workers():  # a lost worker is no news worth a hundred lines on standard output
+            yield ray
     finally:
         if begun:
             ray.shutdown()
             _handle(kept)
-        if said is not None:
-            worker.print_worker_logs = said
 
 
 def _handle(handlers: dict[signal.Signals, Any]) -> None:
@@ -135,7 +130,7 @@ def _handled() -> tuple[signal.Signals, ...]:
 def _short_folder() -> dict[str, str]:
     """Where Ray puts its sockets on this host, if its own choice were too long for them."""
     usual = os.environ.get("RAY_TMPDIR") or os.environ.get("TMPDIR") or "/tmp"
-    return {} if len(usual) <= LONGEST_FOLDER or os.name == "nt" else {"_temp_dir": f"/tmp/ray-{os.getuid()}"}
+    return {} if len(usual) <= LONGEST_FOLDER or os.name == "nt" else sockets_in(f"/tmp/ray-{os.getuid()}")
 
 
 @contextlib.contextmanager
