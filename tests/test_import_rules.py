@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
     "haptics": ROOT,
     "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
+    "operators": ROOT | {"device", "kernels", "haptics", "scene", "simulation", "teleop"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},
@@ -88,6 +89,8 @@ INNER: dict[str, set[str]] = {
     "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
     "vision.networks.modules": {"vision.networks"},
     "vision.tracking": {"vision", "vision.datasets", "vision.networks"},
+    "operators": {"operators.kernels"},
+    "operators.kernels": set(),
     "ros": set(),
     "studies": {"studies.rare", "studies.engines"},
     "studies.rare": {"studies", "studies.engines"},
@@ -115,7 +118,7 @@ HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "
 ONLY_IN = {
     "pxr": {"scene"},
     "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "vision"}
-    | {"warp_internals"},
+    | {"operators", "warp_internals"},
     "rospy": set(),
 }
 """Third-party packages that only some rooms may touch at all."""

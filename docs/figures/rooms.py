@@ -16,7 +16,8 @@ BEGIN, END = "<!-- begin rooms -->", "<!-- end rooms -->"
 SIZE = (11.0, 9.64)
 PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "cli": (0.25, 8.94, 10.5, 0.42, "grey", "imports every room, inside functions"),
-    "ros": (0.25, 7.64, 6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
+    "ros": (0.25, 7.64, 2.6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
+    "operators": (3.05, 7.64, 3.2, 0.98, "amber", "simulated people at the device"),
     "analysis": (6.35, 6.64, 2.05, 0.66, "violet", "what a run or study tells"),
     "studies": (6.15, 5.26, 2.3, 0.98, "violet", "trials at many points"),
     "vision": (8.7, 5.24, 2.05, 1.6, "violet", "what a microscope sees"),

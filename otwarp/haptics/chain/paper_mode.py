@@ -131,7 +131,7 @@ class PaperRenderer:
 
     def __init__(self, config: HandConfig, model: ForceModel) -> None:
         choices = model.laws.get(config.traps[0], ()) if isinstance(model, LocalModel) and config.traps else ()
-        curves = [_curve(law) for law in choices]
+        curves = [curve_law(law) for law in choices]
         if not curves or None in curves:
             allowed = "a first trap with a force curve"
             raise InputError(f"chain.mode is 'paper' with traps {config.traps}; allowed: {allowed}")
@@ -181,7 +181,7 @@ class PaperRenderer:
         return self.node.robot_message(robot, time)
 
 
-def _curve(law: Law) -> TrapLaw | None:
+def curve_law(law: Law) -> TrapLaw | None:
     """The law's force as a function of distance, None for one that is none."""
     if isinstance(law, SplitLaw):
         return law.radial

@@ -135,7 +135,7 @@ class CompiledModel(LocalModel):
     ) -> None:
         super().__init__(laws, kinds, smoothing=smoothing, prediction=prediction)
         known = tuple(law for choices in self.laws.values() for law in choices)
-        self._sum = _Sum(code.load(), code.bounds, _packed(code.models, known))
+        self._sum = _Sum(code.load(), code.bounds, packed_laws(code.models, known))
         row = self._sum.laws.row
         self._row = {id(law): row[law] for law in known}
 
@@ -191,7 +191,7 @@ class _Sum:
         laws: Of all traps and kinds.
     """
 
-    def __init__(self, call: Call, bounds: bytes, laws: _Laws) -> None:
+    def __init__(self, call: Call, bounds: bytes, laws: PackedLaws) -> None:
         self.laws = laws
         self._call, self._bounds = call, array("B", bounds)
         self._hand = array("d", bytes(8 * len(HAND)))
@@ -236,7 +236,7 @@ def _address(numbers: array[Any]) -> int:
     return numbers.buffer_info()[0]
 
 
-class _Laws(NamedTuple):
+class PackedLaws(NamedTuple):
     """Laws as the code reads them.
 
     Attributes:
@@ -253,13 +253,13 @@ class _Laws(NamedTuple):
 
 
 @functools.lru_cache(maxsize=8)
-def _packed(models: tuple[str, ...], laws: tuple[Law, ...]) -> _Laws:
+def packed_laws(models: tuple[str, ...], laws: tuple[Law, ...]) -> PackedLaws:
     """Laws in memory, equal ones once; a chain that is made anew finds them again.
 
     Raises:
         InputError: A law whose model the code lacks.
     """
-    packed = _Laws({}, array("d"), array("d"), array("B"), array("i", [0]))
+    packed = PackedLaws({}, array("d"), array("d"), array("B"), array("i", [0]))
     tables = 0
     for law in dict.fromkeys(laws):
         name = model_of(law)
@@ -295,7 +295,7 @@ def _vector(name: str, vector: Vec3) -> dict[str, float]:
     return {f"{name}_{axis}": value for axis, value in zip("xyz", vector, strict=True)}
 
 
-def _add_table(packed: _Laws, law: TableLaw) -> None:
+def _add_table(packed: PackedLaws, law: TableLaw) -> None:
     """Append the levels of a table."""
     for level, grid in zip(law.levels, law.grids, strict=True):
         # a level starts at a whole node, whose index counts the layers as one

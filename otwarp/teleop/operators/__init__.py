@@ -258,6 +258,11 @@ class LocalScene:
             chosen,
         )
 
+    @property
+    def bodies(self) -> tuple[int, ...]:
+        """Index of the body whose sphere is in each slot now."""
+        return tuple(self._body[self._chosen].tolist())
+
     def now(self, beat: int, frame: Frame) -> SceneFrame:
         """A state as the servo takes it; the frame's numbers may be anything, the servo refuses what is not finite."""
         place = frame.spheres(self._body, self._offset)[0]

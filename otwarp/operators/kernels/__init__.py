@@ -1,0 +1,17 @@
+"""The servo's chain on the device, in float64: the arithmetic of `otwarp.haptics.chain`, operation by operation.
+
+    chain         the composed step of one hand; open this first
+    orders        a new state, arming, disarming, resetting of worlds
+    features      what a chain has, from which its step is composed
+    motion        how the traps follow the hand, low-pass filters, virtual coupling
+    velocity      velocity of the hand: adaptive windowing
+    local_model   the force on the spheres near the hand's traps, and where they have come to since a state
+    paper_mode    the public release's force node
+    passivity     the energy that the hand is given: counted, controlled and bounded
+    safety        arming, ramp, slew limit, clamp, motor guard, watchdog
+
+A part has constants, one row per hand of a world, and a state, one row per hand of every world; its functions take a
+state and return the next. The Python class of the same room of `haptics.chain` says why they do what they do. Products
+and sums are kept apart (`fuse_fp`), so that the bits are those of Python, but for `math.dist`, which rounds better than
+a root of a sum of squares.
+"""
