@@ -1,4 +1,4 @@
-"""Tests mirror the package, and each room says what lies in it: whoever opens a module knows where it is tested."""
+"""Tests mirror the package, each room says what lies in it, and what a file keeps to itself nobody else names."""
 
 from __future__ import annotations
 
@@ -46,3 +46,74 @@ def test_a_room_says_what_lies_in_it(room):
     stems = rooms_within(PACKAGE / room)
     assert not [stem for stem in sorted(stems) if not re.search(rf"\b{stem}\b", plan)]
     assert len(stems) < 3 or re.search(r"\bopen\b", plan.lower()), "which file to open first?"
+
+
+def private(name: object) -> bool:
+    """Whether a name is one that a module or class keeps to itself."""
+    return isinstance(name, str) and re.fullmatch(r"_(?!_)\w*[a-z]\w*", name) is not None
+
+
+def own_names(tree: ast.Module) -> set[str]:
+    """Private names that a module gives out itself: to its functions and classes, and to their attributes."""
+    nodes = list(ast.walk(tree))
+    found = {n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+    found |= {n.attr for n in nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
+    return found | {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+
+
+def strangers(tree: ast.Module) -> list[str]:
+    """Private names of others that a module uses: `a._b`, `getattr(a, "_b")`, `from a import _b`."""
+    own, found = own_names(tree), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and private(node.attr):
+            mine = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+            if not (mine and isinstance(node.ctx, ast.Store)) and node.attr not in own:
+                found.append(node.attr)
+        elif isinstance(node, ast.ImportFrom):
+            parts = [*(node.module or "").split("."), *(a.name for a in node.names)]
+            found += [part for part in parts if private(part)]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "setattr", "hasattr", "delattr"):
+            named = node.args[1].value if isinstance(node.args[1], ast.Constant) else None
+            found += [str(named)] if private(named) and named not in own else []
+    return found
+
+
+LEAVING = {"_exit"}
+"""`os._exit` is public: how a process ends at once."""
+
+
+def test_private_names_are_used_where_they_are_given_alone():
+    """What must reach into a library stands in a file of its own, `<library>_internals.py`, with a test of its own."""
+    reaching = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        names = set(strangers(ast.parse(path.read_text(encoding="utf-8")))) - LEAVING
+        if names and not path.stem.endswith("_internals"):
+            reaching[path.relative_to(PACKAGE).as_posix()] = names
+    assert not reaching
+
+
+def test_what_reaches_into_a_library_has_a_test_of_its_own():
+    files = sorted(PACKAGE.rglob("*_internals.py"))
+    assert len(files) > 2
+    tests = {p.stem for p in TESTS.rglob("test_*_internals.py")}
+    assert not [path for path in files if f"test_{path.stem}" not in tests]
+    assert not [
+        path
+        for path in files
+        if not re.search("Seen in|Made for", ast.get_docstring(ast.parse(path.read_text())) or "")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("from a import _b", ["_b"]),
+        ("from a._b import c", ["_b"]),
+        ("def f(thing): return thing._b", ["_b"]),
+        ("def f(thing): return getattr(thing, '_b')", ["_b"]),
+        ("class A:\n  def __init__(self): self._b = 1\n  def like(self, other): return self._b == other._b", []),
+        ("class A(B):\n  def f(self): return self._of_b", ["_of_b"]),
+    ],
+)
+def test_names_of_others_are_found(text, names):
+    assert strangers(ast.parse(text)) == names

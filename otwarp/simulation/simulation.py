@@ -67,6 +67,7 @@ class Simulation:
         model: The scene on the device.
         options: What was chosen about the step, with the time step, integrator and noise that follow from the scene.
         state, control: What moves, and what is commanded.
+        last_readout: `readout` as it is, nothing evaluated: forces and distances are those that were last measured.
 
     Raises:
         InputError: An argument out of range.
@@ -117,10 +118,10 @@ class Simulation:
         threads = None if threads is None else whole("threads", threads, 1)
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
-        self._readout = Readout.empty(self.model)
+        self.last_readout = Readout.empty(self.model)
         self._episodes: Episodes | None = None
         if self.model.features.episodes:
-            self._episodes = Episodes.start(self.model, options.ends or (), self.state, self._readout)
+            self._episodes = Episodes.start(self.model, options.ends or (), self.state, self.last_readout)
         settings = self.model.scene.settings
         in_force = {"time_step": self.time_step, "integrator": settings.integrator, "noise": settings.noise}
         self.options = dataclasses.replace(options, **in_force)
@@ -128,7 +129,7 @@ class Simulation:
         self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
         beside = self._step.measuring if readout else ()
-        parts = StepperParts(self._step, self.model, self.state, self.control, self._readout, threads, beside)
+        parts = StepperParts(self._step, self.model, self.state, self.control, self.last_readout, threads, beside)
         f = self.model.features
         few, many = PhasedStepper if f.phased else FusedStepper, BlockStepper if f.by_world else GridStepper
         self._stepper = (many if f.driver == "grid" else few)(parts)
@@ -166,7 +167,7 @@ class Simulation:
         if self._episodes is not None:
             self._episodes.look()
         if self.options.ends is None:
-            self._readout.check_faults(self.model)
+            self.last_readout.check_faults(self.model)
 
     def _segment(self, episodes: Episodes, steps: int) -> None:
         """Launch `steps` steps of the worlds in motion, and what tells which of them have ended."""
@@ -323,7 +324,7 @@ class Simulation:
         """What was measured at the present state (evaluated when asked for)."""
         if self._measured_at != (self.state.step, self.control.writes):
             self.measure()
-        return self._readout
+        return self.last_readout
 
     def measure(self) -> Readout:
         """Evaluate trap forces and distances anew, for instance after assigning to an array of `state` or `control`."""
@@ -333,18 +334,18 @@ class Simulation:
         if self._step.readout:
             model = self.model
             per_trap_and_body, per_hand = self._step.readout
-            out, time = self._readout.trap_data(), wp.float64(self.time)
+            out, time = self.last_readout.trap_data(), wp.float64(self.time)
             views = [model.data, self.control.data(), self.state.data(), out, time]
             worlds, f = model.worlds, model.features
             wp.launch(per_trap_and_body, dim=(worlds, f.traps + f.bodies), inputs=views, device=model.device)
             wp.launch(per_hand, dim=(worlds, 2), inputs=[model.data, out], device=model.device)
         if self._step.forces is not None:
-            out = [self._readout.body_force, self._readout.body_torque]
+            out = [self.last_readout.body_force, self.last_readout.body_torque]
             views = [self.model.data, self.state.data(), wp.float64(self.time)]
             dim = (self.model.worlds, self.model.features.bodies)
             wp.launch(self._step.forces, dim=dim, inputs=views, outputs=out, device=self.model.device)
         self._measured_at = (self.state.step, self.control.writes)
-        return self._readout
+        return self.last_readout
 
     def unwrapped_position(self) -> np.ndarray:
         """(W, B, 3) reference points where they would be if space did not repeat [µm], on the host in float64."""
@@ -365,7 +366,7 @@ class Simulation:
 
     def arrays(self) -> dict[str, wp.array]:
         """All arrays that a run changes, by the names that they have in a checkpoint."""
-        groups: dict[str, Any] = {"state": self.state, "control": self.control, "readout": self._readout}
+        groups: dict[str, Any] = {"state": self.state, "control": self.control, "readout": self.last_readout}
         out = {f"{g}.{k}": v for g, item in groups.items() for k, v in vars(item).items() if isinstance(v, wp.array)}
         if self._episodes is not None:
             out |= {f"episodes.{k}": getattr(self._episodes, k) for k in ("done", "step", "number")}
@@ -373,7 +374,7 @@ class Simulation:
 
     def memory(self) -> int:
         """Bytes of device memory held by the model's tables, State, Control and Readout."""
-        return device_bytes(self.model, self.state, self.control, self._readout)
+        return device_bytes(self.model, self.state, self.control, self.last_readout)
 
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint (`.npz`) from which `restore` continues bit for bit; errors as `checkpoint.save`."""

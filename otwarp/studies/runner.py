@@ -168,7 +168,7 @@ class Runner:
         time = sim.episodes.step.numpy() * self.time_step
         for n, end in enumerate(self.ends, start=1):
             if end.predicate.function is escaped.predicate.function:
-                at = sim._readout.escape_step.numpy()  # forces and distances of the traps are not asked for
+                at = sim.last_readout.escape_step.numpy()  # forces and distances of the traps are not asked for
                 first = np.where(at >= 0, at, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
                 # a trial that another end came to at the same look may have lost its sphere before
                 came = (first < np.iinfo(np.int64).max) & (code != FAULT)
@@ -316,6 +316,6 @@ class _Observer:
     def look(self, steps: int) -> None:
         """Read the worlds that have just taken `steps` steps."""
         sim = self.sim
-        readout = sim.measure() if self.measured else sim._readout
+        readout = sim.measure() if self.measured else sim.last_readout
         views = [sim.model.data, sim.state.data(), readout.data(), self.values, self.kept, self.counts, steps]
         wp.launch(self.kernel, dim=sim.model.worlds, inputs=views, device=sim.model.device)

@@ -95,7 +95,7 @@ class Study:
         self.options = options or StepOptions()
         self.scatter = tuple((_scattered(n, s, loaded, variations), s) for n, s in (scatter or {}).items())
         self.horizon = self._horizon(horizon)
-        self._every, self._time_step = every, _step(time_step)
+        self._every, self.asked_step = every, _step(time_step)
         self._runner: Runner | None = None
         self._step_counts: np.ndarray | None = None
         self.round: tuple[np.ndarray, np.ndarray] | None = None
@@ -149,7 +149,7 @@ class Study:
     def step_counts(self) -> np.ndarray:
         """(points) steps of each point over the horizon, fixed when the study is planned."""
         if self._step_counts is None:
-            self._step_counts = steps_of_points(self, self._time_step)
+            self._step_counts = steps_of_points(self, self.asked_step)
         return self._step_counts
 
     def plan(self) -> Plan:

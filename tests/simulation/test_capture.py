@@ -39,7 +39,7 @@ class Loop:
         wp.launch(aim, dim=WORLDS, inputs=[self.turn, self.sim.control.trap_position], device=self.device)
 
     def after(self):
-        wp.launch(add, dim=WORLDS, inputs=[self.sim._readout.trap_force, self.total], device=self.device)
+        wp.launch(add, dim=WORLDS, inputs=[self.sim.last_readout.trap_force, self.total], device=self.device)
         self.sim.reset(self.sim.episodes.done)
 
 

@@ -38,6 +38,19 @@ DEAD_MAN, CLUTCH = 1, 2
 """Bits of `DeviceSample.buttons`."""
 
 
+OLD_NAMES = {
+    "": "chain",
+    "motion._filter": "motion filter",
+    "_coupling": "coupling",
+    "_filter": "force filter",
+    "_paper": "paper",
+    "_paper._node": "paper node",
+    "_paper._node._filter": "paper node filter",
+    "windows": "velocity",
+}
+"""Names that recordings of earlier versions have for parts of a chain."""
+
+
 class Part(Protocol):
     """Part of a chain that remembers something from one step to the next."""
 
@@ -142,26 +155,26 @@ class Chain:
         """
         own = [self._back, self._tick, self._time, self._beat, self._scene_time, self._scene_age, self._device_age]
         own += [self._position, self._felt, self._paper_force, self.asked, self.complaint]
-        parts = {name: part.state() for name, part in self._parts().items() if part is not None}
+        parts = {name: part.state() for name, part in self.parts().items() if part is not None}
         scenes = {"anchors": list(self._anchors.items()), "scene": scene_to_list(scene)}
-        return {"": own, **parts, **self.model.state(), **scenes}
+        return {"chain": own, **parts, **self.model.state(), **scenes}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from the `state` of a chain of the same configuration.
+        """Go on from the `state` of a chain of the same configuration, of an earlier version as well.
 
         Raises:
             InputError: It is of another configuration, or none.
         """
         try:
+            state = {OLD_NAMES.get(name, name): value for name, value in state.items()}
             anchors = {int(trap): as_tuples(place) for trap, place in state["anchors"]}
             if anchors:
                 self.model.refresh(scene_from_list(state["scene"]), anchors)
             self._anchors = anchors
-            self._back, self._tick, self._time, self._beat, self._scene_time, self._scene_age, *rest = as_tuples(
-                state[""]
-            )
+            own = as_tuples(state["chain"])
+            self._back, self._tick, self._time, self._beat, self._scene_time, self._scene_age, *rest = own
             self._device_age, self._position, self._felt, self._paper_force, self.asked, self.complaint = rest
-            for name, part in self._parts().items():
+            for name, part in self.parts().items():
                 if (part is None) != (name not in state):
                     raise ValueError(f"{name} is {'not ' * (part is None)}configured")
                 if part is not None:
@@ -170,20 +183,20 @@ class Chain:
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"start of a recording: does not fit its configuration ({error})") from None
 
-    def _parts(self) -> dict[str, Part | None]:
+    def parts(self) -> dict[str, Part | None]:
         """Name in recordings → part, None for one that is not configured; the model is apart, for its scene."""
         paper, node = self._paper, self._paper.node if self._paper else None
         return {
             "safety": self.safety,
             "passivity": self.passivity,
             "motion": self.motion,
-            "motion._filter": self.motion.filter,
-            "_coupling": self._coupling,
-            "_filter": self._filter,
-            "_paper": paper,
-            "_paper._node": node,
-            "_paper._node._filter": node.filter if node else None,
-            "windows": self._velocity,
+            "motion filter": self.motion.filter,
+            "coupling": self._coupling,
+            "force filter": self._filter,
+            "paper": paper,
+            "paper node": node,
+            "paper node filter": node.filter if node else None,
+            "velocity": self._velocity,
         }
 
     @property

@@ -65,6 +65,14 @@ class LocalModel:
             thermal motion is carried on, and a sphere that is held back stays where it was seen. A state in which
             simulated time has not gone on, as in slow motion, teaches it nothing.
 
+    Attributes:
+        laws, smoothing, prediction: As given.
+        traps: The hand's traps: place before it carried them [µm], power [mW], law and kind.
+        targets: Per kind, where its spheres were published last [µm].
+        spheres: Where the force takes them to be [µm]: `targets` itself, or on the way there.
+        shares: Of the traps' way that each sphere went lately, 0 … 1; empty where nothing is predicted.
+        carried: How far the state had the traps carried [µm].
+
     Raises:
         InputError: A trap without a law, a kind that it has none for, smoothing out of range.
     """
@@ -87,17 +95,17 @@ class LocalModel:
         self.laws = {trap: tuple(choices) for trap, choices in laws.items()}
         self.smoothing = smoothing
         self._kinds = tuple(kinds)
-        self._traps: list[tuple[float, float, float, float, Law, int]] = []
-        self._spheres: list[list[Vec3]] = []
-        self._targets: list[list[Vec3]] = []
+        self.traps: list[tuple[float, float, float, float, Law, int]] = []
+        self.spheres: list[list[Vec3]] = []
+        self.targets: list[list[Vec3]] = []
         self._bodies: Sequence[Sequence[int]] = ()
         self._time = -math.inf
         self.prediction = prediction
-        self._shares: list[list[float]] = []
+        self.shares: list[list[float]] = []
         self._went: list[list[float]] = []
         self._way = 0.0
         self._focus: Vec3 | None = None
-        self._carried = ZERO
+        self.carried = ZERO
 
     @property
     def kinds(self) -> tuple[int, ...]:
@@ -140,38 +148,38 @@ class LocalModel:
             rows += [(x, y, z, trap.power, choices[kind], kind) for kind in range(groups)]
         if not math.isfinite(total):
             return False
-        self._traps = rows
-        same = [len(group) for group in targets] == [len(group) for group in self._spheres]
+        self.traps = rows
+        same = [len(group) for group in targets] == [len(group) for group in self.spheres]
         if same and bodies != [list(group) for group in self._bodies]:
             self._exchange(targets, bodies)
-        stood = same and scene.time == self._time and targets == self._targets
+        stood = same and scene.time == self._time and targets == self.targets
         if self.prediction:
             if not stood:
                 self._learn(targets, focus, same)
-            self._carried = carried
+            self.carried = carried
         if self.smoothing == 1.0 or not same:
-            self._spheres = targets
-        self._targets, self._bodies, self._time = targets, bodies, scene.time
+            self.spheres = targets
+        self.targets, self._bodies, self._time = targets, bodies, scene.time
         return True
 
     def state(self) -> dict[str, Any]:
         """See `ForceModel.state`."""
-        model = [self._shares, self._went, self._way, self._focus, self._carried, self._bodies, self._time]
-        spheres = None if self._spheres is self._targets else self._spheres  # None: where they were published
-        return {"model": model, "targets": self._targets, "spheres": spheres}
+        model = [self.shares, self._went, self._way, self._focus, self.carried, self._bodies, self._time]
+        spheres = None if self.spheres is self.targets else self.spheres  # None: where they were published
+        return {"model": model, "targets": self.targets, "spheres": spheres}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """See `ForceModel.restore`."""
         shares, went, self._way, focus, carried, bodies, self._time = state["model"]
-        self._shares, self._went = as_tuples(shares), as_tuples(went)
-        self._focus, self._carried, self._bodies = as_tuples(focus), as_tuples(carried), as_tuples(bodies)
+        self.shares, self._went = as_tuples(shares), as_tuples(went)
+        self._focus, self.carried, self._bodies = as_tuples(focus), as_tuples(carried), as_tuples(bodies)
         spheres = state["spheres"]
-        self._targets = [[as_tuples(vector) for vector in group] for group in state["targets"]]
-        self._spheres = self._targets if spheres is None else [[as_tuples(v) for v in group] for group in spheres]
+        self.targets = [[as_tuples(vector) for vector in group] for group in state["targets"]]
+        self.spheres = self.targets if spheres is None else [[as_tuples(v) for v in group] for group in spheres]
 
     def _exchange(self, targets: list[list[Vec3]], bodies: list[list[int]]) -> None:
         """Where a place goes to another body, its past is where that body is now, and nothing is known of its way."""
-        standing = self._spheres is self._targets
+        standing = self.spheres is self.targets
 
         def _of(past: list[list[Vec3]]) -> list[list[Vec3]]:
             return [
@@ -179,8 +187,8 @@ class LocalModel:
                 for rows in zip(past, targets, self._bodies, bodies, strict=True)
             ]
 
-        self._targets, spheres = _of(self._targets), self._spheres
-        self._spheres = self._targets if standing else _of(spheres)
+        self.targets, spheres = _of(self.targets), self.spheres
+        self.spheres = self.targets if standing else _of(spheres)
         if self._went:  # only of a model that predicts
             self._went = [
                 [sum_ if a == b else 0.0 for sum_, a, b in zip(*rows, strict=True)]
@@ -196,7 +204,7 @@ class LocalModel:
         before = self._focus
         self._focus = focus
         if not same or before is None or focus is None:
-            self._shares, self._went, self._way = [], [[0.0] * len(group) for group in targets], 0.0
+            self.shares, self._went, self._way = [], [[0.0] * len(group) for group in targets], 0.0
             return
         a, b, c = focus[0] - before[0], focus[1] - before[1], focus[2] - before[2]
         self._way = MEMORY * self._way + a * a + b * b + c * c
@@ -205,18 +213,18 @@ class LocalModel:
                 MEMORY * sum_ + a * (u - x) + b * (v - y) + c * (w - z)
                 for sum_, (x, y, z), (u, v, w) in zip(sums, then, now, strict=True)
             ]
-            for sums, then, now in zip(self._went, self._targets, targets, strict=True)
+            for sums, then, now in zip(self._went, self.targets, targets, strict=True)
         ]
         way = self._way
-        self._shares = [[min(max(s / way, 0.0), 1.0) for s in sums] for sums in self._went] if way > 0.0 else []
+        self.shares = [[min(max(s / way, 0.0), 1.0) for s in sums] for sums in self._went] if way > 0.0 else []
 
     def force(self, x: float, y: float, z: float) -> Vec3:
         """See `ForceModel.force`."""
-        if self._spheres is not self._targets:
+        if self.spheres is not self.targets:
             self._approach()
         fx = fy = fz = 0.0
-        spheres = self._ahead(x, y, z) if self.prediction else self._spheres
-        for u, v, w, power, law, kind in self._traps:
+        spheres = self._ahead(x, y, z) if self.prediction else self.spheres
+        for u, v, w, power, law, kind in self.traps:
             gx, gy, gz = law.pull(u + x, v + y, w + z, spheres[kind])
             fx += power * gx
             fy += power * gy
@@ -225,24 +233,24 @@ class LocalModel:
 
     def _ahead(self, x: float, y: float, z: float) -> list[list[Vec3]]:
         """The spheres where they have come to by now, with the hand's traps carried by x, y, z [µm]."""
-        if not self._shares:
-            return self._spheres
-        a, b, c = self._carried
+        if not self.shares:
+            return self.spheres
+        a, b, c = self.carried
         a, b, c = x - a, y - b, z - c
         return [
             [(u + s * a, v + s * b, w + s * c) for (u, v, w), s in zip(group, shares, strict=True)]
-            for group, shares in zip(self._spheres, self._shares, strict=True)
+            for group, shares in zip(self.spheres, self.shares, strict=True)
         ]
 
     def _approach(self) -> None:
         """Move the spheres one servo period on towards where they were last published."""
         a = self.smoothing
-        self._spheres = [
+        self.spheres = [
             [
                 (x + a * (u - x), y + a * (v - y), z + a * (w - z))
                 for (x, y, z), (u, v, w) in zip(now, then, strict=True)
             ]
-            for now, then in zip(self._spheres, self._targets, strict=True)
+            for now, then in zip(self.spheres, self.targets, strict=True)
         ]
 
 

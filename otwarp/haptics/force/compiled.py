@@ -163,23 +163,23 @@ class CompiledModel(LocalModel):
 
     def _fetch(self) -> None:
         """Take back where spheres that glide have come to."""
-        if self._spheres is not self._targets:
+        if self.spheres is not self.targets:
             places = iter(self._sum.places())
-            self._spheres = [[next(places) for _ in group] for group in self._spheres]
+            self.spheres = [[next(places) for _ in group] for group in self.spheres]
 
     def _hand_over(self) -> None:
         """Give the code what it sums over."""
-        shares = self._shares if self.prediction and self._shares else [[0.0] * len(group) for group in self._targets]
+        shares = self.shares if self.prediction and self.shares else [[0.0] * len(group) for group in self.targets]
         spheres: list[float] = []
         first = [0]
-        for groups in zip(self._spheres, self._targets, shares, strict=True):
+        for groups in zip(self.spheres, self.targets, shares, strict=True):
             for place, target, share in zip(*groups, strict=True):
                 spheres += (*place, *target, share)
             first.append(first[-1] + len(groups[0]))
         pulls: list[float] = []
-        for x, y, z, power, law, kind in self._traps:
+        for x, y, z, power, law, kind in self.traps:
             pulls += (x, y, z, power, self._row[id(law)], first[kind], first[kind + 1])
-        self._sum.hand_over(self._carried, self.smoothing, pulls, spheres)
+        self._sum.hand_over(self.carried, self.smoothing, pulls, spheres)
 
 
 class _Sum:
@@ -195,7 +195,7 @@ class _Sum:
         self.laws = laws
         self._call, self._bounds = call, array("B", bounds)
         self._hand = array("d", bytes(8 * len(HAND)))
-        self._pulls = self._spheres = self._arguments = array("d")
+        self._pulls = self.spheres = self._arguments = array("d")
         self._view = memoryview(self._hand).cast("B")
         self._write = struct.Struct("=3d").pack_into
         self._read = struct.Struct(f"={8 * HAND.index('force_x')}x3d").unpack_from
@@ -210,17 +210,17 @@ class _Sum:
 
     def places(self) -> Iterator[Vec3]:
         """Where the spheres are now [µm]."""
-        x, y, z = (self._spheres[n :: len(SPHERE)] for n in range(3))
+        x, y, z = (self.spheres[n :: len(SPHERE)] for n in range(3))
         return zip(x, y, z, strict=True)
 
     def hand_over(self, published: Vec3, alpha: float, pulls: Sequence[float], spheres: Sequence[float]) -> None:
         """Rows of `local_rows`, one after another, and what the hand has beside its place."""
         self._hand[HAND.index("published_x") : HAND.index("force_x")] = array("d", published)
         self._hand[HAND.index("alpha")] = alpha
-        self._pulls, self._spheres, laws = array("d", pulls), array("d", spheres), self.laws
+        self._pulls, self.spheres, laws = array("d", pulls), array("d", spheres), self.laws
         counted = (
             (self._pulls, len(PULL)),
-            (self._spheres, len(SPHERE)),
+            (self.spheres, len(SPHERE)),
             (laws.rows, len(LAW)),
             (laws.node, 3),
             (laws.level, _LEVEL.size),

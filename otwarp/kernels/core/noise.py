@@ -31,15 +31,16 @@ STEP = math.sqrt(12.0 / (2**32 - 1))
 
 _POINT = wp.constant(POINT)
 _STEP = wp.constant(STEP)
-# a half counts as the signed high half of a word; what the low half holds cannot move it across these
-_UPPER = wp.constant(wp.int32((32768 - OUTER) << 16))
-_LOWER = wp.constant(wp.int32(-((32768 - OUTER) << 16)))
+UPPER = wp.constant(wp.int32((32768 - OUTER) << 16))
+LOWER = wp.constant(wp.int32(-((32768 - OUTER) << 16)))
+"""From where a half gives +√3, and below where −√3: it counts as the signed high half of a word, and what the low half
+holds cannot move it across."""
 
 
 @wp.func
 def three_point(half: wp.int32) -> wp.float32:
     """+√3 and −√3 with probability 1/6 each (10923/65536), else 0, from the high 16 bits."""
-    return wp.where(half >= _UPPER, _POINT, wp.where(half < _LOWER, -_POINT, 0.0))
+    return wp.where(half >= UPPER, _POINT, wp.where(half < LOWER, -_POINT, 0.0))
 
 
 @wp.func

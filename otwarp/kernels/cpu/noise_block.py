@@ -15,7 +15,7 @@ from typing import Literal
 
 import warp as wp
 
-from otwarp.kernels.core.noise import _LOWER, _UPPER, POINT, STEP
+from otwarp.kernels.core.noise import LOWER, POINT, STEP, UPPER
 from otwarp.kernels.core.random import Stream
 from otwarp.kernels.core.types import vec6
 
@@ -186,7 +186,7 @@ def block_source(noise: str, count: int, lanes: Literal["steps", "bodies", "worl
         source += "    philox(BROWNIAN_A);\n" + _WEAK.replace("DEVIATE", _DEVIATES[noise])
     for name, text in _LANES[lanes].items():
         source = source.replace(name, text)
-    names = {"UPPER": _UPPER, "LOWER": _LOWER, "POINT": POINT, "STEP": STEP, "COUNT": count}
+    names = {"UPPER": UPPER, "LOWER": LOWER, "POINT": POINT, "STEP": STEP, "COUNT": count}
     for name, value in names.items():
         source = source.replace(name, repr(getattr(value, "value", value)))
     for stream in (Stream.BROWNIAN_A, Stream.BROWNIAN_B):

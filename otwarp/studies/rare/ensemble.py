@@ -192,7 +192,7 @@ class Ensemble:
     def _watch(self) -> None:
         """Read the order parameters of the worlds in motion."""
         sim = self.sim
-        views = [sim.model.data, sim.control.data(), sim.state.data(), sim._readout.data(), self._values]
+        views = [sim.model.data, sim.control.data(), sim.state.data(), sim.last_readout.data(), self._values]
         out = [self.low, self.high, self._order, self.peak]
         wp.launch(self._kernel, dim=self.worlds, inputs=views + out, device=sim.model.device)
 

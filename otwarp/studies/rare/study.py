@@ -139,8 +139,8 @@ class EscapeStudy(Study):
     def step_counts(self) -> np.ndarray:
         """(points) steps of each point over the horizon: what its own powers ask for, where no step is given."""
         if self._step_counts is None:
-            own = self._time_step == PER_POINT
-            self._step_counts = own_step_counts(self) if own else steps_of_points(self, self._time_step)
+            own = self.asked_step == PER_POINT
+            self._step_counts = own_step_counts(self) if own else steps_of_points(self, self.asked_step)
         return self._step_counts
 
     def plan(self) -> EscapePlan:

@@ -198,10 +198,10 @@ def test_a_state_told_again_teaches_nothing(smoothing):
         for model, times in ((once, 1), (again, 5)):
             for _ in range(times):
                 told(model, 0.1 * n, 0.2 * n, 8e-3 * n)
-    assert once._shares == again._shares == [[pytest.approx(0.5)]] and once._way == again._way
+    assert once.shares == again.shares == [[pytest.approx(0.5)]] and once._way == again._way
     # one that stands still while time goes on teaches that it stands
     told(once, 1.9, 4.8, 1.0)
-    assert once._shares[0][0] < 0.4
+    assert once.shares[0][0] < 0.4
 
 
 @pytest.mark.parametrize("smoothing", [1.0, 0.1])

@@ -66,7 +66,7 @@ def final(case: Scene, device: str, *, lanes: bool) -> tuple[Simulation, np.ndar
     sim = Simulation(case, worlds=WORLDS, seed=3, device=device, time_step=TIME_STEP)
     assert sim.model.features.lanes
     features = replace(sim.model.features, lanes=lanes)
-    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim._readout, threads=1)
+    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim.last_readout, threads=1)
     sim._stepper = FusedStepper(parts)
     sim.step(STEPS)
     return sim, np.concatenate([sim.state.position.numpy(), sim.state.orientation.numpy()], axis=-1)

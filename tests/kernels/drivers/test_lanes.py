@@ -100,14 +100,14 @@ def simulation(
     )
     f = sim.model.features
     features = replace(f, lanes=lanes, vectors=lanes and f.vectors, noise=noise)
-    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim._readout, threads)
+    parts = StepperParts(make_step(features), sim.model, sim.state, sim.control, sim.last_readout, threads)
     sim._stepper = FusedStepper(parts)
     return sim
 
 
 def outcome(sim: Simulation) -> list[np.ndarray]:
     """All that a run leaves, floats as bits."""
-    state, readout = sim.state, sim._readout
+    state, readout = sim.state, sim.last_readout
     floats = [a.numpy().view(np.uint32) for a in (state.position, state.orientation)]
     return [*floats, readout.escape_step.numpy(), readout.fault.numpy(), readout.fault_step.numpy()]
 
@@ -136,7 +136,7 @@ def test_escapes_are_those_of_a_thread_of_its_own(name, device):
     lanes, plain = (simulation(name, device, lanes=form) for form in (True, False))
     for sim in (lanes, plain):
         sim.step(1500)
-    lost = lanes._readout.escape_step.numpy()
+    lost = lanes.last_readout.escape_step.numpy()
     assert np.count_nonzero(lost.max(axis=1) > 0) > WORLDS // 2
     assert_same(lanes, plain)
 
@@ -188,4 +188,4 @@ def test_a_body_with_a_fault_stops_alone(name, device):
     others = np.arange(WORLDS) != 2
     np.testing.assert_array_equal(hurt.state.position.numpy()[others], well.state.position.numpy()[others])
     np.testing.assert_array_equal(hurt.state.position.numpy()[2, 0], np.float32([FAR, 0.0, 0.0]))
-    np.testing.assert_array_equal(hurt._readout.fault_step.numpy()[2], 0)
+    np.testing.assert_array_equal(hurt.last_readout.fault_step.numpy()[2], 0)

@@ -69,5 +69,5 @@ def test_one_sphere_near_the_rim_holds_no_other_up(device):
         start[5, 0] += np.float32([0.39, 0.0, 0.0])
         sim.set_state(position=start)
         sim.step(400)
-    assert lanes._readout.escape_step.numpy()[5, 0] > 0
+    assert lanes.last_readout.escape_step.numpy()[5, 0] > 0
     assert_same(lanes, plain)

@@ -17,9 +17,10 @@ def test_moves_are_taken_together_or_not_at_all(form, device):
     move[3, bodies - 1, 0] = np.nan
     stepper.scratch.linear.assign(move)
     stepper.scratch.angular.zero_()
-    data = (sim.model.data, sim.control.data(), sim.state.data(), sim._readout.data(), stepper.scratch, stepper.clock)
+    views = (sim.model.data, sim.control.data(), sim.state.data(), sim.last_readout.data())
+    data = (*views, stepper.scratch, stepper.clock)
     stepper._launch(stepper.phases.finish, WORLDS * stepper.team, *data, 0)
-    fault = sim._readout.fault.numpy()
+    fault = sim.last_readout.fault.numpy()
     assert fault[3, bodies - 1] == Fault.NON_FINITE and (np.delete(fault, 3, axis=0) == 0).all()
     move[3] = 0.0
     np.testing.assert_array_equal(sim.state.position.numpy(), place + move)

@@ -30,7 +30,7 @@ FORMS = {
 def stepped_as(form: str, device: str) -> Simulation:
     sim = Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device)
     step = make_step(dataclasses.replace(sim.model.features, cached=False, **FORMS[form]))
-    parts = StepperParts(step, sim.model, sim.state, sim.control, sim._readout, threads=1)
+    parts = StepperParts(step, sim.model, sim.state, sim.control, sim.last_readout, threads=1)
     sim._stepper = PhasedStepper(parts) if step.phases else FusedStepper(parts)
     return sim
 
@@ -60,7 +60,7 @@ def test_a_fault_stops_its_world_alone(form, device):
     with pytest.raises(SimulationError) as error:
         faulty.step(20)
     assert (error.value.world, error.value.step) == (2, 0)
-    assert faulty._readout.fault.numpy()[2, 1] == Fault.NON_FINITE
+    assert faulty.last_readout.fault.numpy()[2, 1] == Fault.NON_FINITE
     np.testing.assert_array_equal(faulty.state.position.numpy()[2], place[2])
     others = [w for w in range(WORLDS) if w != 2]
     np.testing.assert_array_equal(faulty.state.position.numpy()[others], whole.state.position.numpy()[others])

@@ -25,7 +25,7 @@ def test_bits_are_those_of_one_sphere_after_the_other(device):
         sim = soft_simulation(packed(temperature=HOT), worlds=2, seed=3, device=device)
         assert sim.model.features.lanes
         model = replace(sim.model, features=replace(sim.model.features, lanes=lanes))
-        parts = StepperParts(make_step(model.features), model, sim.state, sim.control, sim._readout)
+        parts = StepperParts(make_step(model.features), model, sim.state, sim.control, sim.last_readout)
         stepper = GridStepper(parts)
         sim.model, sim._stepper = model, stepper
         sim.step(60)
