@@ -13,7 +13,7 @@ from otwarp.files import written
 from otwarp.studies.contours import equal_factors
 from otwarp.studies.intervals import survival
 from otwarp.studies.rare.figure import draw_escapes
-from otwarp.studies.results import choices_of, place_of, table
+from otwarp.studies.results import choices_of, place_of, table, taken
 from otwarp.studies.store import Store
 
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
@@ -255,8 +255,8 @@ def _curves(axes: Any, found: Any, shown: Shown, dims: list[str]) -> None:
 def _survival(axes: Any, store: Store, asked: dict[str, Any], name: str) -> None:
     """The share of trials that have not ended yet, over time, with its band."""
     with store.read() as raw:
-        end, time = raw["end"].values.ravel(), raw["end_time"].values.ravel()
-    good = end >= 0
+        end, time = raw["end"].values, raw["end_time"].values
+        good = taken(raw) & (end >= 0)
     o = next(o for o in asked["observables"] if o["name"] == name)
     level = asked["stop"]["level"]
     t, s, low, high = survival(time[good], end[good] == 1 + place_of(asked, o), level=level)

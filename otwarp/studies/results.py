@@ -37,7 +37,7 @@ def table(store: Store) -> Any:
         known = [n for n, v in raw.variables.items() if n not in apart and len(v.dims) == 1 and "trial" not in v.dims]
         out = xarray.Dataset(coords={n: raw[n] for n in known})
         trials, end, time = (raw[name].values for name in ("trials", "end", "end_time"))
-        ran = (np.arange(end.shape[-1]) < trials[..., None]) & (trials[..., None] >= 0)
+        ran = taken(raw)
         good = ran & (end != -1)
         computed = trials >= 0
         out["trials"] = (dims, np.maximum(trials, 0), {"long_name": "trials"})
@@ -73,6 +73,11 @@ def table(store: Store) -> Any:
         looked = rule["of"] or next(o["name"] for o in asked["observables"] if o["kind"] == "probability")
         out.update(largest_in(out, looked, rule["probability"], str(dims[-1])))
     return out
+
+
+def taken(raw: Any) -> np.ndarray:
+    """Whether trials of a store are there: where nothing was computed, or a block is not whole, none is."""
+    return np.arange(raw.sizes["trial"]) < raw["trials"].values[..., None]
 
 
 def ends_of(asked: dict[str, Any]) -> list[tuple[Any, ...]]:
@@ -168,7 +173,7 @@ def progress(store: Store) -> dict[str, int]:
     """How far a study is: blocks, points and trials, done and in all."""
     asked = store.asked()
     with store.read() as raw:
-        trials, end = raw["trials"].values, raw["end"].values
+        trials, fault = raw["trials"].values, taken(raw) & (raw["end"].values == -1)
     shared = asked["stop"].get("budget")
     return ({} if shared is None else {"budget": shared}) | {
         "blocks": asked["blocks"],
@@ -176,5 +181,5 @@ def progress(store: Store) -> dict[str, int]:
         "points": int(trials.size),
         "points_done": int(np.sum(trials >= 0)),
         "trials": int(np.sum(np.maximum(trials, 0))),
-        "faults": int(np.sum(end == -1)),
+        "faults": int(np.sum(fault)),
     }

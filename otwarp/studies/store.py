@@ -7,6 +7,8 @@
         done/000012    written when all chunks of block 12 are
 
 A block is written by one task, and depends on nothing but the study: it may be computed twice, by anyone, in any order.
+What is not marked as done is not there, whatever its chunks hold: a block may have been cut off between two arrays, or
+may be read between them. Of a study with a budget, whose blocks grow, `trials` says what is there: it is written last.
 The folder appears as a whole, so that a hundred shards may begin at once: the first makes it, the others find it.
 """
 
@@ -15,7 +17,7 @@ from __future__ import annotations
 import functools
 import json
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,14 +125,14 @@ class Store:
             check_place(folder, "the folder of the study", folder=True)
 
     def write(self, block: int, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
-        """Write a block, its marker last.
+        """Write a block, the number of its trials behind what they count, and its marker last.
 
         Raises:
             OSError: The disk is full, or the folder has gone; it names a file.
         """
         with self._named_errors():
-            for name, values in arrays.items():
-                self._put(name, where, values)
+            for name in sorted(arrays, key="trials".__eq__):
+                self._put(name, where, arrays[name])
         self.mark(block)
 
     def add(self, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray], before: np.ndarray) -> None:
@@ -183,7 +185,7 @@ class Store:
             raise OSError(error.errno, error.strerror, str(error.filename or self.results)) from error
 
     def read(self) -> Any:
-        """All arrays as an `xarray.Dataset`, read when they are used.
+        """All arrays as an `xarray.Dataset`, read when they are used; `trials` at once, −1 where a block is not whole.
 
         Raises:
             InputError: They are not there.
@@ -191,7 +193,13 @@ class Store:
         import xarray
 
         self._check_results()
-        return xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
+        done = self.finished()  # before anything else, as others may be writing
+        found = xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
+        trials = found["trials"].load()
+        if self.asked()["stop"].get("budget") is None:
+            whole = _points_of(done, trials.shape, trials.encoding["chunks"])
+            trials.values = np.where(whole, trials.values, FILL["i"]).astype(trials.dtype)
+        return found
 
     def claimed(self) -> AbstractContextManager[None]:
         """Hold the folder against a second driver on this machine; shards claim nothing, they share no block.
@@ -200,6 +208,15 @@ class Store:
             InputError: Another process has it.
         """
         return claimed(self.folder, "runs this study; allowed: one driver, or --shard for several")
+
+
+def _points_of(blocks: Sequence[int], shape: tuple[int, ...], chunk: tuple[int, ...]) -> np.ndarray:
+    """Whether points belong to one of some blocks, which are the chunks of a grid in their order."""
+    grid = tuple(-(-n // c) for n, c in zip(shape, chunk, strict=True))
+    chosen = np.zeros(grid, dtype=bool)
+    known = [b for b in blocks if b < chosen.size]
+    chosen.reshape(-1)[known] = True
+    return chosen[np.ix_(*(np.arange(n) // c for n, c in zip(shape, chunk, strict=True)))] if shape else chosen
 
 
 def open_store(folder: Path) -> Store:

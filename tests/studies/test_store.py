@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import resource
@@ -22,7 +23,9 @@ from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import on_this_host
 from otwarp.studies.engines.run import prepare, run_study
 from otwarp.studies.observables import trapped
-from otwarp.studies.stopping import trials
+from otwarp.studies.rare.study import EscapeStudy
+from otwarp.studies.results import progress, table
+from otwarp.studies.stopping import budget, trials
 from otwarp.studies.store import Store, open_store
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
@@ -85,6 +88,73 @@ def test_a_disk_that_fills_up(scene, whole, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
     assert np.sum(open_store(out).read()["trials"].values == 2_048) == 8
     assert same(run_study(study_of(scene), out, devices=["cpu"]), whole)
+
+
+@pytest.mark.parametrize("written", range(4))
+def test_a_block_that_is_half_written(scene, whole, tmp_path, monkeypatch, written):
+    """Read between any two of its arrays, or left so by what ended it, it is not there, and it is computed anew."""
+    study, out = study_of(scene), tmp_path / "out"
+    store = run_study(study, out, devices=["cpu"], shard=(1, 3))
+    seen, said = table(store), progress(store)
+    put, calls = Store._put, 0
+
+    def cut_off(at: Store, name: str, where: tuple[slice, ...], values: np.ndarray) -> None:
+        nonlocal calls
+        assert table(at).identical(seen) and progress(at) == said  # who looks while it is written
+        if calls == written:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        calls += 1
+        put(at, name, where, values)
+
+    monkeypatch.setattr(Store, "_put", cut_off)
+    with contextlib.suppress(OSError):
+        run_study(study, out, devices=["cpu"], shard=(2, 3))
+    monkeypatch.undo()
+    assert calls == min(written, 3)
+    if written < 3:
+        assert store.finished() == [0] and said["points_done"] == 8 and said["trials"] == 8 * 2_048
+        assert table(store).identical(seen) and progress(store) == said
+    assert same(run_study(study, out, devices=["cpu"]), whole)
+
+
+@pytest.mark.parametrize("written", range(3))
+def test_a_round_that_is_half_written(scene, tmp_path, monkeypatch, written):
+    """Blocks of a study with a budget grow: what `trials` counts is there, and what was cut off behind it is not."""
+    axes = {"trap_power": values([0.2, 0.3], unit="mW")}
+    rule = budget(200, at_least=16, at_most=128)
+    study = Study(scene, axes=axes, observables=[trapped(until=0.004)], stop=rule, seed=3)
+    put, calls = Store._put, 0
+
+    def cut_off(at: Store, name: str, where: tuple[slice, ...], values: np.ndarray) -> None:
+        nonlocal calls
+        if calls == 3 + written:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        calls += 1
+        put(at, name, where, values)
+
+    monkeypatch.setattr(Store, "_put", cut_off)
+    with pytest.raises(OSError, match="No space"):
+        run_study(study, tmp_path / "out", devices=["cpu"])
+    monkeypatch.undo()
+    store = open_store(tmp_path / "out")
+    assert progress(store)["trials"] == 32 and table(store)["trials"].values.tolist() == [16, 16]
+    first = study.between(np.zeros(2, int), np.full(2, 16)).compute([0], device="cpu")[0]
+    held = np.mean(first["end"] == 0, axis=-1)
+    assert np.allclose(table(store)["trapped"].values, held)
+
+
+def test_a_half_written_point_of_escapes(scene, tmp_path):
+    """Nothing of a point that is not marked as done: no rate, no interfaces, no steps."""
+    axes = {"trap_power": values([0.3, 0.4], unit="mW")}
+    study = EscapeStudy(scene, axes=axes, runs=2, branches=16, halved=False, seed=3)
+    store = run_study(study, tmp_path / "out", devices=["cpu"])
+    full = table(store)
+    (store.folder / "done" / "000001").unlink()
+    cut = table(store)
+    assert cut.isel(trap_power=0).identical(full.isel(trap_power=0, interface=slice(0, cut.sizes["interface"])))
+    rest = cut.isel(trap_power=1)
+    assert rest["trials"] == rest["faults"] == rest["steps"] == 0 and progress(store)["points_done"] == 1
+    assert all(np.all(np.isnan(rest[name])) for name in ("escape_rate", "flux", "probability", "interface_at", "basin"))
 
 
 def test_two_that_begin_at_once(scene, tmp_path):

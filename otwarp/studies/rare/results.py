@@ -31,9 +31,13 @@ def escape_table(store: Store) -> Any:
         known = [n for n, v in raw.variables.items() if len(v.dims) == 1 and v.dims[0] in dims and n not in _APART]
         out = xarray.Dataset(coords={n: raw[n] for n in known})
         done = raw["trials"].values >= 0
-        good = raw["end"].values >= 0
+        good = done[..., None] & (raw["end"].values >= 0)
         out["trials"] = (dims, np.maximum(raw["trials"].values, 0), {"long_name": "runs"})
-        out["faults"] = (dims, np.sum(raw["end"].values == -1, axis=-1), {"long_name": "runs with a fault"})
+        out["faults"] = (
+            dims,
+            np.sum(done[..., None] & (raw["end"].values == -1), axis=-1),
+            {"long_name": "runs with a fault"},
+        )
         rate, error = _mean(raw["rate_of_trial"].values, good)
         low, high = interval_of_mean(raw["rate_of_trial"].values, good, level)
         bound = _bound(raw, good, asked["escape"]["branches"], level)
@@ -55,12 +59,12 @@ def escape_table(store: Store) -> Any:
         )
         out["probability"] = out["probability"].transpose(*dims, "interface")
         for name in _OWN:
-            if name in raw:
-                out[name] = raw[name]
+            if name in raw:  # the step was planned, all else is found
+                out[name] = raw[name] if name == "time_step" else raw[name].where(raw["trials"] >= 0)
         if asked["escape"]["halved"]:
             _halved(out, raw, good, dims, per)
         steps = sum(np.maximum(raw[n].values, 0).sum(axis=-1) for n in raw if str(n).startswith("steps"))
-        out["steps"] = (dims, steps, {"long_name": "world-steps of the runs"})
+        out["steps"] = (dims, np.where(done, steps, 0), {"long_name": "world-steps of the runs"})
         used = int(np.isfinite(out["interface_at"].values).sum(axis=-1).max(initial=1))
         out = out.isel(interface=slice(0, max(used, 1)))
     out.attrs = {"scene": asked["scene"]["file"], "seed": asked["seed"], "method": asked["escape"]["method"],
