@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import shutil
 import socket
@@ -10,6 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from otwarp.errors import InputError
 
@@ -37,6 +39,20 @@ def written(path: Path, what: str = "") -> Iterator[Path]:
             if what:
                 raise InputError(f"{what} cannot be written: {error.strerror}") from error
         raise
+
+
+def save_picture(figure: Any, file: Path, dpi: int = 160) -> None:
+    """Write a figure of matplotlib, PNG, SVG or PDF by its ending, which is drawn before the file is opened.
+
+    On a full disk Matplotlib's own writer of PDF fails again while it closes the file.
+
+    Raises:
+        OSError: The disk is full; it names `file`.
+    """
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=dpi, format=file.suffix[1:])
+    with written(file) as part:
+        part.write_bytes(drawn.getbuffer())
 
 
 ENOUGH = 4096
@@ -79,9 +95,13 @@ def check_place(path: Path, what: str, *, folder: bool = False) -> None:
         ) from None
 
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What systems say of a disk, a quota or a file that is full."""
+
+
 def check_full(error: OSError, path: Path) -> None:
     """Raise an error of a full disk, which is no fault of the input, with the path that could not be written."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+    if error.errno in FULL:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
@@ -111,6 +131,7 @@ def made_apart(folder: Path, whole: str) -> Iterator[Path]:
     except OSError as error:
         if (folder / whole).exists():
             return
+        check_full(error, folder)
         if error.filename2 is None:  # while it was made
             raise
         raise InputError(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.files import written
+from otwarp.files import save_picture
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's, which colour-blind people tell apart; one for an axis."""
@@ -59,8 +59,7 @@ def draw_analysis(found: Mapping[str, Any], file: Path) -> Path:
         axes = figure.add_subplot(rows, columns, n + 1)
         axes.spines[["top", "right"]].set_visible(False)
         panels[name](axes, found[name])
-    with written(file) as part:
-        figure.savefig(part, dpi=160)
+    save_picture(figure, file)
     return file
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from otwarp.cli.options import json_option, seed_option
-from otwarp.cli.output import json_text, tables_console
+from otwarp.cli.output import json_text, tables_console, with_room
 from otwarp.cli.types import FILE, POSITIVE, SECONDS, Number, OutputPath
 from otwarp.errors import InputError
 
@@ -98,13 +98,15 @@ def analyse(path: Path, **asked: Any) -> None:
     console = tables_console(120)
     with console.capture() as text:  # nothing is said before all is known to be good
         found, said = _run(path, asked, curves, None if asked["as_json"] else console)
-    picture = None if asked["plot"] is None else draw_analysis(found, asked["plot"])
+    if asked["plot"] is not None:
+        with with_room(asked["plot"]):
+            draw_analysis(found, asked["plot"])
     if asked["as_json"]:
         click.echo(json_text(_plain(said)))
         return
     click.echo(text.get(), nl=False)
-    if picture is not None:
-        click.echo(f"wrote {picture}")
+    if asked["plot"] is not None:
+        click.echo(f"wrote {asked['plot']}")
 
 
 def _run(path: Path, asked: dict[str, Any], curves: list[str], console: Any) -> tuple[Found, dict[str, Any]]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from otwarp.files import written
+from otwarp.errors import InputError
+from otwarp.files import FULL, written
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,6 +25,25 @@ def write_json(value: Any, file: Path) -> None:
     """Write a value as JSON to a file, whole or not at all."""
     with written(file) as part:
         part.write_text(json_text(value) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def with_room(path: Path, kept: str = "") -> Iterator[None]:
+    """Have a disk that is full ask for another place.
+
+    Args:
+        path: What is written; a file that the error names counts instead.
+        kept: What becomes of what was there already.
+
+    Raises:
+        InputError: It is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        raise InputError(f"{error.filename or path}: {error.strerror}; allowed: a disk with room{kept}") from None
 
 
 def tables_console(width: int) -> Console:

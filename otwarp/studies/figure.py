@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.files import written
+from otwarp.files import save_picture
 from otwarp.studies.contours import equal_factors
 from otwarp.studies.intervals import survival
 from otwarp.studies.rare.figure import draw_escapes
@@ -66,8 +66,7 @@ def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.
     if shown.kind == "escape":
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         draw_escapes(figure, found)
-        with written(file) as part:
-            figure.savefig(part, dpi=160)
+        save_picture(figure, file)
         return file
     over = found["largest"].dims if shown.kind == "largest" else found["trials"].dims
     dims = [str(d) for d in over if found.sizes[d] > 1]
@@ -87,8 +86,7 @@ def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.
     else:
         _maps(figure, _sheets(found, panels), shown, beside[:2], width=wide)
     figure.suptitle(f"{int(found['trials'].values.sum()):,} trials", fontsize=9)
-    with written(file) as part:
-        figure.savefig(part, dpi=160)
+    save_picture(figure, file)
     return file
 
 

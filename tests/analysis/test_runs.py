@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from otwarp.analysis import (
 from otwarp.analysis.trajectory import rotation_vectors
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.files import ENOUGH
 from tests.analysis.truth import DRAG, RELAXATION, TEMPERATURE, THERMAL
 
 BEAD = Path(__file__).parents[2] / "scenes" / "single_bead.usda"
@@ -50,6 +52,20 @@ def test_the_simulator_is_calibrated(run: Path) -> None:
     slow = found["drag"].values[1:]
     error = (found["drag_high"] - found["drag_low"]).values[1:] / (2.0 * 1.96)
     assert np.all(np.abs(slow - bead.attrs["drag"]) < 5.0 * error)
+
+
+def test_no_room_for_the_picture(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A disk that is full: one line, exit code 2, no remains."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for name in ("calib.png", "calib.pdf"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (ENOUGH, hard))
+        try:
+            assert main(["analyse", str(run / "run.nc"), "--psd", "--plot", str(tmp_path / name)]) == 2
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        said = capsys.readouterr().err
+        assert f"{name}: File too large; allowed: a disk with room" in said and said.count("\n") == 1
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_says_the_same(run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

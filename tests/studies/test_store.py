@@ -13,11 +13,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.files import ENOUGH
 from otwarp.studies.axes import grid, values
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import on_this_host
@@ -31,6 +34,8 @@ from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 
 pytest.importorskip("zarr")
+
+SCENE = Path(__file__).parents[2] / "scenes" / "table_trap.usda"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +93,39 @@ def test_a_disk_that_fills_up(scene, whole, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
     assert np.sum(open_store(out).read()["trials"].values == 2_048) == 8
     assert same(run_study(study_of(scene), out, devices=["cpu"]), whole)
+
+
+def test_no_room_for_the_folder(tmp_path, capsys):
+    """A disk that fills up while the folder is made, by the scene itself: one line, exit code 2, and nothing stays."""
+    (tmp_path / "s.toml").write_text(
+        f'scene = "{SCENE}"\n[[observable]]\nkind = "trapped"\nuntil = "5 ms"\n[stop]\ntrials = 8\n'
+    )
+    assert SCENE.stat().st_size > 2 * ENOUGH
+    with largest_file(ENOUGH):
+        assert main(["study", "run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'out'}: File too large; allowed: a disk with room" in said and said.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize(
+    ("line", "file"),
+    [
+        (["study", "export", "-o"], "x.nc"),
+        (["study", "show", "--plot"], "x.png"),
+        (["study", "show", "--plot"], "x.pdf"),
+    ],
+)
+def test_no_room_for_what_is_written(whole, tmp_path, capsys, line, file):
+    """Tables and pictures: one line, exit code 2, no remains, and nothing that was found before is lost."""
+    wanted = tmp_path / file
+    wanted.write_text("kept")
+    with largest_file(ENOUGH):
+        assert main([*line[:2], str(whole.folder), line[2], str(wanted)]) == 2
+    said = capsys.readouterr().err
+    assert f"{wanted}: File too large; allowed: a disk with room" in said and said.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == [file] and wanted.read_text() == "kept"
+    assert main([*line[:2], str(whole.folder), line[2], str(wanted)]) == 0 and wanted.stat().st_size > ENOUGH
 
 
 @pytest.mark.parametrize("written", range(4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,6 +15,7 @@ from otwarp.cli.types import FILE, OutputPath
 @click.option("-o", "--out", type=OutputPath(), metavar="FILE", help="A netCDF file; default: FOLDER.nc.")
 def export(folder: Path, out: Path | None) -> None:
     """Write what the study in FOLDER has found as one netCDF file, with names, units and intervals."""
+    from otwarp.cli.output import with_room
     from otwarp.errors import InputError
     from otwarp.files import written
     from otwarp.studies.results import table
@@ -23,6 +25,17 @@ def export(folder: Path, out: Path | None) -> None:
     if out.suffix != ".nc":
         raise InputError(f"--out is {out}; allowed: a file that ends with .nc")
     found = table(open_store(folder))
-    with written(out) as part:
-        found.to_netcdf(part, engine="netcdf4")
+    image = _netcdf(found)
+    with with_room(out), written(out) as part:
+        part.write_bytes(image)
     click.echo(f"wrote {out}")
+
+
+def _netcdf(found: Any) -> memoryview:
+    """A table as netCDF-4, made in memory: after a write that fails, the library cannot close a file again."""
+    import netCDF4
+    from xarray.backends import NetCDF4DataStore
+
+    file = netCDF4.Dataset("table.nc", "w", format="NETCDF4", memory=0)
+    found.dump_to_store(NetCDF4DataStore(file))
+    return file.close()

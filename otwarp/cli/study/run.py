@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,9 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.options import device_option
+from otwarp.cli.output import with_room
 from otwarp.cli.progress import parts
 from otwarp.cli.types import FILE, OutputPath
-
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What systems say of a disk, a quota or a file that is full."""
 
 
 @click.command()
@@ -40,7 +37,6 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     Results do not depend on devices of one kind, shards, interruptions or the order of the work. With --engine ray the
     folder is one that all hosts share.
     """
-    from otwarp.errors import InputError
     from otwarp.studies.engines.local import parse_shard
     from otwarp.studies.engines.run import run_study
     from otwarp.studies.file import load_study
@@ -51,14 +47,9 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     folder = out or Path("out") / file.stem
     stop.begin()
     what = "block" if study.stop.budget is None else "trial"
-    with parts(what, f"{what}s") as progress:
-        try:
-            store = run_study(study, folder, shard=share, progress=progress, **how)
-        except OSError as error:
-            if error.errno not in FULL:
-                raise
-            raise InputError(f"{error.filename or folder}: {error.strerror}; allowed: a disk with room, where the same "
-                             "line goes on: finished blocks are kept") from None  # fmt: skip
+    kept = ", where the same line goes on: finished blocks are kept"
+    with parts(what, f"{what}s") as progress, with_room(folder, kept):
+        store = run_study(study, folder, shard=share, progress=progress, **how)
     done, blocks = len(store.finished()), len(study.blocks())
     click.echo(f"{done} of {blocks} blocks are done")
     if done == blocks:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from otwarp.cli.options import json_option
-from otwarp.cli.output import json_text, tables_console
+from otwarp.cli.output import json_text, tables_console, with_room
 from otwarp.cli.types import FILE, Number, OutputPath
 
 ROWS = 40
@@ -39,7 +39,9 @@ def show(folder: Path, plot: Path | None, observable: str | None, contour: float
     if plot is not None:
         from otwarp.studies.figure import draw
 
-        click.echo(f"wrote {draw(store, plot, name=observable, level=contour or 0.5)}")
+        with with_room(plot):
+            draw(store, plot, name=observable, level=contour or 0.5)
+        click.echo(f"wrote {plot}")
         return
     found = table(store)
     if contour is not None:

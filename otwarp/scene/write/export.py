@@ -6,10 +6,11 @@ import os
 import tempfile
 from pathlib import Path
 
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene.read.diagnostics import reading
+from otwarp.files import FULL
+from otwarp.scene.read.diagnostics import reading, usd_reason
 from otwarp.scene.read.source import Source, open_stage
 from otwarp.scene.read.typed import Values
 
@@ -95,6 +96,7 @@ def export_layer(layer: Sdf.Layer, path: Path) -> Path:
 
     Raises:
         InputError: Wrong ending, or the file cannot be written.
+        OSError: The disk is full; it names `path`.
     """
     if path.suffix not in (".usda", ".usdc", ".usd"):
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: must be one of .usda, .usdc, .usd")
@@ -109,6 +111,11 @@ def export_layer(layer: Sdf.Layer, path: Path) -> Path:
             raise InputError(f"{path}: cannot be written: must be in a writable folder")
         temporary.chmod(0o644)
         temporary.replace(path)
+    except Tf.ErrorException as error:
+        for number in FULL:  # USD says so in words alone
+            if os.strerror(number) in str(error):
+                raise OSError(number, os.strerror(number), str(path)) from None
+        raise InputError(f"{path}: cannot be written ({usd_reason(error)}); must be in a writable folder") from None
     finally:
         temporary.unlink(missing_ok=True)
     return path
