@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.scene import Scene
+from otwarp.scene import Body, Scene
 from otwarp.scene.check.overlap import check_overlaps
 from otwarp.scene.read.variations import Variations
 from otwarp.studies.axes import Dimension
@@ -150,35 +150,58 @@ class Design:
 
 def at_values(error: InputError, values: dict[Target, Any]) -> InputError:
     """The error, with the values of the group in which it came."""
-    where = ", ".join(f"{t.name} = {v} {t.unit}".rstrip() for t, v in values.items())
+    said = {t: f"{v:.6g}" if isinstance(v, float) else v for t, v in values.items()}
+    where = ", ".join(f"{t.name} = {v} {t.unit}".rstrip() for t, v in said.items())
     return InputError(f"at {where}: {error}") if where else error
 
 
 def check_starts(design: Design) -> None:
-    """Refuse points at which a body starts with its middle inside an obstacle or another body.
+    """Refuse points at which a body starts with its middle inside an obstacle or another body, placed or turned so.
 
-    Of more than `MOST_STARTS` different starts as many, evenly chosen, are looked at; with turned bodies none is.
+    Of more than `MOST_STARTS` different starts as many, evenly chosen, are looked at.
 
     Raises:
         InputError: Which point, and what overlaps.
     """
-    kinds = [{c.target.kind for c in along} for along in design.columns]
-    turned = [n for n, along in enumerate(kinds) if "start" in along]
-    if not turned or any("turn" in along for along in kinds):
+    posed = [n for n, along in enumerate(design.columns) if any(c.target.kind in ("start", "turn") for c in along)]
+    if not posed:
         return
-    shape = [len(design.dimensions[n]) for n in turned]
+    shape = [len(design.dimensions[n]) for n in posed]
     count = int(np.prod(shape, dtype=np.int64))
     scene = design.scene
     for number in np.unique(np.linspace(0, count - 1, min(count, MOST_STARTS)).astype(int)):
-        places = np.array([b.position for b in scene.bodies], dtype=float)
-        said = []
-        for n, at in zip(turned, np.unravel_index(number, shape), strict=True):
-            for c in (c for c in design.columns[n] if c.target.kind == "start"):
-                places[c.target.index, slice(None) if c.target.component is None else c.target.component] = c.values[at]
-                said.append(f"{c.target.name} = {c.values[at]} {c.target.unit}")
-        bodies = [dataclasses.replace(b, position=tuple(p)) for b, p in zip(scene.bodies, places.tolist(), strict=True)]
-        where = f"at {', '.join(said)}"
+        columns = [
+            (c.target, c.values[at])
+            for n, at in zip(posed, np.unravel_index(number, shape), strict=True)
+            for c in design.columns[n]
+            if c.target.kind in ("start", "turn")
+        ]
+        bodies = _posed(scene.bodies, columns)
+        where = f"at {', '.join(f'{t.name} = {v} {t.unit}' for t, v in columns)}"
         check_overlaps(where, bodies, scene.obstacles, share=1.0, period=scene.settings.period)
+
+
+def _posed(bodies: Sequence[Body], columns: Sequence[tuple[Target, Any]]) -> list[Body]:
+    """Bodies where starts put them, turned about the origins of their prims."""
+    places = np.array([b.position for b in bodies], dtype=float)
+    vectors = np.zeros((len(bodies), 3))
+    for target, value in columns:
+        into = places if target.kind == "start" else vectors
+        into[target.index, slice(None) if target.component is None else target.component] = value
+    out = []
+    for body, place, vector in zip(bodies, places.tolist(), vectors, strict=True):
+        changed: dict[str, Any] = {"position": tuple(place)}
+        if np.any(vector):
+            changed["orientation"] = tuple(turned(np.array([body.orientation]), vector[None])[0].tolist())
+        out.append(dataclasses.replace(body, **changed))
+    return out
+
+
+def turned(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """(n, 4) quaternions turned by (n, 3) rotation vectors in world axes [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    return (Rotation.from_rotvec(vector) * Rotation.from_quat(orientation)).as_quat()
 
 
 def blocks(shape: tuple[int, ...], size: int) -> list[tuple[slice, ...]]:

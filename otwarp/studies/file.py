@@ -62,9 +62,12 @@ def load_study(file: str | Path) -> Study:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:
         arguments = _arguments(said, path)
-        if "escape" not in said:
-            return Study(**arguments)
-        return EscapeStudy(**escape_arguments(arguments, said, _table(said, "escape")))
+        if "escape" in said:
+            study = EscapeStudy(**escape_arguments(arguments, said, _table(said, "escape")))
+        else:
+            study = Study(**arguments)
+        assert study.step_counts.size  # a step that some point cannot take is the file's fault, too
+        return study
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
+from otwarp.simulation.options import StepOptions
 from otwarp.studies.design import at_values
 from otwarp.studies.runner import parameter_rows
 from otwarp.studies.targets import Target
@@ -120,9 +121,26 @@ def _smallest(study: Study, given: float | None = None) -> float:
         try:
             model = Model.build(scene, worlds=len(sample), device="cpu", parameters=rows, options=options)
         except InputError as error:
-            raise at_values(error, values) from None
+            raise _where(study, error, values, sample, options) from None
         smallest = min(smallest, model.time_step)
     return float(smallest)
+
+
+def _where(
+    study: Study, error: InputError, values: dict[Target, Any], points: np.ndarray, options: StepOptions
+) -> InputError:
+    """The error of a model of points, with the values of the first of them that cannot be stepped by itself."""
+    scene = study.design.scene_of(values)
+    origin = Model.build(scene, device="cpu", options=study.options)
+    own = {t: v for t, v in study.design.at(points).items() if t.kind == "parameter"}
+    first = {repr([v[n].tolist() for v in own.values()]): n for n in reversed(range(len(points)))}
+    for n in sorted(first.values()):
+        rows = parameter_rows(origin, _worst(study, {t: v[n : n + 1] for t, v in own.items()}), 1)
+        try:
+            Model.build(scene, device="cpu", parameters=rows, options=options)
+        except InputError as reason:
+            return at_values(reason, values | {t: v[n] for t, v in own.items()})
+    return at_values(error, values)
 
 
 def _each(study: Study) -> np.ndarray:

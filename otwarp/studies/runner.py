@@ -18,6 +18,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies.axes import Scatter
+from otwarp.studies.design import turned
 from otwarp.studies.observables import Observable
 from otwarp.studies.quantity import ratio
 from otwarp.studies.targets import Target
@@ -289,13 +290,6 @@ def start_rows(origin: Model, values: dict[Target, np.ndarray], n: int) -> dict[
     # where all are turned alike, so are their reference points: a million of them need not be turned one by one
     place += rotate(orientation if turns else orientation[:1], origin.reference)
     return {"position": place} | ({"orientation": orientation} if turns else {})
-
-
-def turned(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """(n, 4) quaternions turned by (n, 3) rotation vectors in world axes [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    return (Rotation.from_rotvec(vector) * Rotation.from_quat(orientation)).as_quat()
 
 
 class _Observer:

@@ -280,6 +280,24 @@ def test_a_start_inside_an_obstacle():
             assert study_of(scene, axes=axes).design.points == 2
 
 
+def test_a_start_inside_an_obstacle_beside_an_axis_that_turns():
+    """A turn of some body, even of the cell itself, hides no start; a robot that is turned into a pillar is seen."""
+    scene = ROOT / "scenes" / "cell_delivery.usda"
+    start = {"start:/World/cell": values([[-58.0, -26.0, 8.0], [-31.0, -9.0, 8.0]], unit="µm")}
+    for name in ("turn.z:/World/cell", "turn.z:/World/Robots/left"):
+        with pytest.raises(InputError, match=rf"{name} = 0.1 rad: /World/cell: overlap with /World/Obstacles/pillar_1"):
+            study_of(scene, axes=start | {name: values([0.1], unit="rad")})
+    left = next(b for b in Scene.load(scene).bodies if b.prim == "/World/Robots/left")
+    bearing = np.degrees(np.arctan2(*left.spheres[0].offset[1::-1]))  # of a handle, 5 µm from the middle
+    place = values([[-31.0 - 12.5, -9.0, 10.0]], unit="µm")  # the pillar's radius is 8.5 µm
+    free, inside = (values([angle], unit="deg") for angle in (180.0 - bearing, -bearing))
+    with pytest.raises(InputError, match="/World/Robots/left: overlap with /World/Obstacles/pillar_1"):
+        study_of(scene, axes={"start:/World/Robots/left": place, "turn.z:/World/Robots/left": inside})
+    assert (
+        study_of(scene, axes={"start:/World/Robots/left": place, "turn.z:/World/Robots/left": free}).design.points == 1
+    )
+
+
 def test_bad_lists():
     """Before any scene is looked at."""
     for make in (

@@ -10,6 +10,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Scene, Track
 from otwarp.simulation.model import Model
+from otwarp.studies.design import at_values
 from otwarp.studies.rare.ensemble import Ensemble
 from otwarp.studies.rare.forward_flux import Estimates, forward_flux
 from otwarp.studies.rare.layout import PILOT, Layout
@@ -38,7 +39,10 @@ def own_step_counts(study: EscapeStudy) -> np.ndarray:
             at = {t: v for t, v in study.design.at(np.array([point])).items() if t.kind == "parameter"}
             rows = parameter_rows(origin, at, 1)
             own = _with_powers(scene, rows["trap_power"][0]) if "trap_power" in rows else scene
-            model = Model.build(own, device="cpu", parameters=rows, options=study.options)
+            try:
+                model = Model.build(own, device="cpu", parameters=rows, options=study.options)
+            except InputError as error:
+                raise at_values(error, values | {t: v[0] for t, v in at.items()}) from None
             counts[point] = int(np.ceil(study.horizon / model.time_step))
     return counts
 
