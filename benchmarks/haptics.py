@@ -5,7 +5,6 @@ Z-width and fidelity run on a virtual clock and are the same on every machine; t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -14,9 +13,9 @@ from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
-from otwarp.haptics.chain.chain import Chain
 from otwarp.haptics.chain.passivity import stiffest
 from otwarp.haptics.check import BUSY, CHECKED, STEPS, chain_costs, law_costs, mailbox_costs, time_calls
+from otwarp.haptics.check.fidelity import determination, sweep, touch
 from otwarp.haptics.check.timing import (
     STATE_RATE,
     Jitter,
@@ -27,10 +26,9 @@ from otwarp.haptics.check.timing import (
     measure_latency,
 )
 from otwarp.haptics.check.zwidth import DEVICE, HIGH, PASSIVE, RATE, BareDevice, chain_width, widths
-from otwarp.haptics.core import DeviceSample, SceneFrame, SphereFrame, TrapFrame
-from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, HandConfig, PassivityConfig
+from otwarp.haptics.core.config import TOUCH_CHAIN, TOUCH_QUANTUM, TOUCH_SAFETY, PassivityConfig
 from otwarp.haptics.force import local_model
-from otwarp.haptics.force.law import Law, SplitLaw, TableLaw
+from otwarp.haptics.force.law import Law, TableLaw
 from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, Particle, build_table
 from otwarp.teleop.operators.servo import compile_laws
@@ -56,20 +54,6 @@ SECONDS = 8.0
 """Length of each measurement of jitter [s]."""
 
 
-def determination(rendered: Sequence[float], model: Sequence[float]) -> float:
-    """R² = 1 − Σ(rendered − model)²/Σ(model − mean)²."""
-    mean = sum(model) / len(model)
-    lost = sum((r - m) ** 2 for r, m in zip(rendered, model, strict=True))
-    return 1.0 - lost / sum((m - mean) ** 2 for m in model)
-
-
-def pull_of(curve: TrapLaw, distance: float) -> float:
-    """Eq. 1 at 1 mW [pN], apart from the code that is measured."""
-    d = abs(distance)
-    f = curve.stiffness * d if d < curve.threshold else curve.inverse_square / d**2 + curve.offset
-    return math.copysign(f, distance) if d < curve.cutoff else 0.0
-
-
 def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0, hold: float = 0.0) -> float:
     """R² of the rendered against the model force, each period, on a sine of ±1.1 cutoff through the trap.
 
@@ -80,25 +64,10 @@ def fidelity(axis: str, speed: float, *, quantum: float, sweeps: float = 3.0, ho
         sweeps: How many periods of the sine.
         hold: Longest hold that passivity control expects at least [s].
     """
-    curve, row = (AXIAL, 1) if axis == "axial" else (RADIAL, 0)  # device y is the beam
-    touch = replace(TOUCH_CHAIN, passivity=PassivityConfig(hold=hold))
-    config = HandConfig(traps=(0,), force_gain=FORCE_GAIN, chain=touch, safety=TOUCH_SAFETY)
-    chain = Chain(config, local_model(config, {0: (SplitLaw(RADIAL, AXIAL),)}))
-    chain.arm()
-    reach, period, ramp = 1.1 * curve.cutoff / config.motion_gain, 1.0 / config.chain.rate, 600
-    rendered, model = [], []
-    for n in range(ramp + round(sweeps * 2.0 * math.pi * reach / speed / period)):
-        true = reach * math.sin(speed / reach * period * max(0, n - ramp))
-        place = [0.0, 0.0, 0.0]
-        place[row] = round(true / quantum) * quantum if quantum else true
-        scene = SceneFrame(
-            n + 1, n * period, (SphereFrame((0.0, 0.0, 0.0), 0),), (TrapFrame(0, (0.0, 0.0, 0.0), POWER),)
-        )
-        now = chain.step(DeviceSample(n * period, (place[0], place[1], place[2])), scene)
-        if n >= ramp:
-            rendered.append(now.force[row])
-            model.append(-FORCE_GAIN * POWER * pull_of(curve, config.motion_gain * true))
-    return determination(rendered, model)
+    config = touch(hold, force_gain=FORCE_GAIN)
+    laws = {"radial": RADIAL, "axial": AXIAL}
+    found = sweep(config, axis, speed, **laws, power=POWER, quantum=quantum, sweeps=sweeps)
+    return determination(found.rendered, found.model)
 
 
 def width_table(data: dict[str, Any], *, high: float) -> Table:

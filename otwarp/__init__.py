@@ -24,6 +24,7 @@ docstring (docs/architecture.md shows who may import whom):
     teleop         live sessions: page, operators, budget, recording
     ros            the same session as the topics of ROS 1 and ROS 2
     bench          what a user measures on his machine
+    reproduce      the paper's tables and figures, computed anew and set beside the published ones
     cli            all of this from the command line
 
 Files that every room may import: `errors` (what a user meets), `units` (internal units and constants), `files` (whole

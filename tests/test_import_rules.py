@@ -29,6 +29,9 @@ ALLOWED: dict[str, set[str]] = {
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},
     "analysis": ROOT | {"studies"},
     "vision": ROOT | {"device", "scene", "optics", "simulation"},
+    "reproduce": ROOT
+    | {"device", "scene", "optics", "simulation", "haptics", "record", "ros", "studies", "vision", "bench"}
+    | {"operators"},
     "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "cache": set(),
@@ -80,6 +83,8 @@ INNER: dict[str, set[str]] = {
     "cli.haptics": {"cli"},
     "cli.study": {"cli"},
     "cli.vision": {"cli"},
+    "reproduce": {"reproduce.items"},
+    "reproduce.items": {"reproduce"},
     "preview": {"preview.kernels"},
     "preview.kernels": set(),
     "vision": {"vision.kernels"},

@@ -8,6 +8,6 @@ command lives in the module of its name and imports its room when it is called, 
 - `options`, `bead_options`, `live_options`, `forces_options`: options that several commands share, those of a sphere in
   its beam, of a live session, of `forces`.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
-- Commands: `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `teleop`, `ros1`, `ros2`, `decompose`;
-  `study`, `vision`, `bench`, `haptics`: commands with commands of their own.
+- Commands: `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `teleop`, `ros1`, `ros2`, `decompose`,
+  `reproduce`; `study`, `vision`, `bench`, `haptics`: commands with commands of their own.
 """

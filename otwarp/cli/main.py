@@ -30,6 +30,7 @@ COMMANDS = {
     "forces": "Evaluate the optical force on a sphere exactly.",
     "mobility": "Say how the bodies of a scene diffuse, and how well that is known.",
     "decompose": "Turn a closed mesh into spheres.",
+    "reproduce": "Regenerate every table and figure of the paper, beside the published ones.",
     "bench": "Measure what accuracy costs on this machine.",
 }
 """Subcommands and their one-line help; each lives in the module of its name and is imported when called."""

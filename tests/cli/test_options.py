@@ -33,6 +33,7 @@ NEEDED = {
     "forces": ["--radius", "1", "--curves"],
     "mobility": [BEAD],
     "decompose": ["absent.stl"],
+    "reproduce": ["--out", "absent"],
     "analyse": ["absent.nc"],
     "study plan": [STUDY],
     "study run": [STUDY],

@@ -1,9 +1,11 @@
 """What `otwarp haptics check` measures, and what bounds the force that an operator feels.
 
-`run_check` here puts it together: devices, what the system grants, costs of calls, and of the files beside it:
+`run_check` here puts it together: devices, what the system grants, costs of calls, and of the files beside it (open
+`zwidth` first):
 
 timing    jitter of a loop, latency of a force in the servo process
 zwidth    the stiffest wall that a chain renders on a bare device
+fidelity  the force that a chain renders while a hand sweeps through a trap, beside the model's
 """
 
 from __future__ import annotations

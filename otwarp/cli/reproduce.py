@@ -1,0 +1,106 @@
+"""`otwarp reproduce`: every table and figure of the paper, ours beside theirs, as one report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from otwarp.cli import stop
+from otwarp.cli.options import device_option, json_option, out_option, seed_option
+from otwarp.cli.types import FILE, OutputPath
+from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.reproduce.runner import Report
+
+
+@click.command()
+@out_option("DIR", "Folder of the report, new or one to go on with: report.html, figures, numbers.")
+@click.option("--quick", is_flag=True, help="Minutes on two cores: fewer trials, a reduced network table.")
+@click.option("--only", multiple=True, metavar="NAME", help="This item of --list alone; several times for several.")
+@click.option("--list", "as_list", is_flag=True, help="Print the items, and do nothing.")
+@click.option("--scenes", type=FILE, default="scenes", show_default=True, help="Folder of the shipped scenes.")
+@click.option("--docs", type=OutputPath(), metavar="FILE",
+              help="Write the report that is in DIR as a page of Markdown, and compute nothing.")  # fmt: skip
+@seed_option
+@device_option
+@json_option
+def reproduce(
+    out: Path | None,
+    quick: bool,
+    only: tuple[str, ...],
+    as_list: bool,
+    scenes: Path,
+    docs: Path | None,
+    seed: int,
+    device: str | None,
+    as_json: bool,
+) -> None:
+    """Regenerate every table and figure of the paper, ours beside theirs.
+
+    Items that are done are kept: the same line goes on after whatever ended it. The full report belongs on a GPU, for
+    the networks and the simulated operators.
+    """
+    if as_list:
+        _list(as_json)
+        return
+    if out is None:
+        raise InputError("--out is missing; allowed: a folder for the report, or --list")
+    if docs is not None:
+        _write_docs(out, docs)
+        return
+    from otwarp.reproduce.registry import chosen
+    from otwarp.reproduce.runner import reproduce as reproduced
+
+    asked = {item.name for item in chosen(only)}
+    stop.begin()
+
+    def say(line: str) -> None:
+        stop.check()
+        click.echo(f"otwarp: {line}", err=True)
+
+    found = reproduced(out, names=only, quick=quick, device=device, scenes=scenes, seed=seed, say=say)
+    if only and found.missing:
+        raise InputError("; ".join(f"--only is {name}, which {why}" for name, why in found.missing.items()))
+    _print(found, asked, as_json)
+
+
+def _list(as_json: bool) -> None:
+    from otwarp.reproduce.registry import ITEMS
+
+    if as_json:
+        click.echo(json.dumps({name: {"title": i.title, "about": i.about} for name, i in ITEMS.items()}, indent=2,
+                              ensure_ascii=False))  # fmt: skip
+        return
+    width = max(map(len, ITEMS))
+    for name, item in ITEMS.items():
+        click.echo(f"{name:<{width}}  {item.about}")
+
+
+def _write_docs(out: Path, docs: Path) -> None:
+    from otwarp.reproduce.document import write_page
+    from otwarp.reproduce.runner import done_in
+
+    store, done = done_in(out)
+    click.echo(f"wrote {write_page(docs, store, done)}")
+
+
+def _print(found: Report, asked: set[str], as_json: bool) -> None:
+    if as_json:
+        seconds = {one.name: round(one.seconds, 1) for one in found.done}
+        click.echo(json.dumps({"report": str(found.page), "seconds": seconds, "missing": found.missing}, indent=2,
+                              ensure_ascii=False))  # fmt: skip
+        return
+    for one in found.done:
+        if one.name not in asked:
+            continue
+        click.echo(f"{one.title} ({one.seconds:.0f} s)")
+        for row in one.result.comparisons:
+            unit = f" {row.unit}" if row.unit else ""
+            click.echo(f"    {row.what}: paper {row.paper.said()}, ours {row.ours.said()}{unit}")
+    for name, why in found.missing.items():
+        click.echo(f"{name} was left out: {why}")
+    click.echo(f"wrote {found.page}")

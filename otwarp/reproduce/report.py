@@ -1,0 +1,213 @@
+"""The report: `report.html`, in which everything is, and `numbers.json` and `numbers.csv` for programs."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import html
+import io
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from otwarp import __version__
+from otwarp.files import written
+from otwarp.reproduce.item import GRADES, Comparison, Table
+from otwarp.reproduce.registry import ITEMS
+from otwarp.reproduce.sheet import SHEET
+from otwarp.reproduce.store import Done, Store, write_json
+
+PAPER = (
+    "Tan, Wei and Zhang, “A Digital Twin Framework for Virtual Visuo-Haptic Teleoperation of Complex-Shaped Optical "
+    "Microrobots” (Imperial College London), and its public release"
+)
+
+LEDE = f"""Every table and figure of {PAPER}, ours beside theirs. What is theirs is <span
+class="theirs">vermilion</span>, what is ours <span class="ours">blue</span>; a badge says how well a figure of theirs
+is known. SE is a standard error, brackets hold 95 % intervals, ± after a mean is the spread of what it is the mean
+of."""
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>The paper, reproduced</title>
+<style>{sheet}</style>
+</head>
+<body>
+<nav aria-label="Items"><p class="brand">otwarp <span>{version}</span></p><ol>{links}</ol></nav>
+<main>
+<header>
+<h1>The paper, reproduced</h1>
+<p class="lede">{lede}</p>
+<p class="kind {kind}">{kind_text}</p>
+<dl class="grades">{grades}</dl>
+</header>
+{summary}
+{sections}
+<footer><p>otwarp {version}, seed {seed}. Series (CSV) and figures (PNG) lie in <code>items/</code> beside this file,
+all numbers in <code>numbers.json</code> and <code>numbers.csv</code>.</p></footer>
+</main>
+</body>
+</html>
+"""
+
+QUICK = """Quick report: fewer trials, a reduced network table. Each item says how much was computed; without
+<code>--quick</code> the same items run in full."""
+FULL = "Full report."
+
+
+def write_report(store: Store, done: Sequence[Done], missing: Mapping[str, str]) -> Path:
+    """Write the page and the numbers.
+
+    Args:
+        store: Where.
+        done: Items that are there.
+        missing: Items that could not be computed → why.
+
+    Returns:
+        The page.
+    """
+    page = store.folder / "report.html"
+    with written(page) as part:
+        part.write_text(html_page(store, done, missing), encoding="utf-8")
+    about = {"otwarp": __version__, "quick": store.quick, "seed": store.seed}
+    items = {one.name: {"title": one.title, "device": one.device, "machine": one.machine, "seconds": one.seconds,
+                        **one.result.said()} for one in done}  # fmt: skip
+    write_json(store.folder / "numbers.json", {**about, "items": items, "missing": dict(missing)})
+    with written(store.folder / "numbers.csv") as part:
+        part.write_text(csv_text(done), encoding="utf-8")
+    return page
+
+
+def html_page(store: Store, done: Sequence[Done], missing: Mapping[str, str]) -> str:
+    """The whole page, figures embedded."""
+    names = {one.name: one for one in done}
+    links = "".join(
+        f'<li><a href="#{name}" class="{"there" if name in names else "absent"}">{text(item.title)}</a></li>'
+        for name, item in ITEMS.items()
+    )
+    sections = [
+        section(names[name]) if name in names else absent(name, item.title, item.about, missing.get(name, ""))
+        for name, item in ITEMS.items()
+    ]
+    kind = "quick" if store.quick else "full"
+    grades = "".join(f'<dt><b class="grade {g}">{g}</b></dt><dd>{text(said)}</dd>' for g, said in GRADES.items())
+    return PAGE.format(
+        sheet=SHEET,
+        version=__version__,
+        links=links,
+        lede=LEDE,
+        kind=kind,
+        kind_text=QUICK if store.quick else FULL,
+        grades=grades,
+        summary=summary(done),
+        sections="\n".join(sections),
+        seed=store.seed,
+    )
+
+
+def summary(done: Sequence[Done]) -> str:
+    """The figures that matter most, of all items."""
+    rows = [
+        (f'<a href="#{one.name}">{text(one.title)}</a>' if row == keys[0] else "", row)
+        for one in done
+        for keys in [[row for row in one.result.comparisons if row.key]]
+        for row in keys
+    ]
+    if not rows:
+        return ""
+    lines = "".join(f"<tr><td>{link}</td>{''.join(_cells(row))}</tr>" for link, row in rows)
+    head = '<th></th><th></th><th class="theirs">paper</th><th class="ours">otwarp</th><th></th>'
+    whole = f'<table class="pair"><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>'
+    return f'<section id="summary"><h2>At a glance</h2><div class="scroll">{whole}</div></section>'
+
+
+def section(one: Done) -> str:
+    """An item that is done."""
+    found = one.result
+    figures = "".join(
+        f'<figure><img alt="{text(f.caption)}" src="{_embedded(one.folder / f.file)}">'
+        f"<figcaption>{text(f.caption)}</figcaption></figure>"
+        for f in found.figures
+    )
+    facts = {**found.computed, "device": one.device, "time": f"{one.seconds:.0f} s", "machine": one.machine}
+    computed = "".join(f"<dt>{text(key)}</dt><dd>{text(value)}</dd>" for key, value in facts.items())
+    limits = "".join(f"<li>{text(line)}</li>" for line in found.incomparable)
+    files = "".join(f"<li><code>items/{one.name}/{name}</code> {text(what)}</li>" for name, what in found.files.items())
+    return f"""<section id="{one.name}">
+<h2>{text(one.title)}</h2>
+<p class="about">{text(one.about)}</p>
+{comparisons(found.comparisons)}
+{figures}
+<div class="words"><div><h3>What is compared</h3><p>{text(found.definition)}</p></div>
+<div><h3>Why they differ</h3><p>{text(found.difference)}</p></div></div>
+{f'<div class="limits"><h3>What cannot be compared</h3><ul>{limits}</ul></div>' if limits else ""}
+{"".join(map(table, found.tables))}
+<details><summary>How it was computed</summary><dl class="facts">{computed}</dl>
+{f"<ul>{files}</ul>" if files else ""}</details>
+</section>"""
+
+
+def absent(name: str, title: str, about: str, why: str) -> str:
+    """An item that is not there."""
+    said = f"Not computed: {text(why)}." if why else "Not computed yet."
+    return f"""<section id="{name}" class="absent"><h2>{text(title)}</h2><p class="about">{text(about)}</p>
+<p class="missing">{said} <code>otwarp reproduce --out … --only {name}</code> computes it.</p></section>"""
+
+
+def comparisons(rows: Sequence[Comparison]) -> str:
+    """Theirs and ours, side by side."""
+    lines = [f"<tr>{''.join(_cells(row))}</tr>" for row in rows]
+    return ('<div class="scroll"><table class="pair"><thead><tr><th></th><th class="theirs">paper</th>'
+            '<th class="ours">otwarp</th><th></th></tr></thead>'
+            f"<tbody>{''.join(lines)}</tbody></table></div>")  # fmt: skip
+
+
+def _cells(row: Comparison) -> tuple[str, ...]:
+    unit = f' <span class="unit">{text(row.unit)}</span>' if row.unit else ""
+    badge = f' <b class="grade {row.grade}" title="{text(GRADES[row.grade])}">{row.grade}</b>' if row.grade else ""
+    return (
+        f'<th scope="row">{text(row.what)}{unit}</th>',
+        f'<td class="theirs">{text(row.paper.said())}{badge}</td>',
+        f'<td class="ours">{text(row.ours.said())}</td>',
+        f'<td class="remark">{text(row.remark)}</td>',
+    )
+
+
+def table(one: Table) -> str:
+    """Another table."""
+    head = "".join(f"<th>{text(cell)}</th>" for cell in one.head)
+    body = "".join(
+        f'<tr><th scope="row">{text(row[0])}</th>{"".join(f"<td>{text(cell)}</td>" for cell in row[1:])}</tr>'
+        for row in one.rows
+    )
+    note = f'<p class="note">{text(one.note)}</p>' if one.note else ""
+    return (f'<h3>{text(one.title)}</h3><div class="scroll"><table class="more"><thead><tr>{head}</tr></thead>'
+            f"<tbody>{body}</tbody></table></div>{note}")  # fmt: skip
+
+
+def text(words: str) -> str:
+    """Plain words as HTML; what stands between backticks is code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(" ".join(words.split()), quote=True))
+
+
+def _embedded(file: Path) -> str:
+    """A picture as an address that holds it."""
+    return "data:image/png;base64," + base64.b64encode(file.read_bytes()).decode("ascii")
+
+
+def csv_text(done: Sequence[Done]) -> str:
+    """All comparisons, a row each."""
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["item", "what", "unit", "paper", "paper_text", "grade", "ours", "ours_spread", "ours_standard_error",
+                   "ours_low", "ours_high", "ours_text", "remark"])  # fmt: skip
+    for one in done:
+        for row in one.result.comparisons:
+            low, high = row.ours.interval or ("", "")
+            numbers = [v if v is not None else "" for v in (row.ours.number, row.ours.spread, row.ours.error)]
+            rows.writerow([one.name, row.what, row.unit, "" if row.paper.number is None else row.paper.number,
+                           row.paper.said(), row.grade, *numbers, low, high, row.ours.said(), row.remark])  # fmt: skip
+    return out.getvalue()
