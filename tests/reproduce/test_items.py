@@ -12,7 +12,7 @@ from otwarp.haptics.core.config import RELEASE_ALPHA
 from otwarp.laws import TrapLaw
 from otwarp.optics.fit import fit_curve, pull
 from otwarp.reproduce.items import rendering
-from otwarp.reproduce.items.chain import DISTANCE, MESSAGES, _settled
+from otwarp.reproduce.items.chain import DISTANCE, MESSAGES, settled_force
 from otwarp.reproduce.items.handle import BEAM, fits
 from otwarp.reproduce.items.strategy_a import closed_form, thermal
 from otwarp.reproduce.items.tilts import balance, held, length
@@ -66,7 +66,7 @@ def test_the_crossing_time_is_that_of_the_law():
 def test_the_release_settles_as_its_filter_says():
     """G·K·d·(1 − 0.95⁹⁹)."""
     expected = 0.0022 * 12000.0 * DISTANCE * (1.0 - 0.95**MESSAGES)
-    assert _settled() == pytest.approx(expected, rel=1e-12)
+    assert settled_force() == pytest.approx(expected, rel=1e-12)
     assert expected == pytest.approx(1.312, abs=5e-4)
 
 

@@ -41,7 +41,7 @@ def run(request: Request) -> Result:
     found = {one.loop: one for one in widths(request.say)}
     request.say("latency of the servo process")
     late = measure_latency(float(request.choose(3, 20)))
-    settled = _settled()
+    settled = settled_force()
     _draw(request.folder / "chain.png", found)
     return Result(
         comparisons=_comparisons(found, settled, late),
@@ -61,7 +61,7 @@ def run(request: Request) -> Result:
     )  # fmt: skip
 
 
-def _settled() -> float:
+def settled_force() -> float:
     """Force of the release's node [N] after `MESSAGES` messages at `DISTANCE`."""
     node = PaperForce(curve_of(RELEASE_LAW))
     node.robot_message((DISTANCE, 0.0, 0.0), 0.0)
