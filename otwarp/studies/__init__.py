@@ -13,7 +13,8 @@
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
 | `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |
 | `engines` | who computes what is missing, and where: this process, shards, Ray |
-| `file`, `figure`, `contours` | studies in TOML; pictures; lines of a map where a probability has a level |
+| `file` | studies in TOML |
+| `figure`, `survival_figure`, `contours` | pictures; survival curves; lines of a map where a probability has a level |
 | `rare` | rates of escapes that are too rare to be waited for: `EscapeStudy` |
 
 A trial has a number, and is the same bits for that number wherever and beside whatever it runs: so results do not

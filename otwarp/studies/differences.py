@@ -20,7 +20,7 @@ LONGEST = 80
 def difference(a: Any, b: Any) -> Difference | None:
     """The first place in which nested mappings, lists and dataclasses differ, as `axes.power.values[3]`; or None."""
     found = _difference(a, b)
-    return None if found is None else (found[0].removeprefix("."), _short(found[1]), _short(found[2]))
+    return None if found is None else (found[0].removeprefix("."), short(found[1]), short(found[2]))
 
 
 def _difference(a: Any, b: Any) -> tuple[str, Any, Any] | None:
@@ -51,7 +51,8 @@ def _equal(a: Any, b: Any) -> bool:
     return a is b or (type(a) is type(b) and bool(a == b or (a != a and b != b)))
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """A value as JSON, cut off where it is long."""
     if value is ABSENT:
         return "none"
     text = json.dumps(value, ensure_ascii=False, default=str)

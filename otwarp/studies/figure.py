@@ -1,7 +1,8 @@
-"""Pictures of studies: maps with contours and the width of intervals, curves with bands, survival, choices."""
+"""Pictures of studies: maps with contours and the width of intervals, curves with bands, choices."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,10 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.files import save_picture
 from otwarp.studies.contours import equal_factors
-from otwarp.studies.intervals import survival
 from otwarp.studies.rare.figure import draw_escapes
-from otwarp.studies.results import choices_of, place_of, table, taken
+from otwarp.studies.results import choices_of, table
 from otwarp.studies.store import Store
+from otwarp.studies.survival_figure import draw_survival
 
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
 """Okabe and Ito's, which colour-blind people tell apart; more things than these share them."""
@@ -40,7 +41,15 @@ class Shown:
     level: float = 0.5
 
 
-def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.5) -> Path:
+def draw(
+    store: Store,
+    file: Path,
+    *,
+    name: str | None = None,
+    level: float = 0.5,
+    survival: bool = False,
+    at: Mapping[str, float] | None = None,
+) -> Path:
     """Draw an observable of a study over its dimensions.
 
     Two dimensions make a map, a third of up to `PANELS` values several; of more, their middle values are drawn.
@@ -50,26 +59,45 @@ def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.
         file: Gets the picture, PNG, SVG or PDF by its ending.
         name: Of the observable; None: what the study searched, or the first observable.
         level: Of the contour of a probability.
+        survival: Whether a time is drawn as survival curves, of some points along one axis, not as a rate.
+        at: Name of an axis → a value of it, of which the nearest one is drawn.
 
     Raises:
-        InputError: No such observable, nothing computed yet, or an ending that is none of these.
+        InputError: No such observable or axis, nothing computed yet, or an ending that is none of these.
     """
     if file.suffix not in (".png", ".svg", ".pdf"):
         raise InputError(f"--plot is {file}; allowed: a file that ends with .png, .svg or .pdf")
     asked = store.asked()
-    shown = _chosen(asked, name, level)
+    shown = _chosen(asked, name, level, survival)
     found = table(store)
     if not np.any(found["trials"].values):
         raise InputError(f"{store.folder}: no point is computed yet; allowed: a study that has run")
     from matplotlib.figure import Figure
 
-    if shown.kind == "escape":
-        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
-        draw_escapes(figure, found)
-        save_picture(figure, file)
-        return file
+    where = _places(found, at or {})
     over = found["largest"].dims if shown.kind == "largest" else found["trials"].dims
-    dims = [str(d) for d in over if found.sizes[d] > 1]
+    if shown.kind == "survival" or (shown.kind == "time" and not any(found.sizes[d] > 1 for d in over)):
+        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+        drawn = draw_survival(figure.add_subplot(), store, shown.name, where, COLORS)
+    elif shown.kind == "escape":
+        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        draw_escapes(figure, found.isel({d: [n] for d, n in where.items()}))
+        drawn = 0
+    else:
+        found = found.isel({d: [n] for d, n in where.items() if d in over})
+        drawn = int(found["trials"].values.sum())
+        figure = _over_axes(found, shown, [str(d) for d in over])
+    if drawn:
+        figure.suptitle(f"{drawn:,} trials", fontsize=9)
+    save_picture(figure, file)
+    return file
+
+
+def _over_axes(found: Any, shown: Shown, over: list[str]) -> Any:
+    """A picture of an observable over dimensions: curves, a map, or several."""
+    from matplotlib.figure import Figure
+
+    dims = [d for d in over if found.sizes[d] > 1]
     maps = len(dims) > 1 and shown.kind != "largest"
     panels = dims[0] if maps and len(dims) > 2 and found.sizes[dims[0]] <= PANELS else None
     beside = dims[1:] if panels else dims
@@ -77,22 +105,40 @@ def draw(store: Store, file: Path, *, name: str | None = None, level: float = 0.
     count = found.sizes[panels] if panels else 1
     wide = maps and shown.kind == "probability" and not panels
     figure = Figure(figsize=(3.1 + 3.3 * (2 * wide or count), 4.2), layout="constrained")
-    if not dims and shown.kind == "time":
-        _survival(figure.add_subplot(), store, asked, shown.name)
-    elif not maps:
+    if not maps:
         _curves(figure.add_subplot(), found, shown, beside)
     elif shown.kind == "choice":
         _choices(figure, _sheets(found, panels), shown, beside[:2])
     else:
         _maps(figure, _sheets(found, panels), shown, beside[:2], width=wide)
-    figure.suptitle(f"{int(found['trials'].values.sum()):,} trials", fontsize=9)
-    save_picture(figure, file)
-    return file
+    return figure
 
 
-def _chosen(asked: dict[str, Any], name: str | None, level: float) -> Shown:
+def _places(found: Any, at: Mapping[str, float]) -> dict[str, int]:
+    """Places along dimensions of the values that are nearest to those wanted.
+
+    Raises:
+        InputError: No such axis.
+    """
+    numbers = {str(d): found[d] for d in found["trials"].dims if d in found.coords and found[d].dtype.kind in "fiu"}
+    out = {}
+    for name, value in at.items():
+        named = [d for d, values in numbers.items() if name in (d, values.attrs.get("long_name"))]
+        if not named:
+            raise InputError(f"--at has the axis {name!r}; allowed: {', '.join(numbers) or 'none, the study has none'}")
+        out[named[0]] = int(np.argmin(np.abs(numbers[named[0]].values - value)))
+    return out
+
+
+def _chosen(asked: dict[str, Any], name: str | None, level: float, survival: bool) -> Shown:
     """What is to be drawn."""
     kinds = {o["name"]: o["kind"] for o in asked["observables"]}
+    if survival:
+        times = [o for o, kind in kinds.items() if kind == "time"]
+        if name not in (None, *times) or not times:
+            raise InputError(f"--survival of {name or 'this study'}; allowed: a time, such as first_passage: "
+                             f"{', '.join(times) or 'it has none'}")  # fmt: skip
+        return Shown(name or times[0], "survival")
     if asked["stop"].get("rule") == "largest":
         kinds = {"largest": "largest"} | kinds
     chosen = next(iter(kinds)) if name is None else name
@@ -126,6 +172,11 @@ def _values(found: Any, shown: Shown) -> tuple[Any, Any, Any, str]:
         return found[name], found[f"{name}_low"], found[f"{name}_high"], _label(found, name)
     value, error = found[name], found[f"{name}_error"]
     return value, value - 2.0 * error, value + 2.0 * error, _label(found, name)
+
+
+def _unseen(shown: Shown, value: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where all trials were censored, so that of a rate a bound alone is known."""
+    return (value == 0.0) & np.isfinite(high) if shown.kind == "time" else np.zeros(np.shape(value), dtype=bool)
 
 
 def _coordinate(found: Any, dim: str) -> tuple[np.ndarray, str, bool]:
@@ -167,20 +218,34 @@ def _maps(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: list[s
     """Heat maps; of a probability with the contour, the band it may lie in, and half the width of its intervals."""
     axes = np.atleast_1d(figure.subplots(1, 2 if width else len(sheets), sharey=True))
     values = [_values(found, shown) for _, found in sheets]
+    text = values[0][3]
+    unseen = [_unseen(shown, value.values, high.values) for value, _, high, _ in values]
+    seen = any(np.any(np.isfinite(value.values) & ~none) for none, (value, *_) in zip(unseen, values, strict=True))
+    if not seen and any(np.any(none) for none in unseen):  # bounds are all that is known
+        values, text = [(high, low, high, t) for _, low, high, t in values], f"none seen: upper end of {text}"
+        unseen = [np.zeros_like(none) for none in unseen]
     ends = (0.0, 1.0) if shown.kind == "probability" else _range([v[0].values for v in values])
+    if shown.kind == "time":
+        ends = (0.0, ends[1])
     mesh = None
-    for place, (title, found), (value, low, high, _) in zip(axes, sheets, values, strict=False):
+    for place, (title, found), (value, low, high, _), none in zip(axes, sheets, values, unseen, strict=False):
         x, y, z = _sorted(found, value, dims)
+        for row, column in np.argwhere(_sorted(found, value.copy(data=none), dims)[2]):
+            place.text(x[column], y[row], "▼", color="white", fontsize=6, ha="center", va="center")
+            title = "▼ none seen"
         mesh = place.pcolormesh(x, y, z, cmap="cividis", shading="nearest", vmin=ends[0], vmax=ends[1])
         if shown.kind == "probability":
             for part, style in ((value, "solid"), (low, "dotted"), (high, "dotted")):
                 p = _sorted(found, part, dims)[2]
                 if np.nanmin(p) < shown.level < np.nanmax(p):
                     place.contour(x, y, p, levels=[shown.level], colors="white", linewidths=1.4, linestyles=style)
-            title = title or f"line {shown.level:g}, dotted: its interval"
+            z_known = z[np.isfinite(z)]
+            nowhere = not np.any(z_known < shown.level) or not np.any(z_known > shown.level)
+            said = f"nowhere {shown.level:g}" if nowhere else f"line {shown.level:g}, dotted: its interval"
+            title = title or said
         _scaled(place, found, dims, last=place is axes[0])
         place.set_title(title, fontsize=9)
-    figure.colorbar(mesh, ax=axes[0] if width else axes, label=values[0][3])
+    figure.colorbar(mesh, ax=axes[0] if width else axes, label=text)
     if width:
         _, low, high, _ = values[0]
         x, y, z = _sorted(sheets[0][1], 0.5 * (high - low), dims)
@@ -233,32 +298,26 @@ def _curves(axes: Any, found: Any, shown: Shown, dims: list[str]) -> None:
                 (f"{title}: {v:g}", *(p.isel({dims[0]: n}) for p in (value, low, high))) for n, v in enumerate(numbers)
             ]
     x, x_text, log = _coordinate(found, dims[-1]) if dims else (np.zeros(1), "", False)
-    order = np.argsort(x)
+    order, bounds = np.argsort(x), False
     for n, (label, *parts) in enumerate(rows):
         v, a, b = (np.atleast_1d(np.asarray(p.values, dtype=float).squeeze())[order] for p in parts)
         color = COLORS[n % len(COLORS)]
+        unseen = _unseen(shown, v, b)
+        v = np.where(unseen, np.nan, v)
         axes.fill_between(x[order], a, np.where(np.isfinite(b), b, v), color=color, alpha=0.25, linewidth=0)
         axes.plot(x[order], v, "o-", color=color, markersize=3, label=label)
+        axes.plot(x[order][unseen], b[unseen], "v", color=color, markersize=5)
+        bounds |= bool(np.any(unseen))
     axes.set(xlabel=x_text, ylabel=text)
     if len(rows) > 1:
         axes.legend(fontsize=8)
     if shown.kind in ("probability", "choice"):
         axes.set_ylim(-0.03, 1.03)
+    elif shown.kind == "time":
+        axes.set_ylim(bottom=0.0)
+    if bounds:
+        axes.set_title("▼ bound: none seen", fontsize=9)
     if log:
         _by_factors(axes.xaxis)
         if shown.kind == "largest":
             _by_factors(axes.yaxis)
-
-
-def _survival(axes: Any, store: Store, asked: dict[str, Any], name: str) -> None:
-    """The share of trials that have not ended yet, over time, with its band."""
-    with store.read() as raw:
-        end, time = raw["end"].values, raw["end_time"].values
-        good = taken(raw) & (end >= 0)
-    o = next(o for o in asked["observables"] if o["name"] == name)
-    level = asked["stop"]["level"]
-    t, s, low, high = survival(time[good], end[good] == 1 + place_of(asked, o), level=level)
-    axes.fill_between(t, low, high, step="post", color=COLORS[0], alpha=0.25, linewidth=0)
-    axes.step(t, s, where="post", color=COLORS[0])
-    axes.set(xlabel="time [s]", ylabel=f"P(no {name.replace('_', ' ')} yet)", ylim=(-0.03, 1.03))
-    axes.set_title(f"band {100 * level:g} %", fontsize=9)

@@ -27,7 +27,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import check_place, claimed, made_apart, written
-from otwarp.studies.differences import difference
+from otwarp.studies.differences import difference, short
 
 VERSION = 1
 """Of the layout of the folder."""
@@ -85,8 +85,13 @@ class Store:
             raise InputError(
                 f"{file}: cannot be read ({error}); allowed: the file that otwarp study run wrote"
             ) from None
-        if said.get("version") != VERSION:
+        if not isinstance(said, dict) or "version" not in said:
+            raise InputError(f"{file}: holds {short(said)}; allowed: the file that otwarp study run wrote")
+        if said["version"] != VERSION:
             raise InputError(f"{file}: version = {said.get('version')!r}: must be {VERSION}, as this otwarp writes it")
+        lacks = [name for name in ("scene", "observables", "stop", "blocks") if name not in said]
+        if lacks:
+            raise InputError(f"{file}: has no {lacks[0]}; allowed: the file that otwarp study run wrote")
         return said
 
     def done(self, block: int) -> bool:

@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import click
 
 from otwarp.cli.options import json_option
 from otwarp.cli.output import json_text, tables_console, with_room
 from otwarp.cli.types import FILE, Number, OutputPath
+from otwarp.errors import InputError
 
 ROWS = 40
 """Points that are printed, at most."""
+
+
+class At(click.ParamType):
+    """An axis and a value of it, as trap_power=0.5."""
+
+    name = "axis=value"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read it.
+
+        Raises:
+            InputError: No such pair, or no finite number.
+        """
+        name, _, number = str(value).rpartition("=")
+        try:
+            if name and math.isfinite(float(number)):
+                return name, float(number)
+        except ValueError:
+            pass
+        raise InputError(f"--at is {value}; allowed: an axis and a number in its unit, as trap_power=0.5")
 
 
 @click.command()
@@ -24,48 +47,87 @@ ROWS = 40
     metavar="P",
     help="Print where a probability is P on a map, with the lines it lies between; with --plot, draw that. [P 0.5]",
 )
+@click.option("--survival", is_flag=True, help="Draw how many trials go on, over time, at points along one axis.")
+@click.option(
+    "--at", type=At(), multiple=True, metavar="AXIS=VALUE", help="What is drawn of an axis: the nearest value."
+)
 @json_option
-def show(folder: Path, plot: Path | None, observable: str | None, contour: float | None, as_json: bool) -> None:
+def show(folder: Path, plot: Path | None, observable: str | None, contour: float | None, **how: Any) -> None:
     """Print what the study in FOLDER has found, or draw it."""
-    from otwarp.errors import InputError
+    import numpy as np
+
     from otwarp.studies.contours import contour_lines
-    from otwarp.studies.rare.results import SHOWN
     from otwarp.studies.results import table
     from otwarp.studies.store import open_store
 
     if observable is not None and plot is None and contour is None:
         raise InputError(f"--observable is {observable}; allowed with --plot or --contour: all are printed")
+    for name in ("survival", "at"):
+        if how[name] and plot is None:
+            raise InputError(f"--{name}; allowed with --plot")
     store = open_store(folder)
     if plot is not None:
         from otwarp.studies.figure import draw
 
         with with_room(plot):
-            draw(store, plot, name=observable, level=contour or 0.5)
+            draw(store, plot, name=observable, level=contour or 0.5, survival=how["survival"], at=dict(how["at"]))
         click.echo(f"wrote {plot}")
         return
     found = table(store)
     if contour is not None:
-        found = contour_lines(found, observable or store.asked()["observables"][0]["name"], contour)
+        name = observable or store.asked()["observables"][0]["name"]
+        lines = contour_lines(found, name, contour)
+        if not how["as_json"] and "estimate" not in lines["through"].values:
+            ends = [float(v(found[name])) for v in (np.nanmin, np.nanmax)]
+            click.echo(f"no contour: P({name}) is {ends[0]:.4g} to {ends[1]:.4g} on this map, nowhere {contour:g}")
+        found = lines
     flat = found.drop_dims([d for d in ("interface",) if d in found.sizes])  # lists of escapes
-    frame = flat.to_dataframe().reset_index() if flat.sizes else flat.expand_dims("point").to_dataframe()
-    if as_json:
-        rows = [{k: (None if v != v else v) for k, v in row.items()} for row in frame.to_dict("records")]
-        for name in (n for n in found.data_vars if n not in flat):
-            lists = found[name].values.reshape(len(rows), -1)
-            for row, values in zip(rows, lists, strict=True):
-                row[str(name)] = [float(v) for v in values if v == v]
-        click.echo(json_text(rows))
+    if how["as_json"]:
+        click.echo(json_text(_rows(found, flat)))
         return
-    from rich.table import Table
+    looked = int(np.sum(flat["trials"].values > 0)) if "trials" in flat else 0
+    if "largest" in flat:  # what was searched, not what was looked at on the way
+        flat = flat[[n for n in flat.data_vars if str(n).startswith("largest")]]
+    if not flat.sizes or any(flat.sizes.values()):
+        _print(flat, folder)
+    if "largest" in flat:
+        click.echo(f"{looked:,} of {found['trials'].size:,} points were looked at; "
+                   f"all of them: --json, or otwarp study export {folder} -o FILE.nc")  # fmt: skip
 
-    grid = Table(box=None)
+
+def _frame(flat: Any) -> Any:
+    return flat.to_dataframe().reset_index() if flat.sizes else flat.expand_dims("point").to_dataframe()
+
+
+def _rows(found: Any, flat: Any) -> list[dict[str, Any]]:
+    """A table as rows, with its lists of interfaces."""
+    rows = [{k: (None if v != v else v) for k, v in row.items()} for row in _frame(flat).to_dict("records")]
+    for name in (n for n in found.data_vars if n not in flat):
+        lists = found[name].values.reshape(len(rows), -1)
+        for row, values in zip(rows, lists, strict=True):
+            row[str(name)] = [float(v) for v in values if v == v]
+    return rows
+
+
+def _print(flat: Any, folder: Path) -> None:
+    """The first points of a table: where they are, what was found, and at last from how many trials."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from otwarp.studies.rare.results import SHOWN
+
+    frame = _frame(flat)
     shown = [c for c in frame.columns if not c.endswith(("_count", "_exposure"))]
     if "escape_rate" in flat:
         shown = [c for c in frame.columns if c in flat.coords or c in SHOWN]
+    last = [c for c in ("trials", "faults") if c in shown and "escape_rate" not in flat]
+    shown = [c for c in shown if c not in last] + last
+    grid = Table(box=None)
     for name in shown:
-        grid.add_column(name, justify="right")
+        unit = flat[name].attrs.get("units") if name in flat else None
+        grid.add_column(Text(f"{name} [{unit}]" if unit else name), justify="right")
     for row in frame.head(ROWS)[shown].itertuples(index=False):
         grid.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row))
-    tables_console(60 + 14 * len(shown)).print(grid)
+    tables_console(60 + 20 * len(shown)).print(grid)
     if len(frame) > ROWS:
         click.echo(f"… {len(frame) - ROWS:,} more; all of them: otwarp study export {folder} -o FILE.nc")

@@ -54,7 +54,10 @@ def ray_engine(address: str | None = None, *, device: str | None = None) -> Engi
     if importlib.util.find_spec("ray") is None:
         raise InputError("--engine ray needs Ray; install otwarp[ray]")
     address = address or os.environ.get("RAY_ADDRESS")
-    if address is not None and address != "auto":
+    if address == "auto":
+        with _connected(address):  # found out before a folder is made
+            pass
+    elif address is not None:
         check_reachable(address)
 
     def run(study: Study, store: Store, todo: Sequence[int], progress: Progress) -> None:

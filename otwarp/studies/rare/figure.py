@@ -33,15 +33,19 @@ def _curve(figure: Any, found: Any, dim: str) -> None:
     x = found[dim].values
     values = found[dim].attrs
     time, low, high = (found[f"escape_time{n}"].values.ravel() for n in ("", "_low", "_high"))
-    halved = "step_ratio" in found
+    halved = "step_ratio" in found and bool(np.any(np.isfinite(found["step_ratio"].values)))
     upper = figure.add_subplot(4, 1, (1, 3) if halved else (1, 4))
-    upper.fill_between(x, low, np.where(np.isfinite(high), high, np.nan), color=COLOUR, alpha=0.25, linewidth=0)
-    upper.plot(x, time, "o-", color=COLOUR, markersize=3)
+    seen = np.isfinite(time)
+    upper.fill_between(
+        x, np.where(seen, low, np.nan), np.where(np.isfinite(high), high, np.nan), color=COLOUR, alpha=0.25, linewidth=0
+    )
+    upper.plot(x, np.where(seen, time, np.nan), "o-", color=COLOUR, markersize=3)
     upper.set(yscale="log", ylabel="mean time to an escape [s]")
-    unseen = ~np.isfinite(time) & np.isfinite(low)
+    unseen = ~seen & np.isfinite(low)
     upper.plot(x[unseen], low[unseen], "^", color=BESIDE, markersize=5)
     upper.set_title(f"{_method(found)}: {int(found['trials'].values.max())} runs a point, "
-                    f"{float(found['steps'].values.sum()):.1e} world-steps", fontsize=9)  # fmt: skip
+                    f"{float(found['steps'].values.sum()):.1e} world-steps"
+                    + ("; ▲ bound: none seen" if np.any(unseen) else ""), fontsize=9)  # fmt: skip
     label = f"{values.get('long_name', dim)} [{values['units']}]" if values.get("units") else dim
     if halved:
         lower = figure.add_subplot(4, 1, 4, sharex=upper)
@@ -56,8 +60,14 @@ def _curve(figure: Any, found: Any, dim: str) -> None:
 
 def _map(figure: Any, found: Any, dims: list[str]) -> None:
     axes = figure.add_subplot()
-    z = np.log10(found["escape_time"].transpose(dims[1], dims[0], ...).values)
-    mesh = axes.pcolormesh(found[dims[0]].values, found[dims[1]].values, z, cmap="cividis", shading="nearest")
+    time, low = (found[f"escape_time{n}"].transpose(dims[1], dims[0], ...).values for n in ("", "_low"))
+    x, y = (found[d].values for d in dims)
+    unseen = ~np.isfinite(time) & np.isfinite(low)
+    mesh = axes.pcolormesh(x, y, np.log10(np.where(unseen, low, time)), cmap="cividis", shading="nearest")
+    for row, column in np.argwhere(unseen):
+        axes.text(x[column], y[row], "▲", color="white", fontsize=7, ha="center", va="center")
+    if np.any(unseen):
+        axes.set_title("▲ bound: none seen", fontsize=9)
     figure.colorbar(mesh, ax=axes, label="log₁₀ of the mean time to an escape [s]")
     axes.set(**{f"{letter}label": _label(found, d) for letter, d in zip("xy", dims, strict=True)})
 
@@ -73,12 +83,14 @@ def _profile(figure: Any, found: Any) -> None:
     at, p = found["interface_at"].values.ravel(), found["probability"].values.ravel()
     here = np.isfinite(at)
     reached = np.concatenate([[1.0], np.cumprod(p[here])[:-1]])
-    axes.plot(at[here], reached, "o-", color=COLOUR, markersize=3)
+    axes.plot(at[here], np.where(reached > 0.0, reached, np.nan), "o-", color=COLOUR, markersize=3)
     unit = found["interface_at"].attrs.get("units")
     axes.set(yscale="log", xlabel=found.attrs["order"] + (f" [{unit}]" if unit else ""))
     axes.set_ylabel("probability to come so far before the return")
     time = [float(found[f"escape_time{n}"].values) for n in ("", "_low", "_high")]
-    axes.set_title(f"{_method(found)}: {time[0]:.3g} s, {time[1]:.3g} to {time[2]:.3g} s", fontsize=9)
+    said = f"{time[0]:.3g} s, {time[1]:.3g} to {time[2]:.3g} s"
+    said = said if np.isfinite(time[0]) else f"none seen, over {time[1]:.3g} s"
+    axes.set_title(f"{_method(found)}: {said}", fontsize=9)
 
 
 def _method(found: Any) -> str:

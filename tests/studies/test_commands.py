@@ -1,0 +1,131 @@
+"""What `otwarp study` and `otwarp analyse` say of studies: answers first, what is not there, the time left."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+
+import numpy as np
+import pytest
+
+import otwarp as ot
+from otwarp.cli import progress
+from otwarp.cli.main import main
+from otwarp.studies.axes import grid, values
+from otwarp.studies.engines.run import run_study
+from otwarp.studies.observables import trapped
+from otwarp.studies.rare.study import EscapeStudy
+from otwarp.studies.results import table
+from otwarp.studies.search import largest
+from otwarp.studies.stopping import trials
+from otwarp.studies.study import Study
+from tests.studies.scenes import bead_in_a_well
+
+pytest.importorskip("zarr")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return bead_in_a_well(tmp_path_factory.mktemp("well"))
+
+
+def small(scene, **how) -> Study:
+    asked = {"observables": [trapped(until=0.004)], "stop": trials(8), "seed": 3}
+    return Study(scene, **(asked | how))
+
+
+def test_show_says_what_was_searched_first(scene, tmp_path, capsys):
+    """A row for each power with the answer and its interval, not the points that were looked at on the way."""
+    axes = {
+        "trap_power": values([0.1, 0.2], unit="mW"),
+        "start.x:/World/bead": grid(0.0, 0.39, 40, unit="µm"),
+    }
+    study = small(scene, axes=axes, stop=largest(0.8, along="start.x:/World/bead", trials=64))
+    out = tmp_path / "out"
+    found = table(run_study(study, out, devices=["cpu"]))
+    assert main(["study", "show", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["trap_power", "[mW]", "largest", "[µm]", "largest_low", "[µm]", "largest_high", "[µm]"]
+    assert len(lines) == 4 and lines[1].split() == ["0.1", *(f"{float(found[n][0]):.4g}" for n in
+                                                             ("largest", "largest_low", "largest_high"))]  # fmt: skip
+    looked = int(np.sum(found["trials"] > 0))
+    assert lines[3].startswith(f"{looked} of 80 points were looked at; all of them: --json") and looked < 60
+    assert main(["study", "show", str(out), "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)) == 80
+
+
+def test_analyse_on_escapes(scene, tmp_path, capsys):
+    """The rate and its interval at each point, as of any study."""
+    axes = {"trap_power": values([0.3, 0.4], unit="mW")}
+    study = EscapeStudy(scene, axes=axes, runs=2, branches=16, halved=False, seed=3)
+    found = table(run_study(study, tmp_path / "out", devices=["cpu"]))
+    assert main(["analyse", str(tmp_path / "out"), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    for n, row in enumerate(rows):
+        assert row["runs"] == 2 and row["world_steps"] == found["steps"][n]
+        assert row["rate"] == pytest.approx(float(found["escape_rate"][n]))
+        assert row["rate_low"] == pytest.approx(float(found["escape_rate_low"][n]))
+    assert main(["analyse", str(tmp_path / "out")]) == 0
+    assert "rate (1/s)" in (said := capsys.readouterr().out) and len(said.splitlines()) == 3
+
+
+def test_a_shard_without_a_block(scene, tmp_path, capsys):
+    """Said, and nothing is computed."""
+    (tmp_path / "s.toml").write_text(
+        f'scene = "{scene}"\n[[observable]]\nkind = "trapped"\nuntil = "4 ms"\n[stop]\ntrials = 8\n'
+    )
+    line = ["study", "run", str(tmp_path / "s.toml"), "--device", "cpu", "-o", str(tmp_path / "out")]
+    assert main([*line, "--shard", "2/2"]) == 0
+    said = capsys.readouterr().out
+    assert "shard 2/2 has none of the 1 block: nothing to compute" in said and "0 of 1 blocks" in said
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{}", '{"version": 1}', '{"version": 1, "scene": {}, "stop": {}}'])
+def test_a_study_file_that_is_none(tmp_path, capsys, text):
+    """One line, whatever stands there."""
+    (tmp_path / "study.json").write_text(text)
+    for line in (["study", "show"], ["study", "status"], ["analyse"]):
+        assert main([*line, str(tmp_path)]) == 2
+        error = capsys.readouterr().err
+        assert "study.json: h" in error and "allowed: the file that otwarp study run wrote" in error
+        assert error.count("\n") == 1
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
+def test_a_ray_that_does_not_run_here(tmp_path, scene, capsys, monkeypatch):
+    """`--address auto` is found out before a folder is made."""
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    (tmp_path / "s.toml").write_text(
+        f'scene = "{scene}"\n[[observable]]\nkind = "trapped"\nuntil = "4 ms"\n[stop]\ntrials = 8\n'
+    )
+    line = ["study", "run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), "--engine", "ray"]
+    assert main([*line, "--address", "auto"]) == 2
+    assert "--address is auto: Could not find any running Ray" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_lines_of_a_log(monkeypatch, capsys):
+    """Where nobody looks at a terminal: the first parts, then a line now and then, and the last; with the time left."""
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with progress.parts("block", "blocks") as say:
+        for done in range(40, 241):  # of a run that goes on: what was done before tells nothing of its speed
+            say(done, 240)
+            now[0] += 3.0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "otwarp: block 40 of 240"
+    assert lines[1].startswith("otwarp: block 41 of 240, 9.9 min left (about ")
+    assert lines[2].startswith("otwarp: block 51 of 240, 9.4 min left") and len(lines) == 22
+    assert lines[-1] == "otwarp: block 240 of 240"
+
+
+def test_spelled():
+    """No exponents."""
+    said = [progress.spelled(t) for t in (0.123, 9.4, 119.0, 125.0, 9_000.0, 200_000.0)]
+    assert said == ["0.12 s", "9.4 s", "119 s", "2.1 min", "2.5 h", "2.3 d"]
+
+
+def test_names_that_a_user_needs():
+    """What study files name stands in the package, too."""
+    for name in ("delivered", "lost", "trapped", "first_passage", "random", "normal", "sobol", "grid", "values"):
+        assert getattr(ot, name) is getattr(ot.studies, name)
