@@ -68,11 +68,12 @@ def _times(path: str | Path, world: int | None) -> tuple[list[str], np.ndarray, 
 
 
 def study_escapes(folder: str | Path) -> Any:
-    """Escapes at each point of a study that watches for them.
+    """Escapes at each point of a study that watches for them, or samples them by forward flux or splitting.
 
     Returns:
         Dataset over the dimensions of the study: `events`, `exposure` [s], `rate` [1/s] with _low and _high at the
-        study's level, NaN at points that are not computed; trials with a fault do not count.
+        study's level, NaN at points that are not computed; trials with a fault do not count. Of a study of escapes
+        `runs` and `world_steps` in the place of events and exposure.
 
     Raises:
         InputError: No study, or none that asks for escapes.
@@ -82,6 +83,8 @@ def study_escapes(folder: str | Path) -> Any:
 
     store = open_store(Path(folder))
     asked = store.asked()
+    if asked.get("kind") == "escape":
+        return _sampled(store)
     o = next((o for o in asked["observables"] if o.get("end") == "escaped"), None)
     if o is None:
         raise InputError(f"{folder}: asks for no escapes; allowed: a study of trapped, lost or first_passage")
@@ -97,6 +100,16 @@ def study_escapes(folder: str | Path) -> Any:
             values = flat[name].values.reshape(events.shape).astype(float)
             out[name] = (trials.dims, np.where(trials.values > 0, values, np.nan), flat[name].attrs)
         return out
+
+
+def _sampled(store: Any) -> Any:
+    """The same of a study of escapes."""
+    from otwarp.studies.rare.results import escape_table
+
+    found = escape_table(store)
+    names = {"trials": "runs", "steps": "world_steps"} | {f"escape_rate{n}": f"rate{n}" for n in ("", "_low", "_high")}
+    out = found[list(names)].rename(names)
+    return out.assign_attrs(level=found["escape_rate"].attrs["level"])
 
 
 def escape_rates(events: ArrayLike, exposure: ArrayLike, *, names: list[str] | None = None, level: float = 0.95) -> Any:

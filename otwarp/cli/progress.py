@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -10,10 +11,13 @@ import click
 
 from otwarp.cli import stop
 
+SELDOM = 30.0
+"""Time [s] between two lines of a log, at least; they become as seldom as a hundredth of what is left."""
+
 
 @contextmanager
 def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, if that is a terminal, else a line for each; at every part, end on SIGTERM.
+    """A bar on standard error, if that is a terminal, else a line now and then; at every part, end on SIGTERM.
 
     Args:
         one, several: What a part is called.
@@ -22,12 +26,7 @@ def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
         What is to be called with parts done and parts in all.
     """
     if not sys.stderr.isatty():
-
-        def say(done: int, count: int) -> None:
-            stop.check()
-            click.echo(f"otwarp: {one} {done} of {count}", err=True)
-
-        yield say
+        yield _Lines(one)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -42,3 +41,38 @@ def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
             bar.update(task, completed=done, total=count)
 
         yield update
+
+
+class _Lines:
+    """Lines of a log: the first part, the last one, and some between them, with the time that is left."""
+
+    def __init__(self, one: str):
+        self.one = one
+        self.first: tuple[float, int] | None = None
+        self.due = 0.0
+
+    def __call__(self, done: int, count: int) -> None:
+        stop.check()
+        now = time.monotonic()
+        self.first = self.first or (now, done)
+        begun, before = self.first
+        if now < self.due and done < count:
+            return
+        left = (now - begun) * (count - done) / (done - before) if done > before else None
+        said = "" if not left else f", {spelled(left)} left" + f" (about {time.strftime('%H:%M', _after(left))})"
+        click.echo(f"otwarp: {self.one} {done} of {count}{said}", err=True)
+        # after the first lines that know something, seldom
+        self.due = now + (0.0 if left is None else max(SELDOM, 0.01 * left))
+
+
+def _after(seconds: float) -> time.struct_time:
+    """Local time after so many seconds."""
+    return time.localtime(time.time() + seconds)
+
+
+def spelled(seconds: float) -> str:
+    """A time as people say it: `3.2 h`, `40 min`, `12 s`."""
+    for size, name in ((86_400.0, "d"), (3_600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.1f} {name}"
+    return f"{seconds:.0f} s" if seconds >= 10.0 else f"{seconds:.2g} s"

@@ -10,6 +10,7 @@ import click
 
 from otwarp.cli.options import device_option, json_option
 from otwarp.cli.output import json_text
+from otwarp.cli.progress import spelled
 from otwarp.cli.types import FILE
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
     click.echo(f"memory    {_memory(room.each * at_once)} for {at_once:,} trials at once, {_memory(room.free)} free")
     click.echo(
-        f"time      {_spell(seconds[0])}" + ("" if least == most else f" to {_spell(seconds[1])}") + f" on {where}"
+        f"time      {spelled(seconds[0])}" + ("" if least == most else f" to {spelled(seconds[1])}") + f" on {where}"
     )
 
 
@@ -75,15 +76,8 @@ def _escapes(study: EscapeStudy, device: str | None, as_json: bool) -> None:
     click.echo(f"steps     of {steps} s; how many follows from how rare escapes are")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
-    click.echo(f"time      {_spell(seconds)} on {where}, from runs of {min(3, found.points)} points")
+    click.echo(f"time      {spelled(seconds)} on {where}, from runs of {min(3, found.points)} points")
 
 
 def _memory(size: int) -> str:
     return f"{size / 2**30:,.1f} GiB" if size >= 2**30 else f"{size / 2**20:,.0f} MiB"
-
-
-def _spell(seconds: float) -> str:
-    for size, name in ((86_400.0, "d"), (3_600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.1f} {name}"
-    return f"{seconds:.2g} s"
