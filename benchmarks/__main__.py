@@ -11,6 +11,7 @@ from benchmarks import (
     haptics,
     headlines,
     integrators,
+    operators,
     precision,
     realtime,
     speed,
@@ -48,6 +49,7 @@ BENCHMARKS = {
     "budget": budget.measure,
     "haptics": haptics.measure,
     "teleop": teleop.measure,
+    "operators": operators.measure,
 }
 
 

@@ -9,5 +9,5 @@ command lives in the module of its name and imports its room when it is called, 
   its beam, of a live session, of `forces`.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
 - Commands: `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `teleop`, `ros1`, `ros2`, `decompose`,
-  `reproduce`; `study`, `vision`, `bench`, `haptics`: commands with commands of their own.
+  `reproduce`; `study`, `vision`, `bench`, `haptics`, `operators`: commands with commands of their own.
 """

@@ -26,6 +26,7 @@ COMMANDS = {
     "teleop": "Run a scene live: traps by mouse or by hand, felt and seen.",
     "ros1": "Run a scene live with the paper's ROS 1 topics.",
     "ros2": "Run a scene live with ROS 2 topics.",
+    "operators": "Simulated operators at a scene's task, with and without haptics.",
     "haptics": "Hands: find their devices, measure their servo, replay their recordings.",
     "forces": "Evaluate the optical force on a sphere exactly.",
     "mobility": "Say how the bodies of a scene diffuse, and how well that is known.",

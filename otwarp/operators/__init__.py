@@ -1,6 +1,19 @@
-"""Simulated operators: the servo's chains for thousands of hands at once.
+"""SIMULATED operators: models of people at haptic devices, thousands at once, with the servo's chains between.
 
-chain         `ChainBatch`, the chains of all hands of all worlds; open this first
+Nobody was measured: who they are says `population.toml`, frozen before the first trial, and what they do the kernels.
+With and without haptics an operator is the same, with the same random numbers, but for the force on its hands.
+
+study         `OperatorStudy`: who runs which trials under which conditions; open this first
+loop          hands, chains, traps, physics and pictures, a servo period after the other
+population    distributions of the model's numbers, and operators drawn from them
+task          what a scene asks of its hands
+people        operators as arrays on the device
+chain         `ChainBatch`, the servo's chains of all hands of all worlds
 constants     what chains are made of, as arrays
-kernels       the chain on the device
+folder        a study on disk, which goes on after whatever ended it
+statistics    paired rates, standardised differences, small studies, Sobol indices
+summary       what a study has found, beside the paper and meta-analyses
+tables        the same line by line
+figure        the same as a picture
+kernels       operators and chains on the device
 """

@@ -39,6 +39,8 @@ NEEDED = {
     "study run": [STUDY],
     "study show": ["absent"],
     "study export": ["absent"],
+    "operators run": [str(Path(HANDS).parent / "cell_delivery.usda")],
+    "operators show": ["absent"],
     "vision render": [BEAD, "--size", "16x16"],
     "vision train": ["absent"],
     "vision evaluate": ["absent", "absent"],

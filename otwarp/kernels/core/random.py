@@ -26,6 +26,8 @@ class Stream(enum.IntEnum):
     """Least gap within a step; counts elements in place of bodies, the other of a pair above this number's bits."""
     ENTRY = 4
     """Where a body comes in at the inlet; counts tries in place of steps."""
+    OPERATOR = 5
+    """Motor noise of a simulated operator; counts servo periods, operators and what moves in place of bodies."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)

@@ -1,6 +1,18 @@
-"""The servo's chain on the device, in float64: the arithmetic of `otwarp.haptics.chain`, operation by operation.
+"""Simulated operators and the servo's chain on the device, in float64. Open `hand` first, then `chain`.
 
-    chain         the composed step of one hand; open this first
+What an operator does, one thread for each world and servo period:
+
+    hand          what it sees and feels, plans, and where its hands go
+    types         the structs: its constants, the task, what it remembers, what is kept of a trial
+    courses       minimum-jerk courses of submovements, paths between their samples
+    arm           the passive arm at the device, exact over a period
+    ahead         whether a moving obstacle is about to be in the way
+    seen          what of the simulation's state chain and eyes get: the one place to change it
+    account       traps as commanded; what is kept of a trial
+
+The arithmetic of `otwarp.haptics.chain`, operation by operation:
+
+    chain         the composed step of one hand
     orders        a new state, arming, disarming, resetting of worlds
     features      what a chain has, from which its step is composed
     motion        how the traps follow the hand, low-pass filters, virtual coupling
@@ -10,8 +22,8 @@
     passivity     the energy that the hand is given: counted, controlled and bounded
     safety        arming, ramp, slew limit, clamp, motor guard, watchdog
 
-A part has constants, one row per hand of a world, and a state, one row per hand of every world; its functions take a
-state and return the next. The Python class of the same room of `haptics.chain` says why they do what they do. Products
-and sums are kept apart (`fuse_fp`), so that the bits are those of Python, but for `math.dist`, which rounds better than
-a root of a sum of squares.
+A part of the chain has constants, one row per hand of a world, and a state, one row per hand of every world; its
+functions take a state and return the next. The Python class of the same room of `haptics.chain` says why they do what
+they do. Products and sums are kept apart (`fuse_fp`), so that the bits are those of Python, but for `math.dist`, which
+rounds better than a root of a sum of squares.
 """

@@ -1,0 +1,21 @@
+"""`otwarp operators`: simulated operators at a scene's task; one module for every command.
+
+`run` computes a study, `show` says what it has found: a command each, which asks `otwarp.operators` (open `run` first).
+"""
+
+from __future__ import annotations
+
+import click
+
+from otwarp.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "run": "Let simulated operators do a scene's task, with and without haptics.",
+    "show": "Print or draw what simulated operators have done.",
+}
+"""Commands and their one-line help; each lives in the module of its name and is imported when called."""
+
+
+@click.group(cls=LazyGroup, package=__name__, rows=COMMANDS)
+def operators() -> None:
+    """Simulated operators: models of people at haptic devices, thousands at once; nobody was measured."""
