@@ -25,6 +25,10 @@ class SimulationError(RuntimeError):
         world: Index of the world that failed.
         body: Prim path of the body that failed.
         step: Step at which it failed.
+        time: Simulated time of that step [s].
+
+    Args:
+        reason: What was not physical, as the message begins.
     """
 
     def __init__(self, reason: str, *, world: int, body: str, step: int, time: float):

@@ -116,7 +116,18 @@ def fit_autocorrelation(
 ) -> Any:
     """Stiffness and drag along each axis, from the autocorrelation up to `REACH` relaxation times.
 
-    Arguments, results and errors are those of `fit_msd`.
+    Args:
+        x: Track with the dimension `time` [µm].
+        temperature: [K].
+        detector: What the samples went through; None: a perfect one.
+        drag: As of `fit_spectrum`.
+        level: Of the intervals.
+
+    Returns:
+        Dataset by axis: stiffness, drag, corner_frequency, diffusion, each with _low and _high.
+
+    Raises:
+        InputError: A track that is none or not trapped.
     """
     return _fit(x, "autocorrelation", temperature, detector, drag, level)
 

@@ -64,7 +64,7 @@ class Detector:
 
     @classmethod
     def parse(cls, text: str) -> Detector:
-        """From `rate=500,exposure=0.001,noise=0.005`.
+        """The detector that a `text` such as `rate=500,exposure=0.001,noise=0.005` describes, in 1/s, s and µm.
 
         Raises:
             InputError: A name that it does not have, or a value that is no number.

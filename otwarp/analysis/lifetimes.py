@@ -35,8 +35,16 @@ def escapes(path: str | Path, *, world: int | None = None, level: float = 0.95) 
 def escape_survival(path: str | Path, *, world: int | None = None, level: float = 0.95) -> Any:
     """Probability that a trap still holds its sphere, over time, all traps and worlds of a recorded run together.
 
-    Arguments and errors are those of `escapes`; returns a Dataset over time [s]: `survival` by the product limit with
-    _low and _high (`otwarp.studies.intervals.survival`).
+    Args:
+        path: Folder or file of a recorded run.
+        world: The one to look at; None: all together.
+        level: Of the intervals, such as 0.95.
+
+    Returns:
+        Dataset over time [s]: `survival` by the product limit (`otwarp.studies.intervals.survival`), _low and _high.
+
+    Raises:
+        InputError: As `escapes`.
     """
     _, lasted, ended = _times(path, world)
     parts = [np.append(p, p[-1]) for p in survival(lasted.ravel(), ended.ravel(), level=level)]
@@ -69,6 +77,9 @@ def _times(path: str | Path, world: int | None) -> tuple[list[str], np.ndarray, 
 
 def study_escapes(folder: str | Path) -> Any:
     """Escapes at each point of a study that watches for them, or samples them by forward flux or splitting.
+
+    Args:
+        folder: Of the study.
 
     Returns:
         Dataset over the dimensions of the study: `events`, `exposure` [s], `rate` [1/s] with _low and _high at the

@@ -67,7 +67,7 @@ class GroupedCommand(click.Command):
 
 @dataclass(frozen=True, kw_only=True)
 class ForcesRequest:
-    """What was typed."""
+    """What `otwarp forces` was asked: bead, beam power [mW], points, and where the results go."""
 
     bead: Bead
     power: float

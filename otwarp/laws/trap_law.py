@@ -64,7 +64,7 @@ class TrapLaw:
         )
 
     def ratio(self, distance2: float) -> float:
-        """F(d)/d at a squared distance [µm²] in pN/µm; 0 at d = 0 for a law without a linear branch."""
+        """F(d)/d at the squared distance `distance2` [µm²] in pN/µm; 0 at d = 0 for a law without a linear branch."""
         # written so that a NaN is within reach, and is seen in the sum
         if distance2 >= self.cutoff * self.cutoff:
             return 0.0

@@ -82,6 +82,9 @@ class Beam:
         depth: Nominal depth of the focus below the cover glass [µm]; with `glass_index`, the spherical aberration of
             the glass–medium interface.
         glass_index: Index of glass and immersion oil, or None for no interface.
+
+    Raises:
+        InputError: One of them out of range; an aperture that is not below the index of medium and glass.
     """
 
     kind: str = "gaussian"
@@ -181,7 +184,11 @@ class Beam:
 
     @property
     def jones(self) -> tuple[complex, complex]:
-        """Jones vector of length 1."""
+        """Jones vector (Eₓ, E_y) of length 1.
+
+        Raises:
+            InputError: No such polarization.
+        """
         vector = JONES.get(self.polarization) if isinstance(self.polarization, str) else self.polarization
         if vector is None:
             raise InputError(f"polarization is {self.polarization!r}; allowed: {', '.join(JONES)} or two numbers")

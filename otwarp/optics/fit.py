@@ -65,8 +65,8 @@ ForceCurves = dict[str, tuple[np.ndarray, np.ndarray]]
 def trap_region(beam: Beam, sphere: Particle) -> float:
     """Distance from the equilibrium [µm] over which curves are fitted, drawn and judged: 1.5 r + 2 λ.
 
-    With the sphere's radius r and the vacuum wavelength λ, both in µm: the pull of a large sphere is strongest
-    when the light meets its rim, that of a small one within a wavelength.
+    With the radius r of `sphere` and the vacuum wavelength λ of `beam`, both in µm: the pull of a large sphere is
+    strongest when the light meets its rim, that of a small one within a wavelength.
     """
     return 1.5 * sphere.radius + 2.0 * beam.wavelength
 

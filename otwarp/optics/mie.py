@@ -12,7 +12,11 @@ from otwarp.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Particle:
-    """A homogeneous sphere: radius [µm] and refractive index (complex with positive imaginary part if it absorbs)."""
+    """A homogeneous sphere: radius [µm] and refractive index (complex with positive imaginary part if it absorbs).
+
+    Raises:
+        InputError: A radius that is not above 0, or an index that no sphere has.
+    """
 
     radius: float
     index: complex = 1.52

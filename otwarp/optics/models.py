@@ -103,7 +103,7 @@ class Ladder:
         return fit_piecewise(self.beam, self.sphere, continuous=self.continuous, curves=self.curves)
 
     def force(self, name: str) -> Field:
-        """The model as a function from points (n, 3) [µm] to Q (n, 3), for a beam along +z with its focus at 0.
+        """The model `name` as a function from points (n, 3) [µm] to Q (n, 3), for a beam along +z with its focus at 0.
 
         `piecewise` and `harmonic` are directed to the equilibrium, as in the kernels; `harmonic` has no cut-off here.
 
@@ -162,7 +162,7 @@ class Ladder:
         return lambda points: -stiffness * self._centred(points)
 
     def peak(self, name: str) -> float:
-        """Peak |Q|: the table's, over the whole field; for other models the largest on the exact curves."""
+        """Peak |Q|: for the `name` table over the whole field; for other models the largest on the exact curves."""
         if name == "table":
             return self.table.peak
         return float(max(np.abs(q).max() for _, q in self.curves.values()))
@@ -171,6 +171,7 @@ class Ladder:
         """Difference of a model from exact on these points.
 
         Args:
+            name: Of the model, as `force`.
             points: (n, 3) sphere centres from the focus [µm], at least one.
             exact: (n, 3) exact Q there, if it is at hand.
 

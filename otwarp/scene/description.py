@@ -28,7 +28,14 @@ OPTICAL_MODELS = ("table", "exact")
 
 @dataclass(frozen=True, kw_only=True)
 class Medium:
-    """The liquid: refractive index [1], dynamic viscosity [Pa·s], temperature [K], density [pN·s²/µm⁴]."""
+    """The liquid.
+
+    Attributes:
+        refractive_index: At the wavelength of the traps.
+        viscosity: Dynamic [Pa·s = pN·s/µm²].
+        temperature: [K].
+        density: [pN·s²/µm⁴].
+    """
 
     refractive_index: float = 1.33
     viscosity: float = 0.00089
@@ -137,7 +144,14 @@ class Trap(ByValue):
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Elastic and adhesive surface: Young's modulus [pN/µm² = Pa], Poisson ratio, adhesion [pN/µm], its range [µm]."""
+    """Elastic and adhesive surface.
+
+    Attributes:
+        youngs_modulus: [pN/µm² = Pa].
+        poisson_ratio: Pure number.
+        adhesion: Energy per area [pN/µm].
+        adhesion_range: [µm].
+    """
 
     youngs_modulus: float = 1e6
     poisson_ratio: float = 0.4
@@ -147,7 +161,15 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Sphere:
-    """One sphere of a body: offset in the body's frame [µm], radius [µm], and what acts on it."""
+    """One sphere of a body, and what acts on it.
+
+    Attributes:
+        prim: Path of its prim.
+        offset: Its centre in the body's frame [µm].
+        radius: [µm].
+        refractive_index: At the wavelength of the traps.
+        trapped, collides, drag: Whether traps, contact and the liquid act on it.
+    """
 
     prim: str
     offset: Vec3 = (0.0, 0.0, 0.0)
@@ -160,9 +182,14 @@ class Sphere:
 
 @dataclass(frozen=True, kw_only=True)
 class Rod:
-    """A rod of a body, which no trap acts on: centres of its rounded ends in the body's frame [µm], radius [µm].
+    """A rod of a body, which no trap acts on.
 
-    Its refractive index counts in images alone; None for that of the body's first sphere.
+    Attributes:
+        prim: Path of its prim.
+        start, end: Centres of its rounded ends in the body's frame [µm].
+        radius: [µm].
+        refractive_index: In images alone; None for that of the body's first sphere.
+        collides, drag: Whether contact and the liquid act on it.
     """
 
     prim: str
@@ -253,10 +280,18 @@ class Obstacle(ByValue):
 class Flow:
     """Background flow along the local +X of its prim, varying along the local +Z (and +Y).
 
-    kind, a row of `flow_profile.PROFILES`: `uniform`, u = speed; `shear`, u = shear_rate·z; `poiseuille`,
-    u = speed·(1 − (z/half_height)²) between the plates at z = ±half_height; `rectangular`, between these and the walls
-    at y = ±half_width; `grid`, as `field` says, which was read from `file`. 0 outside. Speed is in µm/s (at the centre
-    line of a channel), rate in 1/s.
+    Attributes:
+        prim: Path of its prim.
+        kind: A row of `flow_profile.PROFILES`: `uniform`, u = speed; `shear`, u = shear_rate·z; `poiseuille`,
+            u = speed·(1 − (z/half_height)²) between the plates; `rectangular`, between plates and walls; `grid`, as
+            `field` says. 0 outside.
+        origin: Of the prim's frame [µm].
+        orientation: Of the prim's frame.
+        speed: [µm/s], of a channel at the centre line.
+        shear_rate: [1/s].
+        half_height, half_width: Plates are at z = ±half_height, walls at y = ±half_width [µm].
+        file: From which `field` was read.
+        field: Velocities on a grid.
     """
 
     prim: str

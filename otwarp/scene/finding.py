@@ -8,7 +8,13 @@ from typing import Literal
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing found: `error` stops a run, `warning` does not; `prim` is a path, or `/` for the stage."""
+    """One thing found.
+
+    Attributes:
+        severity: `error` stops a run, `warning` does not.
+        prim: Path, or `/` for the stage.
+        message: What is wrong, with the value and what is usual or allowed, in one line.
+    """
 
     severity: Literal["error", "warning"] = "warning"
     prim: str

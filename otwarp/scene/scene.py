@@ -16,8 +16,16 @@ from otwarp.scene.track import ByValue
 class Scene(ByValue):
     """Everything a stage says about the experiment. Made by `Scene.load` or `SceneBuilder`.
 
-    Not part of equality: `file` is where it was read from, `remarks` what is odd in the file itself, and `judged` says
-    that its oddities were reported already, as of a part of another scene.
+    Attributes:
+        root: Path of the default prim.
+        medium: The liquid.
+        settings: How it is to be stepped.
+        traps, bodies, obstacles: Those there are.
+        flow: Background flow, or None.
+        camera: The microscope, or None.
+        goal: Where something is to be brought, or None.
+        file, remarks, judged: Where it was read from, what is odd in the file itself, and whether its oddities were
+            reported already, as of a part of another scene; not part of equality.
     """
 
     file: Path | None = field(default=None, compare=False)
@@ -58,7 +66,7 @@ class Scene(ByValue):
         check_scene(str(self.file or "Scene"), **fields)
 
     def with_trap_speed(self, factor: float) -> Scene:
-        """The same scene with its traps played `factor` times faster, and the run shortened to match."""
+        """The same scene with its traps played `factor` times faster (above 0), and the run shortened to match."""
         traps = tuple(
             dataclasses.replace(
                 t,

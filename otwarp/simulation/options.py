@@ -18,7 +18,17 @@ if TYPE_CHECKING:
 class StepOptions:
     """What a user may choose about the step, beyond the scene and its parameters.
 
-    Its fields are arguments of `Simulation`, which says what each means and allows; a checkpoint keeps all of them.
+    Its fields are arguments of `Simulation`, which says what each allows; a checkpoint keeps all of them.
+
+    Attributes:
+        time_step: Explicit step [s]; None lets the scene and its accuracy decide.
+        integrator, noise: Names; None for the scene's.
+        fast_math: Whether approximate instructions will do.
+        crossings: Whether escapes between the ends of two steps count.
+        precision: `float32` or `float64`.
+        forces: The user's, beside those of the scene.
+        allow_large_step: Whether an explicit step that is stable may make any errors.
+        ends: What ends the task of a world; None: nothing does, and the host's clock counts for all.
     """
 
     time_step: float | None = None

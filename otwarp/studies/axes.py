@@ -35,6 +35,10 @@ class Axis:
     def in_unit(self, wanted: str, what: str) -> np.ndarray:
         """The values in another unit.
 
+        Args:
+            wanted: The unit, empty for pure numbers.
+            what: What they are called in messages.
+
         Raises:
             InputError: They have a unit of another kind, or are no numbers.
         """
@@ -45,6 +49,10 @@ class Axis:
 
 def values(given: ArrayLike, *, unit: str = "") -> Axis:
     """These values: numbers, vectors of three, or words such as the names of models.
+
+    Args:
+        given: (n) numbers or words, or (n, 3) vectors.
+        unit: Theirs, such as `mW`; empty for pure numbers and words.
 
     Raises:
         InputError: None at all, another shape, or a number that is not finite.
@@ -65,6 +73,12 @@ def values(given: ArrayLike, *, unit: str = "") -> Axis:
 def grid(low: float, high: float, count: int, *, unit: str = "", spacing: Spacing = "linear") -> Axis:
     """`count` values from `low` to `high`, both included, equally far apart or by equal factors.
 
+    Args:
+        low, high: The first and the last value, in `unit`.
+        count: Number of values, 2 or more.
+        unit: Of the values, such as `mW`; empty for pure numbers.
+        spacing: `linear`, or `log` for equal factors, from a value above 0.
+
     Raises:
         InputError: No such grid.
     """
@@ -81,6 +95,12 @@ def grid(low: float, high: float, count: int, *, unit: str = "", spacing: Spacin
 def random(low: ArrayLike, high: ArrayLike, count: int, *, unit: str = "", seed: int = 0) -> Axis:
     """`count` values or vectors that are uniform between `low` and `high`, the same for the same seed.
 
+    Args:
+        low, high: Numbers or vectors of three, in `unit`.
+        count: Number of values, 1 or more.
+        unit: Of the values, such as `mW`; empty for pure numbers.
+        seed: 0 … 2³² − 1.
+
     Raises:
         InputError: No such range.
     """
@@ -91,6 +111,12 @@ def random(low: ArrayLike, high: ArrayLike, count: int, *, unit: str = "", seed:
 
 def normal(mean: ArrayLike, deviation: ArrayLike, count: int, *, unit: str = "", seed: int = 0) -> Axis:
     """`count` normal values or vectors, the same for the same seed: the radii of polydisperse spheres, say.
+
+    Args:
+        mean, deviation: Numbers or vectors of three, in `unit`; no deviation below 0.
+        count: Number of values, 1 or more.
+        unit: Of the values, such as `µm`; empty for pure numbers.
+        seed: 0 … 2³² − 1.
 
     Raises:
         InputError: A deviation that is negative, or numbers that are not finite.
@@ -110,6 +136,12 @@ def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[s
     With one unit for each component it is an axis for as many names, given together:
     `{("trap_power", "start.z:/World/bead"): sobol([1, -2], [9, 2], 256, unit=["mW", "µm"])}`. A power of two
     of them covers the range evenly (Sobol 1967; Owen 1998, doi:10.1006/jcom.1998.0487).
+
+    Args:
+        low, high: Numbers, vectors of three, or with several units as many numbers.
+        count: Number of points, 1 or more.
+        unit: Of all components, or one for each; empty for pure numbers.
+        seed: Of the scrambling, 0 … 2³² − 1.
 
     Raises:
         InputError: No such range, or units of another number.
@@ -135,6 +167,9 @@ class Scatter:
     Attributes:
         deviation: Standard deviation, relative to the number if the unit is `%`.
         unit: Of the deviation.
+
+    Raises:
+        InputError: A deviation that is negative or not finite.
     """
 
     deviation: float

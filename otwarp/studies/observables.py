@@ -69,12 +69,20 @@ class OfScene:
 
 
 def trapped(*, until: float) -> Observable:
-    """Whether no trap has lost its sphere by `until` [s]."""
+    """Whether no trap has lost its sphere by `until` [s], a number or a text with its unit.
+
+    Raises:
+        InputError: A time that is not above 0.
+    """
     return Observable("trapped", "probability", end=escaped, happens=False, until=check_time("until", until))
 
 
 def lost(*, until: float) -> Observable:
-    """Whether some trap has lost its sphere by `until` [s]."""
+    """Whether some trap has lost its sphere by `until` [s], a number or a text with its unit.
+
+    Raises:
+        InputError: A time that is not above 0.
+    """
     return Observable("lost", "probability", end=escaped, until=check_time("until", until))
 
 
@@ -84,9 +92,16 @@ def first_passage(end: End = escaped) -> Observable:
 
 
 def delivered(goal: Sequence[float] | None = None, *, radius: float | None = None, body: int = 0, until: float) -> Any:
-    """Whether a body has come within `radius` [µm] of `goal` [µm] by `until` [s]; without a goal, the scene's.
+    """Whether a body has come within `radius` of `goal` in time, before any trap has lost its sphere.
 
-    A trial in which a trap loses its sphere before that was not.
+    Args:
+        goal: Place of the body's centre of diffusion [µm]; None: the scene's goal, tolerance and cell.
+        radius: Distance from it that will do [µm]; with a goal alone.
+        body: Index of the body, with a goal alone.
+        until: Time by which it must be there [s], a number or a text with its unit.
+
+    Raises:
+        InputError: A goal without a radius, or a time that is not above 0; of a scene without a goal, when it is known.
     """
     by = check_time("until", until)
     if goal is None:
@@ -152,7 +167,7 @@ contact_force = observable(keep="largest", unit="pN")(numbers.contact_force)
 
 
 def contact_dose(body: int = 0) -> Observable:
-    """The same, integrated over the trial [pN·s]."""
+    """Sum of the normal forces on `body` (its index, 0 if not given), integrated over the trial [pN·s]."""
     return dataclasses.replace(contact_force(body=body), name="contact_dose", keep="integral", unit="pN·s")
 
 

@@ -23,6 +23,9 @@ def table(store: Store) -> Any:
     was no longer physical, count for nothing but `faults`. A search along an axis has `largest`,
     with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
 
+    Args:
+        store: Of a study that is running or done, `open_store(folder)`.
+
     Raises:
         InputError: xarray is not installed.
     """

@@ -34,6 +34,9 @@ class Stop:
         at_least, at_most: Trials of a point.
         of: The probability that decides; empty: each of them.
         budget: Trials of all points together, spent where they are wanted most; None: each point has its own.
+
+    Raises:
+        InputError: One of them out of range, or more trials at least than at most.
     """
 
     half_width: float | None = None
@@ -117,11 +120,15 @@ class Stop:
         return out
 
     def width(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(n) half-widths that a budget is to make smaller, of (k, n) intervals: the widest of each point."""
+        """(n) half-widths that a budget is to make smaller: of the widest of (k, n) intervals `low` … `high`."""
         return np.max(0.5 * (high - low), axis=0)
 
     def check(self, probabilities: Sequence[str], points: int) -> None:
         """Refuse probabilities that this rule cannot decide by, and a budget that does not go round.
+
+        Args:
+            probabilities: Names of those that the study asks for.
+            points: Number of its points.
 
         Raises:
             InputError: `of` is none of them, or the budget is too small.
@@ -136,7 +143,7 @@ class Stop:
             raise InputError(f"of is {self.of!r}; allowed: a probability of the study, {known}")
 
     def looks_at(self, name: str) -> bool:
-        """Whether that probability decides."""
+        """Whether the probability of that `name` decides."""
         return not self.of or name == self.of
 
     def arranged(self, dimensions: tuple[Dimension, ...]) -> tuple[Dimension, ...]:
@@ -144,11 +151,11 @@ class Stop:
         return dimensions
 
     def decided_together(self, shape: tuple[int, ...]) -> int:
-        """How many neighbouring points this rule decides together: they stand in one block."""
+        """How many neighbouring points of a study of a `shape` this rule decides together: they stand in one block."""
         return 1
 
     def streams(self, points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """(n) int64: points of one number share the random numbers of their trials."""
+        """(n) int64 for points of a study of a `shape`: those of one number share random numbers of their trials."""
         return points.astype(np.int64)
 
     def range_of(self, shape: tuple[int, ...]) -> tuple[int, int]:
@@ -168,7 +175,10 @@ class Contour(Stop):
     """Trials where a contour may be: a point goes on while its interval holds a level and is wider than wanted.
 
     Attributes:
-        levels: Probabilities.
+        levels: Probabilities, above 0 and below 1.
+
+    Raises:
+        InputError: One of them out of range.
     """
 
     levels: tuple[float, ...]
@@ -179,7 +189,7 @@ class Contour(Stop):
             raise InputError(f"contour is {self.levels}; allowed: one or more probabilities above 0 and below 1")
 
     def check(self, probabilities: Sequence[str], points: int) -> None:
-        """As any rule; a contour needs a probability.
+        """As `Stop.check`; a contour needs a probability.
 
         Raises:
             InputError: There is none.
@@ -195,7 +205,7 @@ class Contour(Stop):
         return self._more(on, np.ceil(GROWTH * trials), trials)
 
     def width(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(n) as of any rule; 0 for intervals that hold none of the levels."""
+        """(n) as of any rule; 0 for intervals `low` … `high` that hold none of the levels."""
         holds = np.any([(low <= p) & (p <= high) for p in self.levels], axis=0)
         return np.max(np.where(holds, 0.5 * (high - low), 0.0), axis=0)
 
@@ -212,7 +222,16 @@ def half_width(
 ) -> Stop:
     """Trials until the interval of every probability reaches `width` to either side, half its length.
 
-    With a `budget` of trials of all points together those with the widest intervals get them first.
+    Args:
+        width: Half the length of an interval that is narrow enough, above 0 and below 0.5.
+        level: Of the intervals, such as 0.95.
+        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
+        at_least, at_most: Trials of a point.
+        of: Name of the probability that decides; empty: each of them.
+        budget: Trials of all points together, those with the widest intervals first; None: each point has its own.
+
+    Raises:
+        InputError: One of them out of range.
     """
     how = {"level": level, "method": method, "at_least": at_least, "at_most": at_most, "of": of, "budget": budget}
     return Stop(half_width=width, **how)  # type: ignore[arg-type]
@@ -227,12 +246,31 @@ def budget(
     at_most: int = 16_384,
     of: str = "",
 ) -> Stop:
-    """So many trials of all points together, spent where intervals are widest; no point gets more than `at_most`."""
+    """So many trials of all points together, spent where intervals are widest; no point gets more than `at_most`.
+
+    Args:
+        count: Trials of all points together.
+        level: Of the intervals, such as 0.95.
+        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
+        at_least, at_most: Trials of a point.
+        of: Name of the probability that decides; empty: each of them.
+
+    Raises:
+        InputError: One of them out of range.
+    """
     return Stop(level=level, method=method, at_least=at_least, at_most=at_most, of=of, budget=count)
 
 
 def trials(count: int, *, level: float = 0.95) -> Stop:
-    """The same number of trials everywhere; `level` is that of the intervals."""
+    """The same number of trials everywhere.
+
+    Args:
+        count: Trials of every point.
+        level: Of the intervals, such as 0.95.
+
+    Raises:
+        InputError: One of them out of range.
+    """
     return Stop(level=level, at_least=1, at_most=count)
 
 
@@ -249,8 +287,20 @@ def contour(
     """Trials where the contours P = `levels` may be, until intervals there reach `half_width` to either side.
 
     A point that is surely above or below stops at once. It is looked at until then, so the interval is a confidence
-    sequence: those of Clopper and Pearson would miss more often than they say. With a `budget` of trials of all points
-    together those of the contour with the widest intervals get them first.
+    sequence: those of Clopper and Pearson would miss more often than they say.
+
+    Args:
+        levels: Probabilities, above 0 and below 1.
+        half_width: Half the length of an interval that is narrow enough, above 0 and below 0.5.
+        level: Of the intervals, such as 0.95.
+        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
+        at_least, at_most: Trials of a point.
+        of: Name of the probability that decides; empty: each of them.
+        budget: Trials of all points together, those of the contour with the widest intervals first; None: each point
+            has its own.
+
+    Raises:
+        InputError: One of them out of range.
     """
     how = {"level": level, "method": method, "at_least": at_least, "at_most": at_most, "of": of, "budget": budget}
     return Contour(levels=levels, half_width=half_width, **how)  # type: ignore[arg-type]

@@ -60,12 +60,12 @@ class Store:
 
     @property
     def results(self) -> Path:
-        """The zarr group."""
+        """Folder of the zarr group that holds the results."""
         return self.folder / "results.zarr"
 
     @property
     def scene(self) -> Path:
-        """The flattened scene."""
+        """File of the flattened scene."""
         return self.folder / "scene.usda"
 
     def asked(self) -> dict[str, Any]:
@@ -132,6 +132,11 @@ class Store:
     def write(self, block: int, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
         """Write a block, the number of its trials behind what they count, and its marker last.
 
+        Args:
+            block: Its number.
+            where: Its points, a slice per dimension.
+            arrays: By the names of `Study.variables`.
+
         Raises:
             OSError: The disk is full, or the folder has gone; it names a file.
         """
@@ -162,7 +167,7 @@ class Store:
             self._put("trials", where, np.maximum(arrays["trials"], self.block("trials", where)))
 
     def block(self, name: str, where: tuple[slice, ...]) -> np.ndarray:
-        """An array of a block."""
+        """The array of a `name` in the block whose points are `where`, a slice per dimension."""
         return np.asarray(self._arrays[name][(*where, ...)])
 
     def trials(self) -> np.ndarray:
@@ -225,7 +230,7 @@ def _points_of(blocks: Sequence[int], shape: tuple[int, ...], chunk: tuple[int, 
 
 
 def open_store(folder: Path) -> Store:
-    """A study that is there.
+    """The study that a `folder` holds.
 
     Raises:
         InputError: It is none.

@@ -11,7 +11,7 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     harmonics, scattering      exact light of several spheres: vector spherical waves, and what passes between spheres
     pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
     render                     all of these together: `expose` once, look in many planes
-    view, moment, picture      a scene's camera and bodies; where they are at a time; what is recorded of it
+    view, moment, pictures     a scene's camera and bodies; where they are at a time; what is recorded of it
     stack                      images on disk
     kernels                    what runs between Fourier transforms
     calibration                pixels, planes and depths in µm, from images of targets
@@ -29,7 +29,7 @@ from otwarp.lazy import lazy_names
 if TYPE_CHECKING:
     from otwarp.vision.microscope import Microscope as Microscope
     from otwarp.vision.moment import moments as moments
-    from otwarp.vision.picture import picture as picture
+    from otwarp.vision.pictures import picture as picture
     from otwarp.vision.render import Rendering as Rendering
     from otwarp.vision.render import expose as expose
     from otwarp.vision.render import render as render
@@ -41,7 +41,7 @@ __getattr__, __dir__ = lazy_names(
     {
         "microscope": ("Microscope",),
         "moment": ("moments",),
-        "picture": ("picture",),
+        "pictures": ("picture",),
         "render": ("Rendering", "expose", "render"),
         "sensor": ("Sensor",),
         "specimen": ("Specimen",),

@@ -42,7 +42,7 @@ class Fourier:
         return _torch().from_numpy(kept.copy()).to(self._torch_device)
 
     def zeros(self, *shape: int) -> Any:
-        """Zeros, complex64."""
+        """Array of zeros of a shape on the device, complex64."""
         if self.library == "scipy":
             return np.zeros(shape, dtype=np.complex64)
         return _torch().zeros(shape, dtype=_torch().complex64, device=self._torch_device)

@@ -155,7 +155,7 @@ class Microscope:
         return {"zernike": scaled, "ring_delay": self.ring_delay * factor, "bias": self.bias * factor}
 
     def lines(self, count: int = 5) -> list[tuple[float, float]]:
-        """Wavelengths [µm] and weights that stand for the spectrum: Gauss–Hermite nodes, one where it is narrow."""
+        """Wavelengths [µm] and weights that stand for the spectrum: `count` Gauss–Hermite nodes, or a narrow line."""
         if self.bandwidth <= 0.0:
             return [(self.wavelength, 1.0)]
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)

@@ -33,6 +33,9 @@ class Rendering:
         azimuth: By which these are turned [rad].
         margin: Around the image [µm], so that light that leaves it does not come in on the other side.
         spacing: Of points where light is computed, at most [µm]; None: 0.29 wavelengths.
+
+    Raises:
+        InputError: No such method.
     """
 
     method: str = "two_index"

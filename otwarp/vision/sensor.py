@@ -55,7 +55,7 @@ class Sensor:
             raise InputError(f"bits of the sensor is {self.bits}; allowed: 1 to 16")
 
     def sensitivities(self, shape: tuple[int, int], seed: int) -> np.ndarray:
-        """(height, width) how much more than the mean each pixel answers; the same for all images of a sensor."""
+        """Answer of each pixel over the mean, an array of a `shape`, by `seed`: the same for all images of a sensor."""
         if self.nonuniformity == 0.0:
             return np.ones(shape)
         return _sensitivities(self.nonuniformity, shape, seed)

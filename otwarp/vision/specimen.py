@@ -18,6 +18,9 @@ class Specimen:
         start, end: (n, 3) centres of their rounded ends [µm], equal for spheres.
         radius: (n) [µm].
         index: (n) refractive indices. Where solids of one index overlap they are one solid.
+
+    Raises:
+        InputError: Numbers that are not finite, a radius that is not above 0, an index below 1.
     """
 
     start: np.ndarray
@@ -27,7 +30,16 @@ class Specimen:
 
     @classmethod
     def of_spheres(cls, centers: Sequence[Sequence[float]] | np.ndarray, radius: object, index: object) -> Specimen:
-        """Spheres: (n, 3) centres, radii and indices, one for all or one for each."""
+        """Spheres alone.
+
+        Args:
+            centers: (n, 3) [µm].
+            radius: [µm], one for all or one for each.
+            index: Refractive index, likewise.
+
+        Raises:
+            InputError: As `Specimen`.
+        """
         place = np.atleast_2d(np.asarray(centers, dtype=float))
         return cls(place, place, *(np.broadcast_to(np.asarray(v, dtype=float), len(place)) for v in (radius, index)))
 
@@ -54,7 +66,7 @@ class Specimen:
         return (np.maximum(self.start, self.end) + self.radius[:, None]).max(axis=0)
 
     def moved(self, by: Sequence[float] | np.ndarray) -> Specimen:
-        """The same elsewhere."""
+        """The same solids moved by a vector `by` (3) [µm]."""
         return Specimen(self.start + np.asarray(by), self.end + np.asarray(by), self.radius, self.index)
 
     def indices(self) -> np.ndarray:

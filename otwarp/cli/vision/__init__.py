@@ -1,6 +1,6 @@
 """`otwarp vision`: what the microscope of a scene sees; one module for every command.
 
-`render`: images in focal planes, by `otwarp.vision` (open `picture` there). `dataset`: many of them with their labels,
+`render`: images in focal planes, by `otwarp.vision` (open `pictures` there). `dataset`: many of them with their labels,
 by `otwarp.vision.datasets`. `calibrate`: pixels, planes and depths in µm, by `otwarp.vision.calibration`. `train`,
 `evaluate`, `export`: networks that tell from an image how a robot lies, by `otwarp.vision.networks`.
 `find`, `track`: robots in a frame, a body in the frames of a run, by `otwarp.vision.tracking`.

@@ -83,7 +83,7 @@ def render(
     Light is led through the bodies as waves and through objective and condenser to the sensor, as OtCameraAPI says.
     """
     from otwarp.vision.moment import moments
-    from otwarp.vision.picture import picture
+    from otwarp.vision.pictures import picture
     from otwarp.vision.render import Rendering
     from otwarp.vision.stack import check_ending, save_stack
 

@@ -66,7 +66,7 @@ class Device(Protocol):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it can do."""
+        """What the device can do: its rate, force and buttons; known once it is open."""
         ...
 
     def open(self) -> None:

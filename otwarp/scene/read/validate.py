@@ -27,7 +27,12 @@ _BRANCH = ("threshold", "inverse_square", "offset")
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What `validate` found in a file."""
+    """What `validate` found in a file.
+
+    Attributes:
+        file: The stage.
+        findings: All of them, errors and warnings.
+    """
 
     file: Path
     findings: tuple[Finding, ...]

@@ -145,9 +145,15 @@ class SceneBuilder:
         color: Color = _COLORS[Body][0],
         opacity: float = 1.0,
     ) -> Usd.Prim:
-        """Draw a rod from `start` to `end` (centres of its rounded ends, µm, body frame); looks only, no physics.
+        """Draw a rod; looks only, no physics. Rods that collide or drag are `Rod`s of the body that `add` is given.
 
-        Rods that collide or drag are `Rod`s of the body that `add` is given.
+        Args:
+            body_prim: Path of the body.
+            name: Of the rod below it.
+            start, end: Centres of its rounded ends in the body's frame [µm].
+            radius: [µm].
+            color: Linear RGB.
+            opacity: 0 … 1.
 
         Raises:
             InputError: A length or radius [µm] that is not positive, or the path is taken.
@@ -257,7 +263,7 @@ class SceneBuilder:
         return Scene(**read_stage(self._stage, file="SceneBuilder"))
 
     def save(self, path: str | Path) -> Path:
-        """Check the scene and write `.usda`, `.usdc` or `.usd` atomically: the whole file or none.
+        """Check the scene and write it to `path`, `.usda`, `.usdc` or `.usd`: the whole file or none.
 
         Raises:
             InputError: The scene could not be loaded back, or the file cannot be written.

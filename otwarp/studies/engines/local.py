@@ -103,7 +103,7 @@ def compute_and_keep(
 
 
 def keep(study: Study, store: Store, numbers: Sequence[int], found: Sequence[Found]) -> None:
-    """Write blocks."""
+    """Write computed blocks into the store; of a study with a budget, the new trials of each."""
     where = study.blocks()
     for number, arrays in zip(numbers, found, strict=True):
         if study.round is None:

@@ -181,7 +181,7 @@ class EscapeStudy(Study):
         return {"kind": self.kind, **said, "observables": [observed], "escape": how}
 
     def variables(self, dims: tuple[str, ...]) -> tuple[dict[str, Variable], dict[str, int]]:
-        """Arrays of results, and the lengths of their dimensions beside those of the axes."""
+        """Arrays of results, and the lengths of their dimensions beside those of the axes, `dims`."""
         run, unit = (*dims, "trial"), {"units": self.order.unit} if self.order.unit else {}
         per = {"units": "1/s"}
         found = {

@@ -225,7 +225,7 @@ class _Search:
     log: list[str] = dataclasses.field(default_factory=list)
 
     def try_(self, scene: Scene, what: str) -> SceneCost:
-        """Measure a candidate."""
+        """Measure what a candidate costs, and note load and speed in the log."""
         self.say(f"measuring {what} (kernels that are new to this machine are compiled first)")
         cost = self.measure(scene, device=self.device, speed=self.speed, rate=self.rate)
         factor = cost.speed(1.0, self.rate)

@@ -223,7 +223,7 @@ class Template:
         self._body = np.zeros(0, dtype=np.uint8)
 
     def text(self, value: str) -> Template:
-        """A string."""
+        """Append a CDR string: its length, UTF-8 and a zero byte."""
         data = value.encode() + b"\0"
         self.count(len(data))
         self._fixed += data

@@ -131,7 +131,7 @@ class ReplayReport:
         return f"nothing to compare: {why}"
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The report as numbers and texts for a JSON file, with `equal` and `verdict`."""
         return dataclasses.asdict(self) | {"equal": self.equal, "verdict": self.verdict}
 
 
@@ -201,7 +201,7 @@ class _Recording:
         self.law = str(about.get("settings", {}).get("law") or "")
 
     def replay(self, config: HandConfig) -> HandReplay:
-        """One hand."""
+        """Run the chain of one hand again, from its recorded start, and compare each cycle with the recorded one."""
         start = self.starts.get(config.name)
         hand = _Hand(self, config, start)
         for data in self.batches.get(config.name, ()):
@@ -235,7 +235,7 @@ class _Hand:
                 self._scene = scene_from_list(chain["scene"])
 
     def cycle(self, cycle: Cycle) -> None:
-        """One cycle."""
+        """Run one recorded cycle again and compare; cycles that are missing before it are counted."""
         self._cycles += 1
         if self._tick is not None and cycle.tick != self._tick + 1:
             self._gaps += 1

@@ -44,7 +44,7 @@ class Measured:
                    None if authored is None else float(authored))  # fmt: skip
 
     def described(self) -> dict[str, Any]:
-        """For a file."""
+        """What a calibration file says of it, from which `read` makes it again."""
         return {"value": self.value, "standard_error": self.standard_error, "interval": [self.low, self.high],
                 "level": LEVEL, "unit": self.unit, "about": self.about, "authored": self.authored}  # fmt: skip
 

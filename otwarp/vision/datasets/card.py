@@ -19,7 +19,7 @@ SAID = {
 
 
 def write_card(labels: Labels, store: Store) -> None:
-    """Write `README.md`."""
+    """Write `README.md` of a dataset: what its images show, how they were made, how to read them."""
     spec, m = labels.spec, labels.spec.microscope
     robot = spec.robot.name or "a robot of the file"
     size = f"{spec.width} × {spec.height}"

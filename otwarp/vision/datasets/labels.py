@@ -50,7 +50,7 @@ class Labels:
 
     @property
     def count(self) -> int:
-        """Of images."""
+        """Number of images."""
         return int(self.first[-1])
 
     @property

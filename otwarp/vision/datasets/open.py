@@ -32,7 +32,7 @@ class Dataset:
 
     @property
     def count(self) -> int:
-        """Of images."""
+        """Number of images."""
         return int(self.manifest["count"])
 
     @property

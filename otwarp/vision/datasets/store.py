@@ -51,7 +51,7 @@ class Store:
 
     @property
     def data(self) -> Path:
-        """The zarr group."""
+        """Folder of the zarr group that holds images and labels."""
         return self.folder / "data.zarr"
 
     def manifest(self) -> dict[str, Any]:

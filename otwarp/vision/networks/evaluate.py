@@ -49,7 +49,7 @@ class Evaluation:
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def said(self) -> dict[str, Any]:
-        """For a file."""
+        """The scores as numbers and texts for a JSON file."""
         return {"name": self.name, "about": self.about, "scores": dict(self.scores), "baselines": dict(self.baselines),
                 "efficiency": dict(self.efficiency), "by_tilt": list(self.by_tilt)}  # fmt: skip
 

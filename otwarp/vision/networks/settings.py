@@ -91,10 +91,10 @@ class Settings:
         return 0.5 * (1.0 + math.cos(math.pi * (step - warm) / max(1, whole - warm)))
 
     def said(self) -> dict[str, Any]:
-        """For a file."""
+        """The settings as numbers and texts for a file, from which `read` makes them again."""
         return dataclasses.asdict(self)
 
     @classmethod
     def read(cls, said: Mapping[str, Any]) -> Settings:
-        """From a file."""
+        """The settings of a file that `said` wrote."""
         return cls(**said)

@@ -35,13 +35,13 @@ class Targets:
     classes: tuple[float, ...] = ()
 
     def said(self) -> dict[str, Any]:
-        """For a file."""
+        """Names, offsets and scales for a file, from which `read` makes them again."""
         return {"names": list(self.names), "offset": list(self.offset), "scale": list(self.scale),
                 "others": dict(self.others), "mirrored": self.mirrored, "classes": list(self.classes)}  # fmt: skip
 
     @classmethod
     def read(cls, said: Mapping[str, Any]) -> Targets:
-        """From a file."""
+        """The targets of a file that `said` wrote."""
         lists = {name: tuple(said[name]) for name in ("names", "offset", "scale", "classes")}
         return cls(others=said["others"], mirrored=said["mirrored"], **lists)
 

@@ -85,7 +85,7 @@ class Training:
 
     @property
     def device(self) -> Any:
-        """torch's."""
+        """Device of torch on which the network is trained."""
         return self.train.images.device
 
 

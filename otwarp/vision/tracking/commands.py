@@ -39,7 +39,7 @@ class Commands:
 
     @property
     def traps(self) -> int:
-        """How many."""
+        """Number of traps T."""
         return len(self.values[0]) // 4
 
     def at(self, time: float) -> np.ndarray:

@@ -145,7 +145,7 @@ def own_term(f: Features) -> wp.Function:
 
     @wp.func
     def of_all(world: int) -> int:
-        """The one entry that there is."""
+        """Index 0 of the one clock and the one set of flags that all worlds share."""
         return 0
 
     return of_world if f.by_world else of_all

@@ -319,7 +319,7 @@ def next_in_cells_term(f: Features) -> wp.Function:
 
     @wp.func
     def next_of_all(model: ModelData, state: StateData, grid: GridData, world: int, i: int, last: int) -> int:
-        """The next one of the world."""
+        """Element that i touches, of the smallest name above that of `last`, among all of its world; -1: none."""
         own = element(model, state, grid, world, i)
         first = world * grid.near.elements
         all = wp.vec2i(first, first + grid.near.elements)
@@ -327,7 +327,7 @@ def next_in_cells_term(f: Features) -> wp.Function:
 
     @wp.func
     def next_in_cells(model: ModelData, state: StateData, grid: GridData, world: int, i: int, last: int) -> int:
-        """The next one in the 27 cells around."""
+        """Element that i touches, of the smallest name above that of `last`, in the 27 cells around it; -1: none."""
         n = grid.near
         own = element(model, state, grid, world, i)
         best = int(-1)
