@@ -49,11 +49,11 @@ def parts(loop: Loop, device: wp.Device, rounds: int) -> dict[str, Quartiles]:
     """Cost of each part per operator and servo period, launched alone [ns]; the state goes on, as in a trial."""
     frames = loop.frame_rate / loop.rate
     ways: dict[str, tuple[Callable[[], object], float]] = {
-        "physics, contact included": (lambda: loop.sim.step(loop._turn.steps), 1.0),
-        "hand: eyes, plan, arm": (loop._move_hands, 1.0),
+        "physics, contact included": (lambda: loop.sim.step(loop.turn.steps), 1.0),
+        "hand: eyes, plan, arm": (loop.move_hands, 1.0),
         "servo chain, both hands": (loop.chain.step, 1.0),
-        "traps and account": (lambda: (loop._command(), loop._observe()), 1.0),
-        "picture, for chain and eyes": (loop._publish, frames),
+        "traps and account": (lambda: (loop.command_traps(), loop.keep_account()), 1.0),
+        "picture, for chain and eyes": (loop.publish, frames),
     }
 
     def cost(work: Callable[[], object], share: float) -> float:

@@ -83,16 +83,16 @@ class Loop:
         self.chain.force_gain.assign(given)
         self._take_traps()
         self.twin = self._twin(local)
-        self._operate = hand_kernel(moving_shapes(task) if model.features.obstacles else ())
+        self.operate = hand_kernel(moving_shapes(task) if model.features.obstacles else ())
         self.ticks, self._frames = 0, 0
         self._load()
-        self._turn = self.sim.capture(steps, before=self._act, after=self._observe)
-        self._publish()
+        self.turn = self.sim.capture(steps, before=self._act, after=self.keep_account)
+        self.publish()
         self.chain.arm()
 
     def _load(self) -> None:
         """Compile and load what a graph captures."""
-        for kernel in (self._operate, account.command, account.account_for, seen.see):
+        for kernel in (self.operate, account.command, account.account_for, seen.see):
             wp.load_module(kernel.module, device=self.sim.model.device)
 
     def _take_traps(self) -> None:
@@ -115,42 +115,43 @@ class Loop:
         data.offset = wp.array(body.trapped.numpy()[:, :3], dtype=wp.vec3, device=device)
         return data
 
-    def _launch(self, kernel: Any, dim: Any, *inputs: object) -> None:
+    def launch(self, kernel: Any, dim: Any, *inputs: object) -> None:
+        """Launch a kernel on the device of the simulation."""
         wp.launch(kernel, dim=dim, inputs=inputs, device=self.sim.model.device)
 
     def _act(self) -> None:
         """One servo period up to the traps."""
-        self._move_hands()
+        self.move_hands()
         self.chain.step()
-        self._command()
+        self.command_traps()
 
-    def _move_hands(self) -> None:
+    def move_hands(self) -> None:
         """What operators see, feel, plan and do in a servo period."""
         people, chain, sim = self.people, self.chain, self.sim
-        self._launch(
-            self._operate, sim.model.worlds, sim.model.data, people.task, people.people, people.sight, people.mind,
+        self.launch(
+            self.operate, sim.model.worlds, sim.model.data, people.task, people.people, people.sight, people.mind,
             people.account, sim.episodes.done, chain.force, chain.hand,
         )  # fmt: skip
 
-    def _command(self) -> None:
+    def command_traps(self) -> None:
         """Put the traps where the chain has them."""
         shape = self.sim.model.worlds, len(self.task.scene.traps)
         done, commanded = self.sim.episodes.done, self.chain.commanded
-        self._launch(account.command, shape, self.people.task, done, commanded, self.sim.control.data())
+        self.launch(account.command, shape, self.people.task, done, commanded, self.sim.control.data())
 
-    def _observe(self) -> None:
+    def keep_account(self) -> None:
         """Keep what a servo period did."""
         sim, people, task = self.sim, self.people, self.task
-        self._launch(
+        self.launch(
             account.account_for, sim.model.worlds, sim.model.data, sim.control.data(), sim.state.data(),
-            sim._readout.data(), people.task, people.mind, task.cell, task.contact_warning, task.distance_warning,
+            sim.last_readout.data(), people.task, people.mind, task.cell, task.contact_warning, task.distance_warning,
             people.account,
         )  # fmt: skip
 
-    def _publish(self) -> None:
+    def publish(self) -> None:
         """Take a picture of every world: for the chain, and for the operator's eyes."""
         sim, people = self.sim, self.people
-        self._launch(
+        self.launch(
             seen.see, sim.model.worlds, sim.model.data, sim.control.data(), sim.state.data(), people.task, people.mind,
             sim.episodes.done, self.twin, people.sight,
         )  # fmt: skip
@@ -164,10 +165,10 @@ class Loop:
             due = math.floor(self._frames * self.rate / self.frame_rate)
             until = min(due, last)
             if until > self.ticks:
-                self._turn(until - self.ticks)
+                self.turn(until - self.ticks)
                 self.ticks = until
             if self.ticks == due:
-                self._publish()
+                self.publish()
 
     @property
     def running(self) -> int:

@@ -177,7 +177,7 @@ def kept(loop: Loop) -> dict[str, np.ndarray]:
     sim, account = loop.sim, loop.people.accounts()
     counted = np.maximum(account["counted"], 1)
     period = 1.0 / loop.rate
-    escape = sim._readout.escape_step.numpy()
+    escape = sim.last_readout.escape_step.numpy()
     never = np.iinfo(np.int64).max
     first = np.where(escape >= 0, escape, never)
     lost = np.where(first.min(axis=1, initial=never) < never, first.argmin(axis=1) if first.shape[1] else 0, -1)

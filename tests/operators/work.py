@@ -65,5 +65,5 @@ class HandsAlone:
         people = self.people
         inputs = [self.loop.sim.model.data, people.task, people.people, people.sight, people.mind, people.account]
         for _ in range(periods):
-            self.loop._launch(self.loop._operate, len(self.done), *inputs, self.done, self.force, self.hand)
+            self.loop.launch(self.loop.operate, len(self.done), *inputs, self.done, self.force, self.hand)
         return self.hand.numpy().copy()
