@@ -15,6 +15,7 @@ import numpy as np
 from otwarp.vision.datasets import load_spec, make_dataset
 from otwarp.vision.datasets.labels import labels_of
 from otwarp.vision.datasets.samples import ACROSS, UP
+from otwarp.vision.datasets.shots import lights_of_pose
 
 ROOT = Path(__file__).parents[2]
 PICTURE = ROOT / "docs" / "images" / "vision_samples.png"
@@ -28,8 +29,8 @@ def write() -> None:
     with tempfile.TemporaryDirectory() as folder:
         made = make_dataset(labels_of(spec), Path(folder) / "samples", device="cpu")
         shutil.copyfile(made / "samples.png", PICTURE)
-    rings = spec.rendering.rings
-    print(f"wrote {PICTURE.relative_to(ROOT)}: {1 + 3 * rings * (rings + 1)} source points")
+    points = sum(len(light.weights) for light in lights_of_pose(labels_of(spec), 0))
+    print(f"wrote {PICTURE.relative_to(ROOT)}: {points} source points")
 
 
 if __name__ == "__main__":

@@ -104,6 +104,24 @@ class OutputPath(click.ParamType):
 UNIT = Number(0.0, 1e6, above=True)
 """What may be called 1 on a topic [µm], and the gain of a device there."""
 POSITIVE = Number(0.0, above=True)
+
+
+class Auto(Number):
+    """A number in a range, or the word `auto`."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a number or `auto`.
+
+        Raises:
+            InputError: Neither, or out of range.
+        """
+        return value if value == "auto" else super().convert(value, param, ctx)
+
+    def range(self) -> str:
+        """The allowed range in words."""
+        return f"auto, or {super().range()}"
+
+
 COUNT = Number(1, whole=True)
 SECONDS = Number(0.0, above=True, unit="s")
 SEED = Number(0, 2**32 - 1, whole=True)

@@ -6,11 +6,13 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
 
     microscope, sensor         optics and light; photoelectrons and grey levels
     specimen, grid, fourier    solids; where light is computed and looked at; arrays that FFTs and kernels share
-    illumination               points of the condenser, whose waves do not interfere
+    sampling, illumination     how many points of the condenser an image needs, and how much margin; these points,
+                               whose waves do not interfere
     propagation                light through any solids, slice by slice
     harmonics, scattering      exact light of several spheres: vector spherical waves, and what passes between spheres
     pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
     render                     all of these together: `expose` once, look in many planes
+    frame                      which solids of a scene an image is computed of
     view, moment, pictures     a scene's camera and bodies; where they are at a time; what is recorded of it
     stack                      images on disk
     kernels                    what runs between Fourier transforms

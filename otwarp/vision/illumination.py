@@ -9,6 +9,13 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.vision.microscope import Microscope
+from otwarp.vision.sampling import DENSITIES, density
+
+FEWEST = 24
+"""Points of a lattice, at least, where the spectrum has so many within the opening."""
+
+FINE = 32
+"""Squares of a side in which the share of a lattice's cell within the opening is counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,10 +25,31 @@ class Illumination:
     Attributes:
         steps: (s, 2) int, their transverse wavenumbers (x, y) in steps of the grid's spectrum.
         weights: (s) share of the light, 1 in all.
+        sparser: Fewer of these points that do for planes nearer to the specimen: weights of the first of them, and the
+            reach for which they do [µm], from most points to fewest; the last are there for comparison alone.
+        reach: For which all of them do [µm], as `otwarp.vision.sampling` has it.
     """
 
     steps: np.ndarray
     weights: np.ndarray
+    sparser: tuple[tuple[np.ndarray, float], ...] = ()
+    reach: float = math.inf
+
+    def enough(self, reach: float) -> Illumination:
+        """As few of the points, the first ones, as do for a reach [µm]."""
+        return next(
+            (self.first(len(w)) for w, held in reversed(self.sparser[:-1]) if held >= reach * (1.0 - 1e-9)), self
+        )
+
+    def halved(self) -> Illumination | None:
+        """Every second of the points; None where they have no order."""
+        return self.first(len(self.sparser[0][0])) if self.sparser else None
+
+    def first(self, count: int) -> Illumination:
+        """The first points, as many as one of the sparser ones has."""
+        n = next(n for n, (weights, _) in enumerate(self.sparser) if len(weights) == count)
+        weights, reach = self.sparser[n]
+        return Illumination(self.steps[:count], weights, self.sparser[n + 1 :], reach)
 
 
 def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimuth: float = 0.0) -> Illumination:
@@ -42,7 +70,7 @@ def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimu
     """
     step, off = microscope.wavelength / length, (microscope.condenser_x, microscope.condenser_y)
     if microscope.condenser_aperture <= 0.0:
-        return Illumination(np.array([[_nearest(o / step) for o in off]]), np.ones(1))
+        return _coherent(off, step)
     if rings < 1:
         raise InputError(f"rings is {rings}; allowed: 1 or more where the condenser is open")
     outer = microscope.condenser_aperture
@@ -64,6 +92,91 @@ def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimu
         key = (_nearest((x + off[0]) / step), _nearest((y + off[1]) / step))
         found[key] = found.get(key, 0.0) + weight
     return Illumination(np.array(list(found)), np.array(list(found.values())))
+
+
+def lattice(microscope: Microscope, length: float, reach: float) -> Illumination:
+    """Evenly spaced directions of the grid's spectrum, as few as a reach needs, weighted by their share of the opening.
+
+    They lie on a square lattice, along the axes or the diagonals, which has all symmetries of the grid; its cells at
+    the edge of the opening count as far as they are within it, so that the sum is exact for light that varies slowly
+    from point to point. Lattices are nested: every second point of one is the next sparser one. Where direct light
+    must pass, or miss, a ring in the objective, there are whole points within the opening alone.
+
+    Args:
+        microscope: Whose condenser.
+        length: Of the grid, after which it repeats [µm].
+        reach: How far light that matters goes sideways [µm].
+    """
+    step, off = microscope.wavelength / length, (microscope.condenser_x, microscope.condenser_y)
+    if microscope.condenser_aperture <= 0.0:
+        return _coherent(off, step)
+    whole = microscope.condenser == "annulus" or microscope.contrast in ("phaseContrast", "darkField")
+    each = density(length, reach)
+    points = _cells(microscope, step, each, whole)
+    while len(points) < FEWEST and each > 1:
+        each = max(d for d in DENSITIES if d < each)
+        points = _cells(microscope, step, each, whole)
+    levels = [(each, points)]
+    while len(points) >= FEWEST:
+        each *= 2
+        points = _cells(microscope, step, each, whole)
+        levels.append((each, points))
+    order = list(dict.fromkeys(key for _, points in reversed(levels) for key in points))
+    place = {key: n for n, key in enumerate(order)}
+    nested = []
+    for each, points in levels:
+        weights = np.zeros(1 + max(place[key] for key in points))
+        weights[[place[key] for key in points]] = list(points.values())
+        nested.append((weights, length / math.sqrt(each)))
+    return Illumination(np.array(order), nested[0][0], tuple(nested[1:]), nested[0][1])
+
+
+def _cells(microscope: Microscope, step: float, each: int, whole: bool) -> dict[tuple[int, int], float]:
+    """Points of a lattice with one of `each` directions, and their shares of the light.
+
+    Args:
+        microscope: Whose condenser.
+        step: Of the spectrum, as an aperture.
+        each: Square of a whole number for a lattice along the axes, twice that for one along the diagonals.
+        whole: Whether points count wholly or not at all.
+    """
+    inner = microscope.condenser_inner / step if microscope.condenser == "annulus" else -1.0
+    outer = microscope.condenser_aperture / step
+    off = np.array([microscope.condenser_x, microscope.condenser_y]) / step
+    side = math.isqrt(each)
+    diagonal = side * side != each
+    side = math.isqrt(each // 2) if diagonal else side
+    most = math.floor((outer + np.abs(off).max()) / side + 2.0)
+    x, y = (side * a.ravel() for a in np.meshgrid(*(np.arange(-most, most + 1),) * 2))
+    if diagonal:
+        even = (x + y) // side % 2 == 0
+        x, y = x[even], y[even]
+    if whole:
+        radius = np.hypot(x - off[0], y - off[1])
+        share = ((radius >= inner - 1e-9) & (radius <= outer + 1e-9)).astype(float)
+    else:
+        share = _within(x - off[0], y - off[1], outer, side, diagonal)
+    # waves of a sparse lattice may be steeper than the opening, but not than the medium lets through
+    share *= np.hypot(x, y) * step < 0.98 * microscope.medium_index
+    some = np.flatnonzero(share > 0.0)
+    keys = zip(x[some].tolist(), y[some].tolist(), strict=True)
+    return dict(zip(keys, (share[some] / share[some].sum()).tolist(), strict=True))
+
+
+def _within(x: np.ndarray, y: np.ndarray, outer: float, side: int, diagonal: bool) -> np.ndarray:
+    """Share of each point's cell that is within a disc: squares of side `side`, or turned, of half diagonal `side`."""
+    across = (np.arange(FINE) + 0.5) / FINE - 0.5
+    u, v = (a.ravel() for a in np.meshgrid(across, across))
+    right, up = (side * (u - v), side * (u + v)) if diagonal else (side * u, side * v)
+    share = (np.hypot(x, y) <= outer).astype(float)
+    edge = np.flatnonzero(np.abs(np.hypot(x, y) - outer) <= side)  # of all others the cell is within, or is not
+    away = np.hypot(x[edge, None] + right, y[edge, None] + up)
+    share[edge] = np.mean(away <= outer, axis=1)
+    return share
+
+
+def _coherent(off: tuple[float, float], step: float) -> Illumination:
+    return Illumination(np.array([[_nearest(o / step) for o in off]]), np.ones(1))
 
 
 def _ring(radius: float, count: int, azimuth: float, weight: float) -> list[tuple[float, float, float]]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
+from otwarp.vision.frame import framed
 from otwarp.vision.moment import Moments, check_body
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.render import Rendering, expose, warn_if_few
 from otwarp.vision.specimen import Specimen
-from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of, within
+from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of
 
 MOST_PIXELS = 256
 """Pixels of a side where nobody asks for more."""
@@ -29,6 +30,9 @@ class Picture:
         pixel: [µm].
         solids: Spheres and rods that were in the light.
         sources: Points of the condenser.
+        margin: Around the image, where light was computed as well [µm].
+        error: (f) what few source points may have cost, as of `Exposed.error`; None where that is not known.
+        left_out: Names of bodies of which some solids are at the edge of the margin, and were left out.
     """
 
     focus: np.ndarray
@@ -37,6 +41,9 @@ class Picture:
     pixel: float
     solids: int
     sources: int
+    margin: float
+    error: np.ndarray | None
+    left_out: tuple[str, ...]
 
 
 def picture(
@@ -61,7 +68,10 @@ def picture(
         device: Where.
 
     Raises:
-        InputError: No camera, no such body, or solids that do not fit.
+        InputError: No camera, no such body, none in the image or its margin, or the one in the middle does not fit.
+
+    Warns:
+        PlausibilityWarning: Rings or a margin that are too few for these planes.
     """
     scene = seen.scene
     camera, microscope, sensor = camera_of(scene), microscope_of(scene), sensor_of(scene)
@@ -69,18 +79,45 @@ def picture(
     width, height = size or (min(frame[0], MOST_PIXELS), min(frame[1], MOST_PIXELS))
     how, where = rendering or Rendering(), Fourier(device)
     planes = camera.focus + np.asarray(focus, dtype=float)
-    total, solids, sources = np.zeros((len(planes), height, width)), 0, 0
-    middle = None
+    total, middle, left_out, error = np.zeros((len(planes), height, width)), None, {}, None
+    owners = np.array([b.name for b in scene.bodies for _ in range(len(b.spheres) + len(b.rods))])
     for position, orientation in zip(seen.position, seen.orientation, strict=True):
         specimen = specimen_of(scene, position, orientation)
         if middle is None:
             middle = _middle(seen, center)
-        specimen = _inside(specimen.moved(-middle), width, height, microscope.pixel, how.margin)
-        exposed = expose(specimen, microscope, width, height, rendering=how, fourier=where)
+        whole = specimen.moved(-middle)
+        there = framed(whole, microscope, width, height, planes, how)
+        names = list(dict.fromkeys(owners[there.left_out]))
+        if center in names:
+            raise InputError(f"--center is {center}, which reaches beyond the image and its margin of "
+                             f"{there.margin:.3g} µm; allowed: a larger --size or margin")  # fmt: skip
+        if not there.inside and len(whole):
+            _refuse_empty(whole, owners)
+        left_out.update(dict.fromkeys(names))
+        exposed = expose(
+            there.specimen, microscope, width, height, focus=planes, rendering=there.rendering, fourier=where
+        )
         total += exposed.images(planes) / len(seen.position)
-        solids, sources = len(specimen), sum(len(light.weights) for _, light, _, _ in exposed.parts)
+        if error is None:
+            warn_if_few(there.specimen, microscope, width, height, planes, how)
+            error = exposed.error(planes)
     levels = sensor.levels(total, seed=seed)
-    return Picture(np.asarray(focus, dtype=float), total, levels, microscope.pixel, solids, sources)
+    return Picture(
+        np.asarray(focus, dtype=float), total, levels, microscope.pixel, solids=len(there.specimen),
+        sources=exposed.sources, margin=exposed.margin, error=error, left_out=tuple(left_out),
+    )  # fmt: skip
+
+
+def _refuse_empty(solids: Specimen, owners: np.ndarray) -> None:
+    """Say where the nearest body is.
+
+    Raises:
+        InputError: Always.
+    """
+    away = np.hypot(*(0.5 * (solids.start + solids.end))[:, :2].T)
+    n = int(np.argmin(away))
+    raise InputError(f"no body is in the image, {owners[n]} is nearest, {away[n]:.3g} µm from its middle; allowed: a "
+                     f"larger --size, or --center {owners[n]}")  # fmt: skip
 
 
 def _middle(seen: Moments, center: str | None) -> np.ndarray:
@@ -95,19 +132,3 @@ def _middle(seen: Moments, center: str | None) -> np.ndarray:
     middle = 0.25 * (alone.start[own].min(axis=0) + alone.start[own].max(axis=0)
                      + alone.end[own].min(axis=0) + alone.end[own].max(axis=0))  # fmt: skip
     return np.array([middle[0], middle[1], 0.0])
-
-
-def _inside(specimen: Specimen, width: int, height: int, pixel: float, margin: float) -> Specimen:
-    """The solids that reach into the image and lie within what is computed around it.
-
-    Raises:
-        InputError: One is cut by the edge of what is computed.
-    """
-    half = 0.5 * pixel * np.array([width, height])
-    seen = within(specimen, *half)
-    edge = 0.5 * pixel * max(width, height) + margin
-    if len(seen) and max(np.abs(seen.low[:2]).max(), np.abs(seen.high[:2]).max()) > edge:
-        beyond = max(np.abs(seen.low[:2]).max(), np.abs(seen.high[:2]).max())
-        raise InputError(f"bodies in the image reach {beyond:.3g} µm from its middle; allowed: up to {edge:.3g} µm, "
-                         "a larger --size or --center on a body")  # fmt: skip
-    return seen

@@ -58,12 +58,22 @@ class Specimen:
     @property
     def low(self) -> np.ndarray:
         """(3) lower corner of all solids [µm]."""
-        return (np.minimum(self.start, self.end) - self.radius[:, None]).min(axis=0)
+        return self.boxes()[0].min(axis=0)
 
     @property
     def high(self) -> np.ndarray:
         """(3) upper corner of all solids [µm]."""
-        return (np.maximum(self.start, self.end) + self.radius[:, None]).max(axis=0)
+        return self.boxes()[1].max(axis=0)
+
+    def boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) lower and upper corners of each solid [µm]."""
+        thick = self.radius[:, None]
+        return np.minimum(self.start, self.end) - thick, np.maximum(self.start, self.end) + thick
+
+    def some(self, which: Sequence[int] | np.ndarray) -> Specimen:
+        """Those solids that have these numbers."""
+        n = np.asarray(which, dtype=int)
+        return Specimen(self.start[n], self.end[n], self.radius[n], self.index[n])
 
     def moved(self, by: Sequence[float] | np.ndarray) -> Specimen:
         """The same solids moved by a vector `by` (3) [µm]."""

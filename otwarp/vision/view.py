@@ -110,11 +110,3 @@ def specimen_of(scene: Scene, position: np.ndarray, orientation: np.ndarray) -> 
     shift = np.array([*camera.center, 0.0])
     first, last = (rotate(back, np.array(e).reshape(-1, 3)) - shift for e in (start, end))
     return Specimen(first, last, np.array(radius), np.array(index))
-
-
-def within(specimen: Specimen, half_width: float, half_height: float) -> Specimen:
-    """The solids that reach into a frame around the optical axis."""
-    low = np.minimum(specimen.start, specimen.end) - specimen.radius[:, None]
-    high = np.maximum(specimen.start, specimen.end) + specimen.radius[:, None]
-    seen = np.all((high[:, :2] > (-half_width, -half_height)) & (low[:, :2] < (half_width, half_height)), axis=1)
-    return Specimen(specimen.start[seen], specimen.end[seen], specimen.radius[seen], specimen.index[seen])

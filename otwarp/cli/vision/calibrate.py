@@ -44,7 +44,9 @@ def calibrate(
     seen = Scene.load(scene)
     microscope, sensor = microscope_of(seen), sensor_of(seen)
     width = 2 * math.ceil(0.5 * SIDE / microscope.pixel)
-    bench = Bench(microscope=microscope, sensor=sensor, rendering=Rendering(rings=2), width=width, seed=seed)
+    bench = Bench(
+        microscope=microscope, sensor=sensor, rendering=Rendering(rings=2, margin=3.0), width=width, seed=seed
+    )
     stop.begin()
 
     def say(what: str) -> None:

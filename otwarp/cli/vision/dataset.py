@@ -54,8 +54,8 @@ def _say_plan(labels: object, processes: int, device: str | None) -> None:
     click.echo(f"{found.poses} poses, {found.images} images of {spec.width} × {spec.height} pixels, "
                f"{found.bytes / 1e6:.3g} MB before compression")  # fmt: skip
     click.echo(
-        f"{found.sources} source points; a pose takes {found.pose_seconds:.2g} s, an image "
-        f"{1e3 * found.image_seconds:.2g} ms: about {_duration(found.seconds(processes))}{together}"
+        f"{found.sources} source points, a margin of {found.margin:.2g} µm; a pose takes {found.pose_seconds:.2g} s, "
+        f"an image {1e3 * found.image_seconds:.2g} ms: about {_duration(found.seconds(processes))}{together}"
     )
 
 

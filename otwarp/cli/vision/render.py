@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from time import perf_counter as clock
+from typing import Any, Literal
 
 import click
 
 from otwarp.cli.options import device_option, out_option, seed_option
-from otwarp.cli.types import COUNT, FILE, Number
+from otwarp.cli.types import FILE, Auto, Number
 from otwarp.errors import InputError
 
 MOST_PLANES = 1000
@@ -59,8 +60,10 @@ def _size(context: click.Context, parameter: click.Parameter, value: str | None)
               show_default=True, help="Rung of the ladder; mie is exact, for spheres that do not overlap.")  # fmt: skip
 @click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.1, show_default=True,
               help="Of the slices [µm].")  # fmt: skip
-@click.option("--rings", type=COUNT, default=4, show_default=True, help="Rings of source points over the condenser: "
-              "4 are 61 points, 5 are 91.")  # fmt: skip
+@click.option("--rings", type=Auto(1, whole=True), default="auto", show_default=True,
+              help="Rings of source points, 4 are 61; auto: a lattice as dense as the planes need.")  # fmt: skip
+@click.option("--margin", type=Auto(0.0, 1000.0, unit="µm"), default="auto", show_default=True, metavar="UM",
+              help="Around the image, where light is computed as well [µm]; auto: as the planes need.")  # fmt: skip
 @out_option("FILE", "Gets the images: .png for panels, .tif for the sensor's grey levels, .npy for intensities.")
 @seed_option
 @device_option
@@ -73,7 +76,8 @@ def render(
     center: str | None,
     method: str,
     thickness: float,
-    rings: int,
+    rings: int | Literal["auto"],
+    margin: float | Literal["auto"],
     out: Path | None,
     seed: int,
     device: str | None,
@@ -87,14 +91,18 @@ def render(
     from otwarp.vision.render import Rendering
     from otwarp.vision.stack import check_ending, save_stack
 
+    begun = clock()
     file = out or Path(f"{path.resolve().stem}_microscope.png")
     check_ending(file)
-    how = Rendering(method=method, thickness=thickness, rings=rings)
+    how = Rendering(method=method, thickness=thickness, rings=rings, margin=margin)
     seen = moments(path, time=time, world=world, seed=seed, device=device, center=center)
     found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
     save_stack(file, found.intensity, found.levels, found.focus, found.pixel)
     click.echo(f"{len(found.focus)} focal planes of {found.levels.shape[2]} × {found.levels.shape[1]} pixels of "
-               f"{1e3 * found.pixel:g} nm, {found.solids} solids, {found.sources} source points")  # fmt: skip
-    if not found.solids and seen.scene.bodies:
-        click.echo(f"no body is in the image; --center {seen.scene.bodies[0].name} moves it there")
+               f"{1e3 * found.pixel:g} nm, {found.solids} solids, {found.sources} source points, "
+               f"a margin of {found.margin:.3g} µm, {clock() - begun:.2g} s")  # fmt: skip
+    if found.error is not None:
+        click.echo(f"for want of more source points off by up to {found.error.max():.1g} of the contrast")
+    if found.left_out:
+        click.echo(f"left out, as they reach beyond the margin: {', '.join(found.left_out[:8])}")
     click.echo(f"wrote {file}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from otwarp.cli.options import device_option, seed_option
-from otwarp.cli.types import COUNT, FILE, Number, OutputPath
+from otwarp.cli.types import COUNT, FILE, Auto, Number, OutputPath
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
               help="Of the frames, that is lost.")  # fmt: skip
 @click.option("--rate", type=Number(0.0, 1e5, unit="Hz"), default=1000.0, show_default=True, metavar="HZ",
               help="Of predictions between frames; 0 for none.")  # fmt: skip
-@click.option("--rings", type=COUNT, default=4, show_default=True, help="Rings of source points over the condenser.")
+@click.option("--rings", type=Auto(1, whole=True), default="auto", show_default=True,
+              help="Rings of source points over the condenser; auto: a lattice, as dense as depths need.")  # fmt: skip
 @click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.1, show_default=True,
               help="Of the slices through which light is led [µm].")  # fmt: skip
 @seed_option
@@ -55,7 +56,7 @@ def track(
     delay: float,
     drop: float,
     rate: float,
-    rings: int,
+    rings: int | Literal["auto"],
     thickness: float,
     seed: int,
     device: str | None,
@@ -105,10 +106,12 @@ def _source(
 ) -> tuple[Source, int]:
     """What looks at the frames, a network or else templates; and the side of the pieces that it looks at [pixels]."""
     from otwarp.cli.progress import parts
+    from otwarp.vision.tracking.recorded import check_size
     from otwarp.vision.tracking.source import network_source, template_source
 
     if network is not None:
         return network_source(recorded, network)
+    check_size(recorded, size)
     with parts("tilt of the templates", "tilts of the templates") as progress:
         return template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress), size
 

@@ -39,6 +39,11 @@ class Bench:
     bead_index: float = 1.45
     seed: int = 0
 
+    @property
+    def margin(self) -> float:
+        """Around an image, where light is computed as well [µm]."""
+        return 3.0 if self.rendering.margin == "auto" else self.rendering.margin
+
     def recorded(self, intensity: np.ndarray, first: int = 0) -> np.ndarray:
         """Grey levels as light, 1 about where it is unhindered; `first` numbers the images of the noise.
 
@@ -73,7 +78,7 @@ class Bench:
         steps = np.arange(-reach, reach + 1) * pitch
         turn = np.exp(1j * math.radians(angle))
         place = (turn * (steps[None, :] + 1j * steps[:, None])).ravel()
-        inside = np.maximum(np.abs(place.real), np.abs(place.imag)) < half + self.rendering.margin - pitch / 6.0
+        inside = np.maximum(np.abs(place.real), np.abs(place.imag)) < half + self.margin - pitch / 6.0
         place = place[inside]
         dots = Specimen.of_spheres(np.stack([place.real, place.imag, 0.0 * place.real], axis=1), pitch / 6.0,
                                    DOT_INDEX)  # fmt: skip

@@ -18,6 +18,7 @@ from otwarp.vision.datasets.domain import PARAMETERS, generator
 from otwarp.vision.datasets.spec import ZERNIKE, Spec
 from otwarp.vision.datasets.splits import split_labels
 from otwarp.vision.microscope import Microscope
+from otwarp.vision.render import grid_for, warn_if_few
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 
@@ -37,11 +38,19 @@ class Labels:
         spec: Of the data set.
         first: (p + 1) row of the first image of each pose, and the count of all images.
         arrays: By name (n): pose, tilt, yaw, tilt_class, robot, depth, …, split_….
+        outline: Solids that reach as far as the robots of all poses, in all directions: source points and margin of all
+            images are chosen for these, so that they do not tell one pose from another.
     """
 
     spec: Spec
     first: np.ndarray
     arrays: dict[str, np.ndarray]
+    outline: Specimen | None = None
+
+    @property
+    def planes(self) -> np.ndarray:
+        """(2) lowest and highest focal plane relative to the robot's centre [µm]."""
+        return -np.array(self.spec.depth[::-1])
 
     @property
     def poses(self) -> int:
@@ -126,10 +135,27 @@ def labels_of(spec: Spec) -> Labels:
             size = {"robot": spec.robots, "pose": poses, "image": len(of)}[scope]
             drawn = spec.domain[name].draw(size, rng)
             arrays[name] = drawn[{"robot": robot[of], "pose": of, "image": np.arange(len(of))}[scope]]
-    labels = Labels(spec, first, arrays)
+    labels = outlined(Labels(spec, first, arrays))
     _check(labels)
+    assert labels.outline is not None
+    for row in first[:-1]:
+        warn_if_few(labels.outline, labels.microscope(int(row)), spec.width, spec.height, labels.planes, spec.rendering)
     arrays.update(split_labels(spec, arrays))
     return labels
+
+
+def outlined(labels: Labels) -> Labels:
+    """The same, with the outline of its robots wherever they are seen."""
+    low, high, thickest = np.zeros(3), np.zeros(3), 0.0
+    for pose in range(labels.poses):
+        robot, rows = labels.specimen(pose), labels.rows(pose)
+        shift = np.stack([labels.arrays["x"][rows], labels.arrays["y"][rows], np.zeros(rows.stop - rows.start)])
+        ends = np.concatenate([robot.start, robot.end])
+        low = np.minimum(low, ends.min(axis=0) + shift.min(axis=1))
+        high = np.maximum(high, ends.max(axis=0) + shift.max(axis=1))
+        thickest = max(thickest, float(robot.radius.max()))
+    outline = Specimen.of_spheres(np.array([low, high]), thickest, 1.0)
+    return dataclasses.replace(labels, outline=outline)
 
 
 def _tilts(spec: Spec) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +192,11 @@ def _check(labels: Labels) -> None:
     spec = labels.spec
     pixel = spec.microscope.pixel
     half = 0.5 * pixel * np.array([spec.width, spec.height])
-    volume = spec.volume or max(spec.width, spec.height) * pixel + 2.0 * spec.rendering.margin
+    volume = spec.volume
+    if volume is None:
+        assert labels.outline is not None
+        square = grid_for(labels.outline, spec.microscope, spec.width, spec.height, labels.planes, spec.rendering)
+        volume = square.length
     for pose in range(labels.poses):
         rows = labels.rows(pose)
         specimen = labels.specimen(pose)

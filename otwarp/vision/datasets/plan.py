@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+import numpy as np
+
 from otwarp.vision.datasets.labels import Labels
-from otwarp.vision.datasets.shots import exposed_pose
+from otwarp.vision.datasets.shots import exposed_pose, lights_of_pose, reaches_of
 from otwarp.vision.fourier import Fourier
 
 PROBE = 2
@@ -19,7 +21,8 @@ class Plan:
 
     Attributes:
         poses, images: How many.
-        sources: Points of the condenser, all wavelengths together.
+        sources: Points of the condenser, all wavelengths together, of the first pose.
+        margin: Around the image [µm].
         bytes: Of images, before they are compressed.
         pose_seconds, image_seconds: About what light's way through a pose takes on one processor, and what a look does.
     """
@@ -27,6 +30,7 @@ class Plan:
     poses: int
     images: int
     sources: int
+    margin: float
     bytes: int
     pose_seconds: float
     image_seconds: float
@@ -43,21 +47,24 @@ def plan_of(labels: Labels, device: str | None = None) -> Plan:
         InputError: No such device.
     """
     fourier, spec = Fourier(device), labels.spec
-    coherent = spec.microscope.condenser_aperture <= 0.0
-    sources = 1 if coherent else 1 + 3 * spec.rendering.rings * (spec.rendering.rings + 1)
-    sources *= len(spec.microscope.lines())
+    lights = lights_of_pose(labels, 0)
+    sources = sum(len(light.weights) for light in lights)
+    depths = labels.arrays["depth"]
+    # the sweep is looked at with fewer points in the middle than at its ends
+    seen = np.mean([sum(len(light.enough(r).weights) for light in lights) for r in reaches_of(labels, depths)])
     exposed_pose(labels, 0, fourier, rings=1).images([0.0])
-    begun = time.perf_counter()
+    clock = time.perf_counter if fourier.device.is_cuda else time.process_time  # of one processor, whoever else works
+    begun = clock()
     exposed = exposed_pose(labels, 0, fourier, rings=PROBE)
-    led = time.perf_counter()
+    led = clock()
     exposed.images([0.0, 1.0])
-    looked = time.perf_counter()
-    share = sources / sum(len(light.weights) for _, light, _, _ in exposed.parts)
+    looked = clock()
     return Plan(
         poses=labels.poses,
         images=labels.count,
         sources=sources,
         bytes=labels.count * spec.width * spec.height,
-        pose_seconds=(led - begun) * share,
-        image_seconds=0.5 * (looked - led) * share,
+        margin=exposed.margin,
+        pose_seconds=(led - begun) * sources / exposed.sources,
+        image_seconds=0.5 * (looked - led) * float(seen) / exposed.sources,
     )

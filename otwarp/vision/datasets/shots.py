@@ -11,7 +11,9 @@ import numpy as np
 from otwarp.vision.datasets.domain import PARAMETERS
 from otwarp.vision.datasets.labels import Labels
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.render import Exposed, expose
+from otwarp.vision.illumination import Illumination
+from otwarp.vision.render import Exposed, expose, grid_for, light_for
+from otwarp.vision.sampling import reaches
 
 MOST_THREADS = 8
 """That record the images of a pose beside a GPU."""
@@ -24,12 +26,35 @@ def exposed_pose(labels: Labels, pose: int, fourier: Fourier, *, rings: int | No
         labels: Of the data set.
         pose: Its number.
         fourier: On what.
-        rings: Of source points; None: those of the data set.
+        rings: Of source points instead of the data set's, to see what they cost.
     """
-    spec = labels.spec
-    how = dataclasses.replace(spec.rendering, azimuth=labels.azimuth(pose), rings=rings or spec.rendering.rings)
-    microscope = labels.microscope(int(labels.first[pose]))
-    return expose(labels.specimen(pose), microscope, spec.width, spec.height, rendering=how, fourier=fourier)
+    spec, microscope = labels.spec, labels.microscope(int(labels.first[pose]))
+    how = dataclasses.replace(spec.rendering, azimuth=labels.azimuth(pose))
+    if rings is not None:
+        # on the grid of all points
+        outline = labels.specimen(pose) if labels.outline is None else labels.outline
+        grid = grid_for(outline, microscope, spec.width, spec.height, labels.planes, how)
+        margin = 0.5 * spec.microscope.pixel * (grid.pixels - max(spec.width, spec.height))
+        how = dataclasses.replace(how, rings=rings, margin=max(0.0, margin))
+    return expose(
+        labels.specimen(pose), microscope, spec.width, spec.height, focus=labels.planes, outline=labels.outline,
+        rendering=how, fourier=fourier,
+    )  # fmt: skip
+
+
+def lights_of_pose(labels: Labels, pose: int) -> list[Illumination]:
+    """Source points of a pose, for each wavelength."""
+    spec, microscope = labels.spec, labels.microscope(int(labels.first[pose]))
+    outline = labels.specimen(pose) if labels.outline is None else labels.outline
+    grid = grid_for(outline, microscope, spec.width, spec.height, labels.planes, spec.rendering)
+    lines = [microscope.at(wavelength) for wavelength, _ in microscope.lines()]
+    return [light_for(outline, one, grid, labels.planes, spec.rendering) for one in lines]
+
+
+def reaches_of(labels: Labels, depths: np.ndarray) -> np.ndarray:
+    """(n) how far light goes sideways in images of the first pose at these depths [µm]."""
+    outline = labels.specimen(0) if labels.outline is None else labels.outline
+    return reaches(labels.microscope(0), outline, -depths)
 
 
 def pose_intensities(labels: Labels, pose: int, fourier: Fourier, rows: np.ndarray | None = None) -> np.ndarray:

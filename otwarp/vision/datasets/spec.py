@@ -149,6 +149,10 @@ def _spec(said: dict[str, Any], folder: Path, text: str) -> Spec:
         )
     microscope, sensor = _optics(said, scene)
     rendering, volume = _rendering(said)
+    if "azimuth" in domain and rendering.rings == "auto":
+        raise InputError(
+            "domain has azimuth, by which rings of source points are turned; allowed where rings is a number"
+        )
     splits = _known(_table(said, "splits"), "splits", SPLITS)
     return Spec(
         robot=robot,
@@ -254,6 +258,8 @@ def _rendering(said: Mapping[str, Any]) -> tuple[Rendering, float | None]:
     given = dict(_known(_table(said, "render"), "render", (*names, "volume")))
     volume = number(given.pop("volume"), "render, volume,", 1e-3, 1e4) if "volume" in given else None
     for name, value in given.items():
+        if name in ("rings", "margin") and value == "auto":
+            continue
         if name == "rings":
             whole(value, "render, rings,", 1, 100)
         elif name != "method":

@@ -17,6 +17,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.vision.datasets import Labels, Robot, Spec
 from otwarp.vision.datasets.domain import Range
+from otwarp.vision.datasets.labels import outlined
 from otwarp.vision.datasets.shots import pose_intensities
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.microscope import Microscope
@@ -177,7 +178,7 @@ def labels_from(dataset: Any) -> Labels:
     )
     pose = arrays["pose"]
     first = np.concatenate([np.flatnonzero(np.diff(pose, prepend=-1)), [len(pose)]])
-    return Labels(spec, first, arrays)
+    return outlined(Labels(spec, first, arrays))
 
 
 def _range(said: dict[str, Any]) -> Range:

@@ -16,6 +16,7 @@ from otwarp.scene import Camera, Scene
 from otwarp.scene.transforms import conjugate, rotate, rotation_matrix
 from otwarp.simulation.packing.bodies import mobilities
 from otwarp.vision.fourier import Fourier
+from otwarp.vision.frame import framed
 from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.render import Rendering, expose
 from otwarp.vision.tracking.commands import Commands
@@ -24,7 +25,7 @@ from otwarp.vision.tracking.measurement import Measurement, of_estimate
 from otwarp.vision.tracking.mobile import MobileBody
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.tracker import Pose, Tracker
-from otwarp.vision.view import camera_of, microscope_of, sensor_of, specimen_of, within
+from otwarp.vision.view import camera_of, microscope_of, sensor_of, specimen_of
 
 
 class Source(Protocol):
@@ -149,6 +150,25 @@ def in_camera(camera: Camera, position: np.ndarray, orientation: np.ndarray) -> 
     return place, rotation_matrix(back) @ rotation_matrix(orientation)
 
 
+def check_size(recorded: RecordedBody, size: int) -> None:
+    """Refuse pieces of frames that do not hold the body.
+
+    Raises:
+        InputError: It is longer in the image than a piece is wide.
+    """
+    camera = camera_of(recorded.scene)
+    alone = dataclasses.replace(recorded.scene, bodies=(recorded.scene.bodies[recorded.index],))
+    longest = 0.0
+    for place, turn in zip(recorded.position[:, [recorded.index]], recorded.orientation[:, [recorded.index]],
+                           strict=True):  # fmt: skip
+        solids = specimen_of(alone, place, turn)
+        longest = max(longest, float((solids.high - solids.low)[:2].max()))
+    least = math.ceil(longest / camera.pixel_size)
+    if least > size:
+        raise InputError(f"--size is {size} pixels, {size * camera.pixel_size:.3g} µm; allowed: "
+                         f"{least} or more, as {recorded.body} is {longest:.3g} µm long")  # fmt: skip
+
+
 def photograph(
     recorded: RecordedBody, frame: int, middle: np.ndarray, size: int, how: Rendering, fourier: Fourier, seed: int
 ) -> np.ndarray:
@@ -167,9 +187,10 @@ def photograph(
     solids = specimen_of(scene, recorded.position[frame], recorded.orientation[frame]).moved(
         [-middle[0], -middle[1], 0]
     )
-    half = 0.5 * size * microscope.pixel + how.margin
-    light = expose(within(solids, half, half), microscope, size, rendering=how, fourier=fourier)
-    return sensor_of(scene).levels(light.images([camera.focus])[0], seed=seed)
+    planes = np.array([camera.focus])
+    there = framed(solids, microscope, size, size, planes, how)
+    light = expose(there.specimen, microscope, size, focus=planes, rendering=there.rendering, fourier=fourier)
+    return sensor_of(scene).levels(light.images(planes)[0], seed=seed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -236,6 +257,7 @@ def track_run(
     for name, value, high in (("delay", delay, 10.0), ("drop", drop, 0.99), ("rate", rate, 1e5)):
         if not 0.0 <= value <= high:
             raise InputError(f"{name} is {value:g}; allowed: 0 to {high:g}")
+    check_size(recorded, size)
     follower = _Follower(recorded, source, size, rendering or Rendering(), Fourier(device), delay)
     lost = np.random.default_rng([seed, 7]).random(len(recorded)) < drop
     lost[0] = False

@@ -143,7 +143,7 @@ def _shown(
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     start, end = (e @ turn.T + [x, y, depth] for e in (still.start, still.end))
     light = expose(
-        Specimen(start, end, still.radius, still.index), microscope_of(recorded.scene), size, rendering=how,
-        fourier=fourier,
+        Specimen(start, end, still.radius, still.index), microscope_of(recorded.scene), size, focus=[0.0],
+        rendering=how, fourier=fourier,
     )  # fmt: skip
     return sensor_of(recorded.scene).levels(light.images([0.0])[0], seed=seed)

@@ -100,7 +100,7 @@ class Templates:
         fourier, splines = Fourier(device), []
         for n, tilt in enumerate(leaning):
             specimen = posed(scene, body, shape, float(tilt))
-            light = expose(specimen, microscope, whole, rendering=rendering, fourier=fourier)
+            light = expose(specimen, microscope, whole, focus=-every[[0, -1]], rendering=rendering, fourier=fourier)
             # raising a body lowers the focal plane within it
             images = light.images(-every) - 1.0
             splines.append([ndimage.spline_filter(image, order=3).astype(np.float32) for image in images])
