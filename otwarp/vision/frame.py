@@ -55,7 +55,7 @@ def framed(
     inside = beside < 0.0
     near = inside.copy()
     for n in np.flatnonzero(~inside):
-        near[n] = beside[n] < float(reaches(microscope, specimen.some([n]), focus).max(initial=0.0))
+        near[n] = beside[n] < float(reaches(microscope, specimen.some(np.array([n])), focus).max(initial=0.0))
     margin = rendering.margin
     if margin == "auto":
         within = specimen.some(np.flatnonzero(inside))
