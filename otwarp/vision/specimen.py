@@ -71,7 +71,11 @@ class Specimen:
         return np.minimum(self.start, self.end) - thick, np.maximum(self.start, self.end) + thick
 
     def some(self, which: Sequence[int] | np.ndarray) -> Specimen:
-        """Those solids that have these numbers."""
+        """Some of the solids.
+
+        Args:
+            which: (k) their numbers, from 0.
+        """
         n = np.asarray(which, dtype=int)
         return Specimen(self.start[n], self.end[n], self.radius[n], self.index[n])
 
