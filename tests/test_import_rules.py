@@ -147,13 +147,17 @@ def room_of(path: Path) -> str:
     return "cli" if first == "__main__.py" else first.removesuffix(".py")
 
 
-def imports(path: Path) -> list[tuple[str, bool]]:
-    """(dotted name, at import time) of everything a file imports; imports for type checkers do not count."""
+def imports(path: Path, *, for_types: bool = False) -> list[tuple[str, bool]]:
+    """(dotted name, at import time) of everything a file imports; imports for type checkers where they are asked for.
+
+    A package says there what it offers, and loads it when it is used: that never counts.
+    """
     found = []
 
     def visit(node: ast.AST, top: bool) -> None:
         for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            apart = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+            if apart and (not for_types or path.name == "__init__.py"):
                 continue
             if isinstance(child, ast.Import):
                 found.extend((a.name, top) for a in child.names)
@@ -169,11 +173,13 @@ def imports(path: Path) -> list[tuple[str, bool]]:
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.name != "__init__.py" or p.parent != PACKAGE)
 
 
-def named_modules(path: Path) -> list[str]:
+def named_modules(path: Path, *, for_types: bool = False) -> list[str]:
     """Dotted names that a file imports anywhere, with those that it gives to `import_module` in so many words."""
     calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     by_name = [c.args[0] for c in calls if c.args and ast.unparse(c.func).split(".")[-1] == "import_module"]
-    return [name for name, _ in imports(path)] + [str(name.value) for name in by_name if isinstance(name, ast.Constant)]
+    return [name for name, _ in imports(path, for_types=for_types)] + [
+        str(name.value) for name in by_name if isinstance(name, ast.Constant)
+    ]
 
 
 def test_the_package_needs_nothing_of_the_repository_around_it():
@@ -186,7 +192,10 @@ def test_the_package_needs_nothing_of_the_repository_around_it():
 
 
 def import_graph() -> dict[Path, set[Path]]:
-    """File → files of the package that it imports, lazily or not; that a module loads its packages does not count."""
+    """File → files of the package that it imports, lazily or for type checkers, too.
+
+    That a module loads its packages does not count.
+    """
     files = {
         ".".join(p.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): p
         for p in PACKAGE.rglob("*.py")
@@ -194,7 +203,7 @@ def import_graph() -> dict[Path, set[Path]]:
     graph: dict[Path, set[Path]] = {}
     for path in files.values():
         graph[path] = set()
-        for name in named_modules(path):
+        for name in named_modules(path, for_types=True):
             # `from package import name`: a module of it, or else what its `__init__` defines
             while name and name not in files:
                 name = name.rpartition(".")[0]
@@ -222,7 +231,7 @@ def rings(graph: dict[Path, set[Path]]) -> list[set[Path]]:
 
 
 def test_no_file_imports_its_importers():
-    """No circle of files, lazy imports counted."""
+    """No circle of files, lazy imports and those for type checkers counted."""
     graph = import_graph()
     ties = []
     for ring in rings(graph):

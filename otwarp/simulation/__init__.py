@@ -5,7 +5,7 @@ arrays that change in place (`state`), frames (`frame`), checkpoints (`checkpoin
 `simulation` first, then `model`: `resolved`, `composition` and `body_space` decide what the kernels of a scene are made
 of, `compilation` loads them and says what a GPU keeps for them, `stepping` launches the fused drivers (on the memory of
 `world_scratch` where a thread owns a world), `grid_stepper` and `block_stepper` the grid driver on that of
-`grid_scratch`.
+`grid_scratch`; `powers` refuses what is commanded beyond the step.
 
 `episodes` are worlds that end and start anew: `ends` says what ends them, `stored_ends` keeps these in
 checkpoints, `starts` how they are reset. `capture` makes a graph of a user's loop, `sharded` shares worlds out to

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import warp as wp
 
 from otwarp.errors import InputError
-
-if TYPE_CHECKING:
-    from otwarp.simulation.simulation import Simulation
+from otwarp.simulation.episodes import Episodes
+from otwarp.simulation.state import Control
 
 
 class CapturedLoop:
@@ -21,16 +19,24 @@ class CapturedLoop:
         graph: The graph, for whoever launches it on a stream of his own (`wp.capture_launch(loop.graph, stream)`).
 
     Args:
-        sim: What steps, with episodes; its kernels are loaded.
+        control, episodes: Of what steps, whose kernels are loaded.
         steps: As above.
         turn: Launches one turn.
-        count: Counts `n` turns as steps taken.
+        count: Counts `n` steps as taken.
     """
 
-    def __init__(self, sim: Simulation, steps: int, turn: Callable[[], None], count: Callable[[int], None]):
-        self.sim, self.steps = sim, steps
-        self._count, self._layout = count, sim.control.layout
-        with wp.ScopedCapture(device=sim.model.device) as capture:
+    def __init__(
+        self,
+        control: Control,
+        episodes: Episodes,
+        steps: int,
+        turn: Callable[[], None],
+        count: Callable[[int], None],
+    ):
+        self.steps = steps
+        self._control, self._episodes = control, episodes
+        self._count, self._layout = count, control.layout
+        with wp.ScopedCapture(device=control.model.device) as capture:
             turn()
         assert capture.graph is not None
         self.graph = capture.graph
@@ -41,9 +47,9 @@ class CapturedLoop:
         Raises:
             InputError: An array of the control has grown since, so that the graph writes to the old one.
         """
-        if self.sim.control.layout != self._layout:
+        if self._control.layout != self._layout:
             raise InputError("an array of the control has grown since the capture; allowed: control.widen(…) before it")
         for _ in range(turns):
             wp.capture_launch(self.graph)
-        self._count(turns)
-        self.sim.episodes.at_most = self.sim.model.worlds
+        self._count(turns * self.steps)
+        self._episodes.at_most = self._control.model.worlds

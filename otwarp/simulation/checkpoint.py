@@ -6,12 +6,13 @@ import dataclasses
 import json
 import os
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
+import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.body_forces.body_force import BodyForce
@@ -20,11 +21,10 @@ from otwarp.scene import Scene
 from otwarp.scene.digest import scene_digest
 from otwarp.simulation import stored_ends
 from otwarp.simulation.ends import End
+from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.state import Control, State
 from otwarp.simulation.user_forces import Force
-
-if TYPE_CHECKING:
-    from otwarp.simulation.simulation import Simulation
 
 FORMAT = 1
 """Version of the file format."""
@@ -38,7 +38,33 @@ PLAIN: dict[str, Any] = {
 functions, and a step that was accepted once is so again, however large."""
 
 
-def save(sim: Simulation, path: Path) -> Path:
+class Stepped(Protocol):
+    """What a checkpoint needs of a `Simulation`."""
+
+    model: Model
+    state: State
+    control: Control
+    options: StepOptions
+
+    @property
+    def scene(self) -> Scene:
+        """The scene being simulated."""
+        ...
+
+    @property
+    def time_step(self) -> float:
+        """Time step [s]."""
+        ...
+
+    def arrays(self) -> dict[str, wp.array]:
+        """All arrays that a run changes, by the names that they have in a checkpoint."""
+        ...
+
+
+Made = TypeVar("Made", bound=Stepped)
+
+
+def save(sim: Stepped, path: Path) -> Path:
     """Write the state, the commands and how the simulation was made to `path` (`.npz`), atomically.
 
     Raises:
@@ -77,7 +103,7 @@ def save(sim: Simulation, path: Path) -> Path:
     return path
 
 
-def _user_forces(sim: Simulation) -> list[tuple[BodyForce, np.ndarray]]:
+def _user_forces(sim: Stepped) -> list[tuple[BodyForce, np.ndarray]]:
     """Forces that the user added, and (B,) the bodies that each acts on."""
     own = [row.parametric for row in FORCES.values()]
     pairs = zip(sim.model.forces.body_forces, sim.model.forces.acts, strict=True)
@@ -129,7 +155,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def restore(
-    make: type[Simulation],
+    make: Callable[..., Made],
     path: Path,
     scene: Scene | None = None,
     *,
@@ -137,7 +163,7 @@ def restore(
     threads: int | None = None,
     forces: Sequence[Force] = (),
     ends: Sequence[End] | None = None,
-) -> Simulation:
+) -> Made:
     """Make the simulation that `save` wrote.
 
     Args:
@@ -177,7 +203,7 @@ def restore(
     return sim
 
 
-def _fill(sim: Simulation, stored: Mapping[str, np.ndarray], path: Path) -> None:
+def _fill(sim: Stepped, stored: Mapping[str, np.ndarray], path: Path) -> None:
     """Put the arrays of a checkpoint into a simulation.
 
     Raises:

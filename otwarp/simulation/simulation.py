@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -190,9 +191,7 @@ class Simulation:
             InputError: The simulation was made without `ends`.
         """
         if self._episodes is None or self.options.ends is None:
-            raise InputError(
-                "this simulation has no episodes; allowed: Simulation(..., ends=[...]), or ends=() for none"
-            )
+            raise InputError("this simulation has no episodes; allowed: Simulation(..., ends=[…]), or ends=() for none")
         return self._episodes
 
     def capture(
@@ -235,7 +234,8 @@ class Simulation:
             if after is not None:
                 after()
 
-        return CapturedLoop(self, steps, turn, lambda turns: self._count(turns * steps, measured=readout))
+        counted = functools.partial(self._count, measured=readout)
+        return CapturedLoop(self.control, episodes, steps, turn, counted)
 
     def reset(
         self,

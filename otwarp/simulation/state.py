@@ -23,7 +23,7 @@ from otwarp.kernels.optics.readout import TrapReadoutData
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array, filled, host_type
 from otwarp.simulation.packing.parameters import expand
-from otwarp.simulation.time_step.timescales import check_powers
+from otwarp.simulation.powers import check_powers
 
 
 class Bound:

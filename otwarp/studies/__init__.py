@@ -2,7 +2,7 @@
 
 | file | what it holds |
 |---|---|
-| `study` | `Study`: what varies, what is asked, how many trials; open it first |
+| `study`, `any_study` | `Study`: what varies, what is asked, how many trials; open it first; what others need of it |
 | `axes`, `quantity` | values along the dimensions of a study, their units |
 | `targets`, `design` | what a name turns in a scene; the points, and the groups of them that share a model |
 | `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |

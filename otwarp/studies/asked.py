@@ -5,20 +5,18 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import platform
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from otwarp.kernels.core.functions import digest_of
 from otwarp.scene.digest import scene_digest
 from otwarp.studies import store as stores
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.observables import Observable
 
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
-
-def asked_by(study: Study) -> dict[str, Any]:
+def asked_by(study: AnyStudy) -> dict[str, Any]:
     """All that its results follow from, as JSON: scene, axes, observables, rule, seed, step, versions."""
     import warp
 
@@ -54,7 +52,7 @@ def asked_by(study: Study) -> dict[str, Any]:
     }
 
 
-def _each(study: Study) -> dict[str, Any]:
+def _each(study: AnyStudy) -> dict[str, Any]:
     """Steps that differ from point to point; which ones stands in the results."""
     digest = hashlib.sha256(study.step_counts.astype("<i8").tobytes()).hexdigest()
     return {

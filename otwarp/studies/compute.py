@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from otwarp.simulation.ends import End
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.memory import worlds_at_once
 from otwarp.studies.observables import Observable, same_end
 from otwarp.studies.runner import Outcomes
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
 BESIDE = 4_096
 """Points that say what is chosen for all worlds of a group alike, at most; beyond, some of them and the extremes."""
 
 
 def compute_blocks(
-    study: Study, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
+    study: AnyStudy, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
 ) -> list[dict[str, np.ndarray]]:
     """Of each block its arrays by the names of the store; see `Study.compute`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
@@ -58,7 +55,7 @@ class _Place:
 class _Trials:
     """Trials of some points, as far as they were taken."""
 
-    def __init__(self, study: Study, points: np.ndarray, place: _Place):
+    def __init__(self, study: AnyStudy, points: np.ndarray, place: _Place):
         most = study.stop.at_most if study.round is None else int(study.round[1][points].max(initial=1))
         self.study, self.points, self.place = study, points, place
         self.done = np.zeros(len(points), dtype=np.int64)
@@ -84,7 +81,7 @@ class _Trials:
         return found | {f"{o.name}_of_trial": self.kept[..., n] for n, o in enumerate(self.study.runner.numbers)}
 
 
-def _run(study: Study, points: np.ndarray, nth: np.ndarray, place: _Place) -> Outcomes:
+def _run(study: AnyStudy, points: np.ndarray, nth: np.ndarray, place: _Place) -> Outcomes:
     """Trials of points, group by group, and in a group step by step."""
     code, time = np.empty(len(points), np.int8), np.empty(len(points))
     numbers = np.empty((len(points), len(study.runner.numbers)), np.float32)
@@ -108,14 +105,14 @@ def _run(study: Study, points: np.ndarray, nth: np.ndarray, place: _Place) -> Ou
     return Outcomes(code=code, time=time, numbers=numbers)
 
 
-def _spread(study: Study, point: int) -> np.ndarray:
+def _spread(study: AnyStudy, point: int) -> np.ndarray:
     """Points that stand for all that share a model and a step with one: all, or the extremes and some between them."""
     whole = study.design.group_of(point)
     whole = whole[study.step_counts[whole] == study.step_counts[point]]
     return study.design.some(whole, BESIDE)
 
 
-def successes(study: Study, code: np.ndarray, time: np.ndarray, done: np.ndarray) -> np.ndarray:
+def successes(study: AnyStudy, code: np.ndarray, time: np.ndarray, done: np.ndarray) -> np.ndarray:
     """(k, n) how often the event of each probability was seen that the rule looks at."""
     ran = np.arange(code.shape[-1]) < done[..., None]
     looked = [o for o in study.observables if o.kind == "probability" and study.stop.looks_at(o.name)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,10 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import at_values
 from otwarp.studies.runner import parameter_rows
 from otwarp.studies.targets import Target
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
 SAMPLE = 256
 """Points of a group, evenly chosen, whose time scales say which step all of it can take."""
@@ -58,7 +56,7 @@ class Plan:
     budget: int | None = None
 
 
-def plan_of(study: Study) -> Plan:
+def plan_of(study: AnyStudy) -> Plan:
     """What running it means; nothing is simulated."""
     design, runner, counts = study.design, study.runner, study.step_counts
     per_trial = 5 + 4 * len(runner.numbers)
@@ -78,7 +76,7 @@ def plan_of(study: Study) -> Plan:
     )
 
 
-def steps_of_points(study: Study, wanted: float | str | None) -> np.ndarray:
+def steps_of_points(study: AnyStudy, wanted: float | str | None) -> np.ndarray:
     """(points) steps of each point over the horizon: whole numbers, all the same unless each has its own.
 
     A step of its own is the study's smallest, or twice, four times, … that: as large as the point can take.
@@ -104,7 +102,7 @@ def steps_of_points(study: Study, wanted: float | str | None) -> np.ndarray:
     return ladder[np.searchsorted(ladder, needed)]
 
 
-def _smallest(study: Study, given: float | None = None) -> float:
+def _smallest(study: AnyStudy, given: float | None = None) -> float:
     """The largest step that every point can take [s]; where one is given, which may be as inaccurate as it is, that.
 
     Raises:
@@ -127,7 +125,7 @@ def _smallest(study: Study, given: float | None = None) -> float:
 
 
 def _where(
-    study: Study, error: InputError, values: dict[Target, Any], points: np.ndarray, options: StepOptions
+    study: AnyStudy, error: InputError, values: dict[Target, Any], points: np.ndarray, options: StepOptions
 ) -> InputError:
     """The error of a model of points, with the values of the first of them that cannot be stepped by itself."""
     scene = study.design.scene_of(values)
@@ -143,7 +141,7 @@ def _where(
     return at_values(error, values)
 
 
-def _each(study: Study) -> np.ndarray:
+def _each(study: AnyStudy) -> np.ndarray:
     """(points) the largest step that each can take [s]; where a body starts does not count."""
     steps = np.empty(study.design.points)
     models = 0
@@ -171,7 +169,7 @@ def _each(study: Study) -> np.ndarray:
     return steps
 
 
-def _worst(study: Study, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
+def _worst(study: AnyStudy, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
     """Parameters of points, those that scatter four deviations above where they are."""
     return values | {
         t: (1.0 + 0.04 * s.deviation) * v
@@ -188,7 +186,7 @@ PART, LONGER = 256, 3.0
 from themselves by as much as that."""
 
 
-def estimate(study: Study, device: str | None = None) -> tuple[tuple[float, float], str]:
+def estimate(study: AnyStudy, device: str | None = None) -> tuple[tuple[float, float], str]:
     """Least and largest time [s], and the device: if no trial ended before its horizon.
 
     Some trials of points all over the study are run over a part of their horizon, with compiled kernels, so far that

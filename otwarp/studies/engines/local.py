@@ -5,21 +5,19 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.store import Store
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
 Progress = Callable[[int, int], None]
 """(blocks done, blocks in all), called when one is."""
 
-Engine = Callable[["Study", Store, Sequence[int], Progress], None]
+Engine = Callable[[AnyStudy, Store, Sequence[int], Progress], None]
 """Computes blocks by their numbers, and keeps each in the store as soon as it is whole."""
 
 
@@ -38,7 +36,7 @@ def parse_shard(text: str) -> tuple[int, int]:
     return which, of
 
 
-def blocks_of(study: Study, store: Store, shard: tuple[int, int] | None) -> list[int]:
+def blocks_of(study: AnyStudy, store: Store, shard: tuple[int, int] | None) -> list[int]:
     """The blocks of a shard, or all, that are not done."""
     count = len(study.blocks())
     mine = range(count) if shard is None else range(shard[0] - 1, count, shard[1])
@@ -58,7 +56,7 @@ ROUND = 2**14
 """Trials of a round that a CPU computes together, at most."""
 
 
-def tasks(study: Study, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
+def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
     """Blocks in groups that fill a device without leaving other workers idle.
 
     On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials.
@@ -76,13 +74,13 @@ def tasks(study: Study, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> 
     return found
 
 
-def batch_of(study: Study, *, gpu: bool) -> int:
+def batch_of(study: AnyStudy, *, gpu: bool) -> int:
     """Trials of the largest task, at most."""
     every = range(len(study.blocks()))
     return max(len(task) for task in tasks(study, every, gpu=gpu)) * study.stop.at_most * study.points_of_a_block
 
 
-def _new_trials(study: Study, todo: Sequence[int]) -> list[int]:
+def _new_trials(study: AnyStudy, todo: Sequence[int]) -> list[int]:
     """Trials of blocks that are to be computed, at most."""
     if study.round is None:
         return [study.stop.at_most * study.points_of_a_block] * len(todo)
@@ -96,13 +94,13 @@ Found = dict[str, np.ndarray]
 
 
 def compute_and_keep(
-    study: Study, store: Store, numbers: Sequence[int], device: str, threads: int | None = None
+    study: AnyStudy, store: Store, numbers: Sequence[int], device: str, threads: int | None = None
 ) -> None:
     """Compute blocks, and write each of them."""
     keep(study, store, numbers, study.compute(numbers, device=device, threads=threads))
 
 
-def keep(study: Study, store: Store, numbers: Sequence[int], found: Sequence[Found]) -> None:
+def keep(study: AnyStudy, store: Store, numbers: Sequence[int], found: Sequence[Found]) -> None:
     """Write computed blocks into the store; of a study with a budget, the new trials of each."""
     where = study.blocks()
     for number, arrays in zip(numbers, found, strict=True):
@@ -116,7 +114,7 @@ def keep(study: Study, store: Store, numbers: Sequence[int], found: Sequence[Fou
 def on_this_host(devices: Sequence[str]) -> Engine:
     """The engine of this process: every device computes blocks in a thread of its own."""
 
-    def run(study: Study, store: Store, todo: Sequence[int], progress: Progress) -> None:
+    def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Compute blocks; a block is kept as soon as it is whole."""
         waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices)))
         count = len(study.blocks())
@@ -130,14 +128,14 @@ def on_this_host(devices: Sequence[str]) -> Engine:
     return run
 
 
-def _one_by_one(study: Study, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
+def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
 
 
 def _side_by_side(
-    study: Study, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
+    study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
 ) -> Iterator[list[int]]:
     """A thread per device computes, one more writes: disks do not keep devices waiting."""
     free = list(devices)

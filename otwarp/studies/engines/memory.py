@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,10 +12,8 @@ import warp as wp
 from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.packing.capacity import world_bytes
+from otwarp.studies.any_study import AnyStudy
 from otwarp.warp_internals import fields, is_struct
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
 SHARE = 0.5
 """Of the free memory that a batch may take: others compute on the same machine."""
@@ -82,7 +80,7 @@ def _group_allows() -> int | None:
         return None
 
 
-def worlds_at_once(study: Study, device: str) -> int:
+def worlds_at_once(study: AnyStudy, device: str) -> int:
     """Trials of a study that run at once on a device, at most; known without making any where there is plenty."""
     roughly = ROUGHLY * HOST * world_bytes(study.design.scene, study.options.precision)
     if LARGEST * roughly <= SHARE * free_bytes(device):
@@ -96,7 +94,7 @@ def rough_worlds(scene: Scene, precision: str, device: str) -> int:
     return int(np.clip(fit, 1, LARGEST))
 
 
-def room_of(study: Study, device: str | None = None) -> Room:
+def room_of(study: AnyStudy, device: str | None = None) -> Room:
     """What the trials of a study take on a device, from a few worlds that are made there, and how many fit."""
     place = str(pick_device(device))
     points, values = study.design.groups(np.arange(min(study.design.points, 2)))[0]

@@ -17,16 +17,14 @@ import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.local import Engine, Progress, compute_and_keep, tasks
 from otwarp.studies.engines.ray_internals import silent_workers, sockets_in
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import Store
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
 RETRIES = 20
 """Times that a task may lose its worker."""
@@ -60,7 +58,7 @@ def ray_engine(address: str | None = None, *, device: str | None = None) -> Engi
     elif address is not None:
         check_reachable(address)
 
-    def run(study: Study, store: Store, todo: Sequence[int], progress: Progress) -> None:
+    def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Give blocks out, until all are in the store."""
         with _connected(address) as ray:
             _give_out(ray, study, store, todo, progress, device)
@@ -151,7 +149,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _give_out(
-    ray: Any, study: Study, store: Store, todo: Sequence[int], progress: Progress, device: str | None
+    ray: Any, study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress, device: str | None
 ) -> None:
     """Give tasks out, more than there are workers for, so that those who join find some."""
     gpus = int(ray.cluster_resources().get("GPU", 0))
@@ -209,7 +207,7 @@ def versions() -> dict[str, str]:
 
 
 @functools.lru_cache(maxsize=1)
-def _study_of(given: Any) -> tuple[dict[str, str], Study]:
+def _study_of(given: Any) -> tuple[dict[str, str], AnyStudy]:
     """The study that tasks are of, once per worker."""
     import ray
 

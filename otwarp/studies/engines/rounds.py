@@ -8,19 +8,16 @@ finds what they count.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.compute import successes
 from otwarp.studies.engines.local import Engine, Progress
 from otwarp.studies.store import Store
 
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
 
-
-def spend(study: Study, store: Store, engine: Engine, progress: Progress) -> None:
+def spend(study: AnyStudy, store: Store, engine: Engine, progress: Progress) -> None:
     """Compute rounds until the budget is spent or no point wants more, and mark all blocks as done.
 
     Args:
@@ -58,7 +55,7 @@ def _scaled(
     return lambda done, _: progress(first + more * min(done, blocks) // blocks, budget)
 
 
-def _counted(study: Study, store: Store, blocks: list[int], trials: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _counted(study: AnyStudy, store: Store, blocks: list[int], trials: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """(k, points) how often each probability was seen that is looked at, anew in these blocks."""
     where = study.blocks()
     places = np.arange(study.design.points).reshape(study.design.shape)

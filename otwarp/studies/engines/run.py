@@ -6,24 +6,22 @@ import contextlib
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene, export_flattened
 from otwarp.scene.digest import scene_digest
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import Engine, blocks_of, on_this_host
 from otwarp.studies.engines.rounds import spend
 from otwarp.studies.store import Store, Variable, create
 
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
-
 
 def run_study(
-    study: Study,
+    study: AnyStudy,
     folder: str | Path,
     *,
     devices: list[str] | None = None,
@@ -76,7 +74,7 @@ def all_devices() -> list[str]:
     return [str(d) for d in wp.get_cuda_devices()] or ["cpu"]
 
 
-def prepare(study: Study, folder: Path) -> Store:
+def prepare(study: AnyStudy, folder: Path) -> Store:
     """The folder of a study, made with everything but the results, or found.
 
     Raises:
@@ -110,7 +108,7 @@ def prepare(study: Study, folder: Path) -> Store:
     )
 
 
-def _check_scene(study: Study, store: Store) -> None:
+def _check_scene(study: AnyStudy, store: Store) -> None:
     """Refuse to go on with another scene than the one that the folder holds.
 
     Raises:

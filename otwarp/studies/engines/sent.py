@@ -11,22 +11,20 @@ import pickle
 import sys
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.kernels.core.functions import function_from_text, outer_names, source_of
 from otwarp.scene.read.variations import Variations
-
-if TYPE_CHECKING:
-    from otwarp.studies.study import Study
+from otwarp.studies.any_study import AnyStudy
 
 LIBRARIES = {"otwarp", "warp", "numpy"} | (sys.stdlib_module_names - {"__main__"})
 """Packages that every worker has: their functions travel by name."""
 
 
-def packed(study: Study, scene: Path) -> bytes:
+def packed(study: AnyStudy, scene: Path) -> bytes:
     """The study, with `scene` as the file of its scene.
 
     Raises:
@@ -43,7 +41,7 @@ def packed(study: Study, scene: Path) -> bytes:
     return out.getvalue()
 
 
-def unpacked(data: bytes) -> Study:
+def unpacked(data: bytes) -> AnyStudy:
     """The study again; the file of its scene must be there."""
     return pickle.loads(data)
 

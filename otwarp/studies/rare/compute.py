@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene, Track
 from otwarp.simulation.model import Model
+from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import at_values
 from otwarp.studies.rare.ensemble import Ensemble
 from otwarp.studies.rare.forward_flux import Estimates, forward_flux
 from otwarp.studies.rare.layout import PILOT, Layout
+from otwarp.studies.rare.orders import Order
 from otwarp.studies.rare.placement import MOST, Placement, place
 from otwarp.studies.rare.splitting import splitting
 from otwarp.studies.runner import origin_of, parameter_rows
-
-if TYPE_CHECKING:
-    from otwarp.studies.rare.study import EscapeStudy
 
 Found = dict[str, np.ndarray]
 """Arrays of a point, by their names in the store."""
 
 
-def own_step_counts(study: EscapeStudy) -> np.ndarray:
+class AnyEscapeStudy(AnyStudy, Protocol):
+    """What is needed of an `EscapeStudy`, whose arguments these are."""
+
+    order: Order
+    interfaces: np.ndarray | None
+    basin: float | None
+    method: str
+    runs: int
+    branches: int
+    crossing: float
+    relax: float | None
+    every: int
+    halved: bool
+
+
+def own_step_counts(study: AnyEscapeStudy) -> np.ndarray:
     """(points) steps over the horizon, of the step that each point needs by itself.
 
     A `Model` counts with the power that a trap has in its scene, to which it may be commanded; here it has that of the
@@ -56,7 +70,7 @@ def _with_powers(scene: Scene, powers: np.ndarray) -> Scene:
     return dataclasses.replace(scene, traps=traps)
 
 
-def rates_at(study: EscapeStudy, point: int, *, device: str, threads: int | None, worlds: int) -> Found:
+def rates_at(study: AnyEscapeStudy, point: int, *, device: str, threads: int | None, worlds: int) -> Found:
     """All that the store keeps of a point.
 
     Raises:
@@ -70,7 +84,7 @@ def rates_at(study: EscapeStudy, point: int, *, device: str, threads: int | None
         raise InputError(f"at {where}: {error}" if where else str(error)) from None
 
 
-def _rates_at(study: EscapeStudy, point: int, device: str, threads: int | None, worlds: int) -> Found:
+def _rates_at(study: AnyEscapeStudy, point: int, device: str, threads: int | None, worlds: int) -> Found:
     (group,) = study.design.groups(np.array([point]))
     scene, m, first = study.design.scene_of(group[1]), study.branches, point * (study.runs + 1)
     at = {t: v for t, v in study.design.at(np.array([point])).items() if not t.grouped}
@@ -129,7 +143,7 @@ def _rates_at(study: EscapeStudy, point: int, device: str, threads: int | None, 
     return arrays
 
 
-def _runs(study: EscapeStudy, ensemble: Ensemble, layout: Layout, place: Placement, window: int | None) -> Estimates:
+def _runs(study: AnyEscapeStudy, ensemble: Ensemble, layout: Layout, place: Placement, window: int | None) -> Estimates:
     """Estimates of some runs.
 
     Raises:
