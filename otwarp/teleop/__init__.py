@@ -5,6 +5,7 @@ What all rooms of a session speak is here: a `LiveFrame` is what the live loop p
 and ROS; a `SessionMonitor` says what to warn of in it; a command is checked where it is carried out; a `Sink` gets the
 ones and gives the others. Open `session` first (what `otwarp teleop` runs), then `session.live` (one tick of it).
 
+    perception  what the loop asks of a camera that says where the bodies are
     operators   which hand moves which traps, what it feels of the scene, and the servo between
     recording   the file of a session, its writer beside the loop, and the replay of its forces
     budget      the reduced scene: what this machine carries in time with the clock
@@ -19,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from otwarp.haptics.core import ServoFrame, Vec3
 from otwarp.haptics.servo.link import ServoStatus
 from otwarp.scene import Scene
 from otwarp.simulation.frame import Frame
+
+if TYPE_CHECKING:  # it stands beside this, and pages that only draw need it no more than a simulation
+    from otwarp.teleop.perception import PerceptionNow
 
 HANDS = ("left", "right")
 """Order of `LiveFrame.hand_force`, as the simulation's readout has it."""
@@ -115,6 +119,7 @@ class LiveFrame:
         recording: File that is being written, or None.
         trap_goals: Where gently moved traps that have not arrived are going: index → focus [µm].
         engine: What computes the force on hands: `compiled`, or `in Python` and why; "" for unknown.
+        perceived: What a camera sees, where the scene is its twin; None without one.
     """
 
     beat: int
@@ -129,6 +134,7 @@ class LiveFrame:
     recording: str | None = None
     trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
     engine: str = ""
+    perceived: PerceptionNow | None = None
 
 
 class SessionMonitor:

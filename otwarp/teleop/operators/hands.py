@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +50,9 @@ class Hands:
         self._dead = False
         self._armed = [False] * len(self._names)
         self._notes = [""] * len(self._names)
+        self._reported = [""] * len(self._names)
+        self._blind = [False] * len(self._names)
+        self._resume = [False] * len(self._names)
         self.status: ServoStatus | None = None
         self.engine = ""
         self.frames: tuple[HandFrame, ...] = tuple(
@@ -115,6 +119,16 @@ class Hands:
             self._notes[n] = ""
         self._armed[n] = armed
 
+    def news(self) -> list[str]:
+        """What each hand has to say that it did not say before, one line each."""
+        lines = []
+        for n, hand in enumerate(self.frames):
+            if hand.message != self._reported[n]:
+                self._reported[n] = hand.message
+                if hand.message:
+                    lines.append(f"{hand.name} hand: {hand.message}")
+        return lines
+
     def publish(self, scene: SceneFrame | None) -> None:
         """A new state of the simulation, or word that the session lives."""
         if self._servo is None or self._dead:
@@ -134,8 +148,28 @@ class Hands:
         if self._servo is None or self._dead:
             return
         for n in indices:
-            (self._servo.arm if on else self._servo.disarm)(n)
+            if self._blind[n]:
+                self._resume[n] = on  # it is armed once what it holds is seen
+            else:
+                (self._servo.arm if on else self._servo.disarm)(n)
             self._armed[n], self._notes[n] = False, ""
+
+    def withhold(self, traps: AbstractSet[int]) -> None:
+        """Let the forces of hands fall that move one of these traps; the others' come back by the ramp.
+
+        Args:
+            traps: Whose bodies a camera should see and does not.
+        """
+        if self._servo is None or self._dead:
+            return
+        for n, frame in enumerate(self.frames):
+            blind = not traps.isdisjoint(frame.traps)
+            if blind and not self._blind[n]:
+                self._resume[n], self._armed[n] = self._armed[n], False
+                self._servo.disarm(n)
+            elif self._blind[n] and not blind and self._resume[n]:
+                self._servo.arm(n)
+            self._blind[n] = blind
 
     def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
         """Change gains in mid-run [µm/m, N/pN].
@@ -280,6 +314,16 @@ class TrapCommands:
         follows[chosen] &= 1
         sim.control.set(trap_power=wanted, follow=follows)
         self.power, self._follows = wanted, follows
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(T, 3) positions [µm] and (T) powers [mW] that are commanded at a simulated time [s]."""
+        position, power = self.position.copy(), self.power.copy()
+        for n, trap in enumerate(self._scene.traps):
+            if self._follows[n] & 1:
+                position[n] = trap.position.at(time)
+            if self._follows[n] & 2:
+                power[n] = trap.power.at(time)[0]
+        return position, power
 
     @property
     def changed(self) -> bool:

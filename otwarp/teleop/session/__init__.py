@@ -1,6 +1,7 @@
 """`Session`: a scene, live, with hands, page and recording, put together: what `otwarp teleop` runs.
 
-`live` is its loop, one tick after the other; `pace` says how many steps are due in each, and at what speed to go on.
+`live` is its loop, one tick after the other; open it first. `pace` says how many steps are due in each, and at what
+speed to go on; `task` how the scene's task stands.
 """
 
 from __future__ import annotations

@@ -23,8 +23,10 @@ from otwarp.teleop import LiveFrame, SessionMonitor, Sink
 from otwarp.teleop.operators import HandPlan, LocalScene
 from otwarp.teleop.operators.hands import Hands, TrapCommands
 from otwarp.teleop.operators.servo import ServoFactory
+from otwarp.teleop.perception import Perception
 from otwarp.teleop.recording import Recordings, RecordingWriter
 from otwarp.teleop.session.pace import Pace
+from otwarp.teleop.session.task import task_line
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -55,6 +57,7 @@ class LiveLoop:
         make_recording: Begins a recording; None refuses to record.
         notice: Takes one line when a hand has news: it was disarmed, its device is gone or back, the servo has ended.
         steer: Says at what speed to go on, by the time and the pace; None for the present one.
+        perception: Says where the bodies are, where the scene is the twin of what a camera sees.
         clock: Of the loop; the servo's must show the same time.
         rate: Frames per second [1/s].
         speed: Simulated seconds per second.
@@ -85,6 +88,7 @@ class LiveLoop:
         make_recording: RecordingFactory | None = None,
         notice: Callable[[str], None] | None = None,
         steer: Callable[[float, c.PaceNow], float | None] | None = None,
+        perception: Perception | None = None,
         clock: Clock | None = None,
         rate: float = 120.0,
         speed: float = 1.0,
@@ -105,8 +109,8 @@ class LiveLoop:
         self._clock, self._rate, self._speed = clock or RealClock(), rate, speed
         self._sinks: list[Sink] = []
         self._due: list[float] = []
-        self._make_recording, self._notice, self._steer = make_recording, notice, steer
-        self._reported = [""] * len(self.plans)
+        self._make_recording, self._notice, self._steer = make_recording, notice or (lambda _: None), steer
+        self._perception = perception
         for sink in sinks:
             self.add(sink)
         self.sim = self._make_sim()
@@ -128,11 +132,6 @@ class LiveLoop:
         """The clock by which the loop runs."""
         return self._clock
 
-    @property
-    def recording(self) -> Path | None:
-        """File that is being written."""
-        return self._recordings.file
-
     def add(self, sink: Sink) -> None:
         """One more that gets frames and gives commands; closed with the session."""
         self._sinks.append(sink)
@@ -150,6 +149,8 @@ class LiveLoop:
         self._traps.write(self.sim)
         self.sim.step(1)
         self._capture()  # compiles what reads out, before anything waits for it
+        if self._perception is not None:
+            self._perception.start()
         self.hands.start()
         self.pace.restart(self._clock.now())
         self._arm_soon = arm
@@ -191,13 +192,17 @@ class LiveLoop:
         for error in self._recordings.finished():
             self._complain(str(error))
         self._traps.hold(self.hands.listen().items())
-        self._tell_of_hands()
+        for line in self.hands.news():
+            self._notice(line)
         steps = self._step(begun)
+        self._perceive(begun)
         frame = self._capture()
         self._traps.note(frame.trap_position[0])
         # a simulation that waits for its next step, as in slow motion, lives; one that is paused or failed says nothing
         state = None if self.failure or self.pace.paused else self._next_state(frame)
         self.hands.publish(state)
+        if self._perception is not None:
+            self._perception.published()
         if steps:
             self.monitor.update(frame)
         self._arm_when_held()
@@ -228,8 +233,8 @@ class LiveLoop:
             try:
                 self._recordings.close()
             finally:
-                for sink in self._sinks:
-                    sink.close()
+                for part in (*self._sinks, *([self._perception] if self._perception is not None else [])):
+                    part.close()
 
     def _step(self, now: float) -> int:
         """Take the steps that are due while the traps glide to where they are commanded; how many."""
@@ -259,6 +264,12 @@ class LiveLoop:
         if steps:
             self._traps.write(self.sim)
 
+    def _perceive(self, now: float) -> None:
+        """Bodies go where a camera has them; hands feel nothing of those that should be seen and are not."""
+        if self._perception is not None:
+            self._perception.update(self.sim, now, *self._traps.at(self.sim.time))
+            self.hands.withhold(self._perception.blind)
+
     def _capture(self) -> Frame:
         """The present state, in arrays of its own: sinks may keep them."""
         return capture_frame(self.sim).copy()
@@ -266,17 +277,6 @@ class LiveLoop:
     def _monitors(self) -> tuple[SessionMonitor, Monitor]:
         model = self.sim.model
         return SessionMonitor(model.scene, model.held_range[0]), Monitor(model.scene, model.held, 1)
-
-    def _task(self, frame: Frame) -> str:
-        """Decided and why, or how far the cell is from where it is wanted."""
-        goal, monitor = self.monitor.goal, self.monitor
-        if goal is None:
-            return ""
-        ended = monitor.outcome(0)
-        if ended.time is not None:
-            return f"{ended.outcome} at t = {ended.time:.2f} s: {ended.reason}"
-        away = np.linalg.norm(frame.position[0, monitor.cells[0]] - np.array(goal.position))
-        return f"{goal.cell} is {away:.1f} µm from the goal (tolerance {goal.tolerance:g} µm)"
 
     def _next_state(self, frame: Frame) -> SceneFrame:
         self._beat += 1
@@ -286,6 +286,8 @@ class LiveLoop:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
         warnings = self._safety.warnings(frame, hands, pace)
+        if self._perception is not None:
+            warnings = (*self._perception.warnings, *warnings)
         if self._recordings.complaint:
             warnings = (*warnings, self._recordings.complaint)
         forces = self.sim.readout.hand_force.numpy()
@@ -299,18 +301,11 @@ class LiveLoop:
             servo=self.hands.status,
             pace=pace,
             warnings=(self.failure, *warnings) if self.failure else warnings,
-            task=self._task(frame),
-            recording=str(self.recording) if self.recording else None,
+            task=task_line(self.monitor, frame),
+            recording=str(self._recordings.file) if self._recordings.file else None,
             engine=self.hands.engine,
+            perceived=None if self._perception is None else self._perception.now(),
         )
-
-    def _tell_of_hands(self) -> None:
-        """Each hand's news, once."""
-        for n, hand in enumerate(self.hands.frames):
-            if hand.message != self._reported[n]:
-                self._reported[n] = hand.message
-                if hand.message and self._notice is not None:
-                    self._notice(f"{hand.name} hand: {hand.message}")
 
     def _arm_when_held(self) -> None:
         """Arm once every hand has hold of its traps: before, the servo would refuse."""
@@ -385,6 +380,8 @@ class LiveLoop:
         self.pace.restart(self._clock.now())
         self._safety, self.monitor = self._monitors()
         self._traps.write(self.sim)
+        if self._perception is not None:
+            self._perception.restart()
         self.hands.publish(self._next_state(self._capture()))
 
     def _record(self, on: bool, file: str | None) -> None:

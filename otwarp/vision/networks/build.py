@@ -54,6 +54,7 @@ def described(
         "shape": [int(n) for n in dataset.shape],
         "pixel": float(dataset.manifest["optics"]["pixel"]),
         "grey": list(grey),
+        "robot": dict(dataset.manifest["robot"]),
     }
 
 

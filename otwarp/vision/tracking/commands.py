@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Commands:
 
     def before(self, time: float) -> np.ndarray:
         """(4 T) at a time; at a jump, before it."""
-        k = next((n for n, t in enumerate(self.times) if t >= time), len(self.times))
+        k = bisect_left(self.times, time)
         if k == 0:
             return self.values[0]
         if k == len(self.times):
@@ -67,7 +67,8 @@ class Commands:
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times of samples between two times, in their order, each once."""
-        return sorted({t for t in self.times if start < t < end})
+        first, last = bisect_right(self.times, start), bisect_left(self.times, end)
+        return sorted(set(self.times[first:last]))
 
     def set(self, time: float, *, position: np.ndarray | None = None, power: np.ndarray | None = None) -> None:
         """A command that holds from a time on; samples after it are forgotten.
@@ -80,8 +81,42 @@ class Commands:
         Raises:
             InputError: Another shape, or a number that is not finite.
         """
-        t, old = self.traps, self.at(time)
-        new = old.copy()
+        new = self._told(self.at(time), position, power)
+        before = self.before(time)
+        keep = bisect_left(self.times, time)
+        self.times = [*self.times[:keep], time, time]
+        self.values = [*self.values[:keep], before, new]
+
+    def reach(self, time: float, *, position: np.ndarray | None = None, power: np.ndarray | None = None) -> None:
+        """Traps get there at a time, in a straight line from the sample before; later samples are forgotten.
+
+        Args:
+            time: After the first sample [s].
+            position: (T, 3) [µm]; None: as in the sample before.
+            power: (T) [mW], likewise.
+
+        Raises:
+            InputError: Another shape, or a number that is not finite.
+        """
+        keep = bisect_left(self.times, time)
+        new = self._told(self.values[max(keep - 1, 0)], position, power)
+        del self.times[keep:], self.values[keep:]
+        # what stands still needs no samples between its first and its last
+        if keep > 1 and np.array_equal(self.values[-1], new) and np.array_equal(self.values[-2], new):
+            self.times[-1] = time
+            return
+        self.times.append(time)
+        self.values.append(new)
+
+    def forget(self, before: float) -> None:
+        """Drop samples that say nothing of a time [s] and later ones."""
+        first = bisect_right(self.times, before) - 1
+        if first > 0:
+            del self.times[:first], self.values[:first]
+
+    def _told(self, old: np.ndarray, position: np.ndarray | None, power: np.ndarray | None) -> np.ndarray:
+        """(4 T) values with what is given of them."""
+        t, new = self.traps, old.copy()
         for name, given, part, shape in (
             ("position", position, slice(0, 3 * t), (t, 3)),
             ("power", power, slice(3 * t, 4 * t), (t,)),
@@ -92,7 +127,4 @@ class Commands:
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise InputError(f"{name} of the traps has shape {value.shape}; allowed: {shape}, finite numbers")
             new[part] = value.ravel()
-        before = self.before(time)
-        keep = next((n for n, known in enumerate(self.times) if known >= time), len(self.times))
-        self.times = [*self.times[:keep], time, time]
-        self.values = [*self.values[:keep], before, new]
+        return new

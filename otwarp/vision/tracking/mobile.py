@@ -14,7 +14,7 @@ from otwarp.simulation.packing.bodies import mobilities
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 from otwarp.vision.tracking.motion import Expansion
-from otwarp.vision.tracking.rotations import cross_matrix, difference, exponential, product
+from otwarp.vision.tracking.rotations import cross_matrix, differences, exponential, product
 
 PROBE_STEP = 1e-6
 """Length of the step by which velocities are measured [s]; shorter where something relaxes faster."""
@@ -94,7 +94,7 @@ class MobileBody:
         out[:, :3] = (sim.state.position.numpy()[:, 0] - position) / dt
         if self.rigid:
             after = sim.state.orientation.numpy()[:, 0]
-            out[:, 3:] = [difference(a, b) / dt for a, b in zip(after, orientation, strict=True)]
+            out[:, 3:] = differences(after, orientation) / dt
         return out
 
     def expansion(self, position: np.ndarray, orientation: np.ndarray, command: np.ndarray) -> Expansion:

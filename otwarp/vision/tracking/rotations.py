@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from otwarp.scene.transforms import conjugate, multiply
+
 
 def exponential(turn: Sequence[float] | np.ndarray) -> np.ndarray:
     """(4) quaternion of the rotation vector `turn` [rad]."""
@@ -47,6 +49,16 @@ def difference(a: Sequence[float] | np.ndarray, b: Sequence[float] | np.ndarray)
     """(3) the turn in the axes of the world that leads from b to a [rad]."""
     x, y, z, w = b
     return logarithm(product(a, (-x, -y, -z, w)))
+
+
+def differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n, 3) the turns in the axes of the world that lead from each of b to each of a, quaternions (n, 4) [rad]."""
+    q = multiply(a, conjugate(b))
+    q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(q[:, :3], axis=1)
+    small = sine < 1e-8
+    scale = np.where(small, 2.0, 2.0 * np.arctan2(sine, q[:, 3]) / np.where(small, 1.0, sine))
+    return scale[:, None] * q[:, :3]
 
 
 def cross_matrix(v: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -131,6 +131,11 @@ class Tracker:
         """Of the latest measurement [s]; None before the first."""
         return self._nodes[-1].time if self._nodes else None
 
+    @property
+    def oldest(self) -> float | None:
+        """Of the oldest measurement that is kept [s]; None before the first."""
+        return self._nodes[0].time if self._nodes else None
+
     def add(self, seen: Measurement) -> Update:
         """Put a measurement in at its time.
 

@@ -1,0 +1,16 @@
+"""The closed loop: a camera's images say where the bodies of a twin are, and hands feel the twin.
+
+Two simulations that are kept apart: the plant, which is the laboratory, and the twin, which a live session steps and its
+hands feel. Traps are all that goes from the twin to the plant, images all that comes back; a real camera takes the
+place of the plant. Open `closed_loop` first; floor plan, each file importing only from those above it:
+
+    camera                       what a camera is: frames, regions, and when their light was
+    plant, photographer          the laboratory in motion; what its microscope records
+    simulated                    both in this process, on any clock
+    estimator                    from frames to measurements of bodies
+    followed                     a body's tracker; when it counts as lost
+    latency                      from light to state, stage by stage
+    looker                       who reads the camera and asks the estimator
+    closed_loop                  what the live loop asks: bodies put where they are
+    sources, assemble            templates and networks for the bodies of a scene; all of it from a user's words
+"""

@@ -1,0 +1,161 @@
+"""From a scene and what a user asked for to a `ClosedLoop`: bodies, sources, and who looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.haptics.core.realtime import Clock, RealClock
+from otwarp.perception.closed_loop import ClosedLoop
+from otwarp.perception.estimator import Estimator
+from otwarp.perception.followed import FollowedBody, LostRule
+from otwarp.perception.looker import Looker
+from otwarp.perception.photographer import LIVE
+from otwarp.perception.sources import network_of, piece_size, templates_of
+from otwarp.scene import Scene
+from otwarp.vision.render import Rendering
+from otwarp.vision.tracking.commands import Commands
+from otwarp.vision.tracking.recorded import Source, body_index
+from otwarp.vision.view import camera_of, image_size
+
+TEMPLATES = "templates"
+"""What stands for no network."""
+
+MOST_CELLS = 4
+"""Cells that are followed where a scene has no task that names one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeeingOptions:
+    """What is looked for, and by what.
+
+    Attributes:
+        networks: `templates`, or a trained network, for all robots; `BODY=NETWORK` for one of them.
+        follow: Names of the bodies; none: robots, and the task's cell.
+        rule: When one is lost.
+        rendering: Of templates, and of a simulated camera's images.
+        piece: Side of the pieces in which bodies without a network are looked for [pixels]; None: as large as they are.
+        device: Of rendering and networks.
+    """
+
+    networks: Sequence[str] = (TEMPLATES,)
+    follow: Sequence[str] = ()
+    rule: LostRule = field(default_factory=LostRule)
+    rendering: Rendering = LIVE
+    piece: int | None = None
+    device: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Seeing:
+    """Sources of the bodies that are followed.
+
+    Attributes:
+        sources: Body's index → what looks at its pieces.
+        pieces: Body's index → side of its pieces [pixels].
+        about: Body's name → `templates`, or the network's path.
+    """
+
+    sources: Mapping[int, Source]
+    pieces: Mapping[int, int]
+    about: Mapping[str, str]
+
+
+def followed_bodies(scene: Scene, names: Sequence[str] = ()) -> list[int]:
+    """Indices of the bodies that a camera follows.
+
+    Raises:
+        InputError: No such body, or none at all.
+    """
+    if names:
+        return [body_index(scene, _whole_name(scene, name)) for name in names]
+    cell = None if scene.goal is None else scene.goal.cell
+    cells = [b.name for b in scene.bodies if b.kind == "cell"]
+    chosen = {cell} if cell is not None else set(cells) if len(cells) <= MOST_CELLS else set()
+    found = [n for n, b in enumerate(scene.bodies) if b.kind == "robot" or b.name in chosen]
+    if not found:
+        raise InputError("--perception has no body to look for; allowed: a scene with robots or cells")
+    return found
+
+
+def see(scene: Scene, options: SeeingOptions, say: Callable[[str], None] = lambda _: None) -> Seeing:
+    """What looks at each body that is followed; templates are rendered.
+
+    Raises:
+        InputError: A network that cannot be used for a robot, or no body to be seen.
+    """
+    from otwarp.vision.networks.use import load
+
+    chosen = _networks(scene, options.networks)
+    indices = followed_bodies(scene, options.follow)
+    # what can be refused is refused before anything is rendered
+    paths = {n: chosen.get(n, TEMPLATES if scene.bodies[n].kind == "cell" else chosen[-1]) for n in indices}
+    loaded = {path: load(path, device=options.device) for path in {*paths.values()} - {TEMPLATES}}
+    sources: dict[int, Source] = {
+        n: network_of(scene, n, loaded[path], path) for n, path in paths.items() if path != TEMPLATES
+    }
+    pieces = {n: loaded[path].shape[0] for n, path in paths.items() if path != TEMPLATES}
+    for n in indices:
+        if n not in sources:
+            pieces[n] = options.piece or piece_size(scene, n)
+            say(f"templates {scene.bodies[n].name}, {pieces[n]} × {pieces[n]} pixels")
+            sources[n] = templates_of(scene, n, pieces[n], rendering=options.rendering, device=options.device)
+    return Seeing(sources, pieces, {scene.bodies[n].name: paths[n] for n in indices})
+
+
+def _networks(scene: Scene, asked: Sequence[str]) -> dict[int, str]:
+    """Body's index → network that was asked for; -1 for all others."""
+    found = {-1: TEMPLATES}
+    for one in asked:
+        name, sign, path = one.partition("=")
+        if sign and not Path(one).exists():
+            found[body_index(scene, _whole_name(scene, name))] = path
+        else:
+            found[-1] = one
+    return found
+
+
+def _whole_name(scene: Scene, name: str) -> str:
+    """A body's name, also from the part of it below the scene's root."""
+    below = f"{scene.root}/{name}"
+    return below if any(b.name == below for b in scene.bodies) else name
+
+
+def estimator_of(scene: Scene, seeing: Seeing) -> Estimator:
+    """The estimator of a scene's camera."""
+    camera = camera_of(scene)
+    return Estimator(camera, image_size(camera), dict(seeing.sources))
+
+
+def closed_loop(
+    scene: Scene, seeing: Seeing, looker: Looker, *, rule: LostRule | None = None, clock: Clock | None = None
+) -> ClosedLoop:
+    """A twin's perception.
+
+    Args:
+        scene: Of the twin.
+        seeing: Of its bodies.
+        looker: Who looks; not started.
+        rule: When a body is lost.
+        clock: Of the session.
+
+    Raises:
+        InputError: The scene has no camera.
+    """
+    camera, clock = camera_of(scene), clock or RealClock()
+    traps = scene.traps
+    place = [t.position.at(0.0) for t in traps]
+    power = [t.power.at(0.0)[0] for t in traps]
+    first = np.concatenate([np.ravel(np.array(place)), np.array(power)]) if traps else np.zeros(0)
+    commands = Commands(np.array([clock.now()]), first[None])
+    bodies = [
+        FollowedBody(scene, n, camera=camera, size=image_size(camera), piece=(side, side), commands=commands,
+                     rule=rule or LostRule())
+        for n, side in sorted(seeing.pieces.items())
+    ]  # fmt: skip
+    return ClosedLoop(looker, bodies, commands, clock=clock)
+

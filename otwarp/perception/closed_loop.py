@@ -1,0 +1,218 @@
+"""`ClosedLoop`: a twin that is where the camera has its bodies. What a live loop asks of perception, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from otwarp.haptics.core.realtime import Clock, RealClock
+from otwarp.perception.camera import CameraLost
+from otwarp.perception.estimator import Look
+from otwarp.perception.followed import FollowedBody
+from otwarp.perception.latency import Latency, table
+from otwarp.perception.looker import Looker
+from otwarp.simulation.simulation import Simulation
+from otwarp.teleop.perception import BodyNow, PerceptionNow
+from otwarp.vision.tracking.commands import Commands
+
+RATE_OVER = 2.0
+"""Seconds over which the rate of frames is counted."""
+
+
+class ClosedLoop:
+    """Follows bodies through a camera, and puts a simulation's bodies where they are now.
+
+    Args:
+        looker: Who looks.
+        bodies: Those that are followed; all with `commands`.
+        commands: Of the traps.
+        clock: Of the session.
+        listener: Told every look as it comes, for a recording.
+
+    Attributes:
+        latency: From light to state, stage by stage.
+        frames, skipped, disordered: Frames that were looked at, exposures that nobody read, frames that came after a
+            later one.
+    """
+
+    def __init__(
+        self,
+        looker: Looker,
+        bodies: Sequence[FollowedBody],
+        commands: Commands,
+        *,
+        clock: Clock | None = None,
+        listener: Callable[[Look], None] | None = None,
+    ):
+        self._looker, self.bodies, self._commands = looker, tuple(bodies), commands
+        self._clock, self.listener = clock or RealClock(), listener
+        self._holds = np.zeros(0, dtype=int)
+        self._started = False
+        self.latency = Latency()
+        self._ended = ""
+        self._times: list[float] = []
+        self._number, self._newest = 0, -np.inf
+        self.frames = self.skipped = self.disordered = 0
+        self._looks: tuple[Look, ...] = ()
+        self._entered = self._updated = 0.0
+        self._open: list[dict[str, float]] = []
+
+    def start(self) -> None:
+        """Open the camera.
+
+        Raises:
+            InputError: It is not there.
+        """
+        now = self._clock.now()
+        self._looker.want([body.wanted() for body in self.bodies])
+        self._looker.start(now)
+        self._started = True
+
+    def update(self, sim: Simulation, now: float, position: np.ndarray, power: np.ndarray) -> None:
+        """Take in what the camera saw, and put the bodies that are seen where they are now.
+
+        Args:
+            sim: The twin, at `now`.
+            now: Time of the session's clock [s].
+            position: (T, 3) where its traps are [µm].
+            power: (T) [mW].
+        """
+        entered = self._clock.now()
+        self._holds = np.array([body for body, _ in sim.model.held], dtype=int)
+        self._commands.reach(now, position=position, power=power)
+        self._looker.command(now, position, power)
+        self._looks = tuple(self._new_looks(now))
+        for body in self.bodies:
+            if self._ended:
+                body.why = self._ended
+                continue
+            for look in self._looks:
+                for one in look.bodies:
+                    if one.body == body.index:
+                        body.take(one.seen, one.why, now)
+            body.move(now)
+        self._align(sim)
+        self._looker.want([body.wanted() for body in self.bodies])
+        self._forget(now)
+        self._note(now, entered)
+
+    def published(self) -> None:
+        """The state that came of the last `update` is with the servo."""
+        now = self._clock.now()
+        for stages in self._open:
+            self.latency.add(stages | {"publish": now - self._updated})
+        self._open.clear()
+
+    @property
+    def blind(self) -> frozenset[int]:
+        """Traps that hold a body which should be seen and is not."""
+        lost = {body.index for body in self.bodies if not body.seen}
+        return frozenset(int(t) for t in np.flatnonzero(np.isin(self._holds, list(lost)))) if lost else frozenset()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the operator must know, one line each."""
+        if self._ended:
+            return (f"{self._ended}; nothing is felt of what it saw",)
+        return tuple(f"{body.name} is lost: {body.why}; nothing is felt of it" for body in self.bodies if body.why)
+
+    def now(self) -> PerceptionNow:
+        """What is seen, for a live frame."""
+        return PerceptionNow(
+            camera=self._looker.info.name,
+            ended=self._ended,
+            rate=self._rate(),
+            bodies=tuple(self._body_now(body) for body in self.bodies),
+        )
+
+    def restart(self) -> None:
+        """The session begins anew: nothing is known but the start of the scene."""
+        for body in self.bodies:
+            body.restart()
+
+    def summary(self) -> dict[str, Any]:
+        """Figures of the session; `text` says them to a reader."""
+        stages = self.latency.percentiles()
+        bodies = [{"name": b.name, "accepted": b.accepted, "refused": b.refused, "why": b.why} for b in self.bodies]
+        counts = {"frames": self.frames, "skipped": self.skipped, "disordered": self.disordered}
+        text = [f"camera    {self._looker.info.name}: {self.frames} frames looked at, {self.skipped} skipped"]
+        text += [
+            f"          {b.name}: {b.accepted} measurements taken, {b.refused} refused{f'; {b.why}' if b.why else ''}"
+            for b in self.bodies
+        ]
+        if stages:
+            text += ["latency   from light to state             p50         p99", *table(stages)]
+        return {"camera": self._looker.info.name, **counts, "bodies": bodies, "latency": stages, "text": "\n".join(text)}
+
+    def close(self) -> None:
+        """Let go of the camera; may be called more than once."""
+        self._looker.close()
+
+    def _new_looks(self, now: float) -> list[Look]:
+        if self._ended:
+            return []
+        try:
+            looks = self._looker.looks(now)
+        except CameraLost as error:
+            self._ended = str(error)
+            return []
+        for look in looks:
+            self.frames += 1
+            self.skipped += max(0, look.number - self._number - 1) if self._number else 0
+            self.disordered += look.time < self._newest
+            self._number, self._newest = look.number, max(self._newest, look.time)
+            self._times.append(now)
+            if self.listener is not None:
+                self.listener(look)
+        return looks
+
+    def _align(self, sim: Simulation) -> None:
+        """Bodies that are seen go where they are; the others stay as they were simulated."""
+        seen = [body for body in self.bodies if body.seen and body.pose is not None]
+        if not seen:
+            return
+        position = sim.state.position.numpy().astype(float)
+        for body in seen:
+            assert body.pose is not None
+            position[:, body.index] = body.pose.belief.position
+        rigid = [body for body in seen if body.rigid]
+        if not rigid:
+            sim.set_state(position=position)
+            return
+        orientation = sim.state.orientation.numpy().astype(float)
+        for body in rigid:
+            assert body.pose is not None
+            orientation[:, body.index] = body.pose.belief.orientation
+        sim.set_state(position=position, orientation=orientation)
+
+    def _forget(self, now: float) -> None:
+        """Commands that no tracker will ask for any more."""
+        oldest = [body.tracker.oldest for body in self.bodies]
+        known = [time for time in oldest if time is not None]
+        self._commands.forget(min(known) if len(known) == len(oldest) and known else now - 60.0)
+        while self._times and self._times[0] < now - RATE_OVER:
+            self._times.pop(0)
+
+    def _note(self, now: float, entered: float) -> None:
+        """What the stages of the new frames took; `publish` is still open."""
+        self._updated = self._clock.now()
+        for look in self._looks:
+            self._open.append({
+                "exposure": 0.5 * look.exposure, "rendering": look.made, "crop": look.crop, "estimate": look.estimate,
+                "transport": max(look.read - look.sent, 0.0), "wait": max(now - look.done, 0.0),
+                "twin": max(entered - max(now, look.done), 0.0), "filter": self._updated - entered,
+            })  # fmt: skip
+
+    def _rate(self) -> float:
+        span = max((self._times[-1] - self._times[0]) if len(self._times) > 1 else 0.0, 1e-9)
+        return (len(self._times) - 1) / span if len(self._times) > 1 else 0.0
+
+    def _body_now(self, body: FollowedBody) -> BodyNow:
+        piece = next((one.piece for look in reversed(self._looks) for one in look.bodies if one.body == body.index), None)
+        deviation = None
+        if body.pose is not None:
+            x, y, z = np.sqrt(np.maximum(np.diag(body.pose.covariance)[:3], 0.0))
+            deviation = (float(x), float(y), float(z))
+        return BodyNow(body=body.index, name=body.name, why=body.why, deviation=deviation, piece=piece)

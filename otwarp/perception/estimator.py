@@ -1,0 +1,167 @@
+"""From a camera's frame to a measurement of each body: the piece around it, what a source says of it, and when."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.perception.camera import CameraFrame, Piece, Region
+from otwarp.scene import Camera
+from otwarp.vision.tracking.finding import crop
+from otwarp.vision.tracking.measurement import Measurement, of_estimate
+from otwarp.vision.tracking.recorded import Source
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A body to be looked for.
+
+    Attributes:
+        body: Index in the scene.
+        region: Of the camera's frame around where it is expected.
+        guess: (5) x, y [µm], depth [µm], tilt, yaw [rad] that is expected, from the middle of the region; None: nothing
+            is known of it.
+    """
+
+    body: int
+    region: Region
+    guess: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyLook:
+    """What a frame says of a body.
+
+    Attributes:
+        body: Index in the scene.
+        piece: That was looked at.
+        guess: As it was expected, from the middle of the piece.
+        seen: The measurement; None: it was not seen.
+        why: Why it was not, one line.
+    """
+
+    body: int
+    piece: Piece
+    guess: np.ndarray | None
+    seen: Measurement | None
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Look:
+    """What came of a frame.
+
+    Attributes:
+        number, time, exposure, made, sent: Of the frame, see `CameraFrame`.
+        read: When it was taken out of the camera [s].
+        crop, estimate: What cutting pieces and looking at them took, for all bodies together [s].
+        done: When that was done [s].
+        bodies: Each that was looked for.
+    """
+
+    number: int
+    time: float
+    exposure: float
+    made: float
+    sent: float
+    read: float
+    crop: float
+    estimate: float
+    done: float
+    bodies: tuple[BodyLook, ...]
+
+
+class Estimator:
+    """Looks at frames.
+
+    Args:
+        camera: Of the scene, whose pixels the frames have.
+        size: Pixels of its whole frame (width, height).
+        sources: Body's index → what turns its piece into a pose.
+    """
+
+    def __init__(self, camera: Camera, size: tuple[int, int], sources: dict[int, Source]):
+        self._camera, self._size, self._sources = camera, size, sources
+
+    def look(self, frame: CameraFrame, wanted: Sequence[Wanted], read: float) -> Look:
+        """Measurements of all bodies that are wanted.
+
+        Args:
+            frame: From the camera.
+            wanted: Where bodies are expected.
+            read: When the frame was taken out of the camera [s].
+        """
+        begun = time.perf_counter()
+        cut = [(w, *self._cut(frame, w)) for w in wanted]
+        middle = time.perf_counter()
+        bodies = tuple(self._looked(frame.time, *one) for one in cut)
+        end = time.perf_counter()
+        return Look(
+            number=frame.number, time=frame.time, exposure=frame.exposure, made=frame.made, sent=frame.sent, read=read,
+            crop=middle - begun, estimate=end - middle, done=read + end - begun, bodies=bodies,
+        )  # fmt: skip
+
+    def again(self, when: float, look: BodyLook) -> BodyLook:
+        """The same piece looked at once more, as a replay does."""
+        high, wide = look.piece.levels.shape
+        region = Region(look.piece.left, look.piece.low, wide, high)
+        return self._looked(when, Wanted(look.body, region, look.guess), look.piece, "")
+
+    def _cut(self, frame: CameraFrame, wanted: Wanted) -> tuple[Piece, str]:
+        """The piece of a frame around a body: one that the camera cut for it, or cut here."""
+        region = wanted.region
+        column, row = region.middle
+        near: list[tuple[float, Piece]] = []
+        for piece in frame.pieces:
+            high, wide = piece.levels.shape
+            off = math.hypot(piece.left - region.left, piece.low - region.low)
+            if (high, wide) == (region.height, region.width) and off < 0.5 * min(wide, high):
+                near.append((off, piece))  # the camera was told where to look before it was asked again
+        if near:
+            return min(near, key=lambda one: one[0])[1], ""
+        for piece in frame.pieces:
+            high, wide = piece.levels.shape
+            if piece.left <= column < piece.left + wide and piece.low <= row < piece.low + high:
+                levels, _ = crop(piece.levels, column - piece.left, row - piece.low, region.width, region.height)
+                return Piece(region.left, region.low, levels), ""
+        return Piece(region.left, region.low, np.zeros((0, 0), dtype=np.uint8)), "it is beyond the camera's frame"
+
+    def _looked(self, when: float, wanted: Wanted, piece: Piece, why: str) -> BodyLook:
+        guess = self._guess(wanted, piece)
+        if why:
+            return BodyLook(body=wanted.body, piece=piece, guess=guess, seen=None, why=why)
+        try:
+            seen, why = self._measured(when, wanted.body, piece, guess)
+        except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            # whatever an estimator stumbles over, the body is not seen, and the session goes on
+            seen, why = None, f"the estimator fails: {str(error).splitlines()[0] if str(error) else error!r}"
+        return BodyLook(body=wanted.body, piece=piece, guess=guess, seen=seen, why=why)
+
+    def _measured(
+        self, when: float, body: int, piece: Piece, guess: np.ndarray | None
+    ) -> tuple[Measurement | None, str]:
+        found = self._sources[body].look(piece.levels, guess)
+        if found is None:
+            return None, "the image does not show it"
+        estimate, mirror = found
+        if not np.all(np.isfinite(estimate.mean)):
+            return None, "the estimator says nan"
+        return of_estimate(estimate, when, self._camera, self.middle(piece), mirror=mirror), ""
+
+    def middle(self, piece: Piece) -> np.ndarray:
+        """(2) of a piece, from the middle of the camera's frame [µm]."""
+        high, wide = piece.levels.shape
+        column, row = piece.left + wide // 2, piece.low + high // 2
+        return np.array([column - self._size[0] // 2, row - self._size[1] // 2]) * self._camera.pixel_size
+
+    def _guess(self, wanted: Wanted, piece: Piece) -> np.ndarray | None:
+        """(5) what is expected, from the middle of the piece, which may have been cut a little aside."""
+        if wanted.guess is None:
+            return None
+        aside = np.array([wanted.region.left - piece.left, wanted.region.low - piece.low], dtype=float)
+        return wanted.guess + np.array([*(aside * self._camera.pixel_size), 0.0, 0.0, 0.0])

@@ -1,0 +1,191 @@
+"""`FollowedBody`: a body's tracker, where it is now, and whether it counts as seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.perception.camera import Region
+from otwarp.perception.estimator import Wanted
+from otwarp.scene import Camera, Scene
+from otwarp.scene.transforms import rotation_matrix
+from otwarp.vision.tracking.belief import Belief, advance, at_prim
+from otwarp.vision.tracking.commands import Commands
+from otwarp.vision.tracking.measurement import Measurement
+from otwarp.vision.tracking.mobile import MobileBody
+from otwarp.vision.tracking.recorded import in_camera
+from otwarp.vision.tracking.shape import Shape
+from otwarp.vision.tracking.tracker import Pose, Tracker
+
+AHEAD = 0.005
+"""Seconds by which a stamp may be ahead of the session's clock."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostRule:
+    """When a body counts as lost.
+
+    Attributes:
+        after: Time since the light of the last measurement that its tracker took [s].
+        uncertain: Largest standard deviation of its place, along any direction [µm].
+        lag: For how long measurements may be late [s].
+
+    Raises:
+        InputError: A number out of range.
+    """
+
+    after: float = 0.3
+    uncertain: float = 1.0
+    lag: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("lost after", self.after, 0.005, 60.0), ("uncertain", self.uncertain, 1e-3, 1e3), ("lag", self.lag, 0.01, 60.0)
+        ):  # fmt: skip
+            if not low <= value <= high:
+                raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
+
+
+class FollowedBody:
+    """A body that a camera sees.
+
+    Args:
+        scene: Of the twin.
+        index: Of the body in it.
+        camera: Of the scene.
+        size: Pixels of its frame (width, height).
+        piece: Pixels of the pieces that are looked at (width, height).
+        commands: Of all traps, which whoever makes this keeps up to date.
+        rule: When it is lost.
+
+    Attributes:
+        name: Of the body.
+        shape: What is seen of it.
+        tracker: Its tracker.
+        pose: As predicted last; None before the first measurement.
+        why: Why it is lost, one line; "" while it is seen.
+        accepted, refused: Measurements so far.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        index: int,
+        *,
+        camera: Camera,
+        size: tuple[int, int],
+        piece: tuple[int, int],
+        commands: Commands,
+        rule: LostRule,
+    ):
+        self.index, self.name = index, scene.bodies[index].name
+        self._camera, self._size, self._piece, self._rule = camera, size, piece, rule
+        self._body, self._commands = MobileBody(scene, self.name), commands
+        self.shape = Shape.of(scene, self.name, self._body.reference)
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is known but the start of the scene."""
+        self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag)
+        self.pose: Pose | None = None
+        self.why = "not seen yet"
+        self.accepted = self.refused = 0
+        self._last = -math.inf
+        self._said = ""
+        self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
+
+    @property
+    def seen(self) -> bool:
+        """Whether its twin is where the camera has it."""
+        return not self.why
+
+    @property
+    def rigid(self) -> bool:
+        """Whether its orientation is known as well."""
+        return self._body.rigid and bool(np.any(self.shape.axis))
+
+    def take(self, seen: Measurement | None, why: str, now: float) -> None:
+        """Put in what a look at it said.
+
+        Args:
+            seen: The measurement; None: none.
+            why: Why there is none.
+            now: Time of the session's clock [s].
+        """
+        if seen is None:
+            self._said = why
+            return
+        if not now - self._rule.lag <= seen.time <= now + AHEAD:
+            late = now - seen.time
+            side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
+            self._said = f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"
+            self.refused += 1
+            return
+        try:
+            update = self.tracker.add(seen)
+        except (InputError, np.linalg.LinAlgError) as error:
+            self._said, self.refused = str(error), self.refused + 1
+            return
+        if update.accepted:
+            self._last, self._said = max(self._last, seen.time), ""
+            self.accepted += 1
+        else:
+            self._said = f"measurements disagree with its motion (χ² = {update.nis:.3g} of {update.degrees})"
+            self.refused += 1
+
+    def move(self, now: float) -> None:
+        """Where it is now, and whether that can be believed."""
+        self.why = self._judged(now)
+
+    def _judged(self, now: float) -> str:
+        beliefs = self.tracker.hypotheses
+        if not beliefs:
+            return self._said or "not seen yet"
+        self.pose = self._predicted(beliefs, now)
+        variance = self.pose.covariance[:3, :3]
+        if not (np.all(np.isfinite(self.pose.covariance)) and np.all(np.isfinite(self.pose.position))):
+            self.restart()
+            return "the estimate is not finite"
+        if now - self._last > self._rule.after:
+            return f"no measurement for {now - self._last:.2f} s{': ' + self._said if self._said else ''}"
+        worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
+        if worst > self._rule.uncertain:
+            return f"uncertain by {worst:.2g} µm, allowed up to {self._rule.uncertain:g} µm"
+        return ""
+
+    def _predicted(self, beliefs: tuple[Belief, ...], now: float) -> Pose:
+        """The pose now; led on from the last prediction as long as nothing new was measured."""
+        led = self._led
+        if led is not None and led[0] is beliefs and led[1] <= now:
+            belief = advance(led[2], self._body, self._commands, led[1], now)
+            probability = self.pose.probability if self.pose is not None else 1.0
+            origin, covariance = at_prim(belief, self.shape)
+            pose = Pose(time=now, position=origin, orientation=belief.orientation, covariance=covariance,
+                        probability=probability, belief=belief)  # fmt: skip
+        else:
+            pose = self.tracker.predict(now)
+        self._led = beliefs, now, pose.belief
+        return pose
+
+    def wanted(self) -> Wanted:
+        """Where to look for it."""
+        known = self.pose is not None and self.seen
+        place, turn = self._body.start
+        if self.pose is not None:
+            place, turn = self.pose.belief.position, self.pose.belief.orientation
+        at, frame = in_camera(self._camera, place + rotation_matrix(turn) @ self.shape.arm, turn)
+        pixel = self._camera.pixel_size
+        column, row = (round(float(v) / pixel) + s // 2 for v, s in zip(at[:2], self._size, strict=True))
+        # a place beyond the frame is looked for at its edge
+        column, row = min(max(column, 0), self._size[0] - 1), min(max(row, 0), self._size[1] - 1)
+        wide, high = self._piece
+        region = Region(column - wide // 2, row - high // 2, wide, high)
+        if not known:
+            return Wanted(self.index, region, None)
+        axis = frame @ self.shape.axis
+        tilt, yaw = math.asin(float(np.clip(axis[2], -1.0, 1.0))), math.atan2(axis[1], axis[0])
+        x, y = at[0] - (column - self._size[0] // 2) * pixel, at[1] - (row - self._size[1] // 2) * pixel
+        return Wanted(self.index, region, np.array([x, y, at[2], tilt, yaw]))

@@ -1,0 +1,146 @@
+"""What looks at the pieces of each body: templates of what it may do, or a trained network that was made for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+from otwarp.scene.transforms import rotation_matrix
+from otwarp.vision.networks.run import Estimator as Network
+from otwarp.vision.render import Rendering
+from otwarp.vision.tracking.commands import Commands
+from otwarp.vision.tracking.recorded import RecordedBody, Source
+from otwarp.vision.tracking.rotations import exponential, product
+from otwarp.vision.tracking.shape import Shape
+from otwarp.vision.tracking.source import NetworkSource, TemplateSource, template_source
+from otwarp.vision.view import camera_of, solids_of
+
+FRINGES = 1.0
+"""What is seen of a body around it [µm]."""
+
+DEPTHS, TILTS = 1.5, math.radians(12.0)
+"""How far templates go above and below where a scene starts a body [µm], and to both sides of how it lies there [rad]."""
+
+SAME_SIZE = 0.03
+"""Relative difference of sizes up to which a network's robot is the scene's."""
+
+
+def piece_size(scene: Scene, index: int) -> int:
+    """Side of the pieces in which a body is looked for [pixels]: it may turn about the light, and has fringes."""
+    body = scene.bodies[index]
+    ends = [(np.array(end), radius) for start, last, radius, _ in solids_of(body) for end in (start, last)]
+    low = np.min([end - r for end, r in ends], axis=0)
+    high = np.max([end + r for end, r in ends], axis=0)
+    reach = 0.5 * float(np.max(high - low)) + FRINGES
+    return 8 * math.ceil(2.0 * reach / camera_of(scene).pixel_size / 8.0)
+
+
+def templates_of(
+    scene: Scene,
+    index: int,
+    size: int,
+    *,
+    rendering: Rendering,
+    depths: float = DEPTHS,
+    tilts: float = TILTS,
+    device: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> TemplateSource:
+    """Templates of a body about where its scene starts it.
+
+    Args:
+        scene: With camera and body.
+        index: Of the body.
+        size: Side of its pieces [pixels].
+        rendering: How.
+        depths: How far they go above and below [µm].
+        tilts: How far they go to both sides of how it lies [rad].
+        device: Where.
+        progress: Told how many tilts are done, of how many.
+
+    Raises:
+        InputError: Too many templates.
+    """
+    body, shape = scene.bodies[index], Shape.of(scene, scene.bodies[index].name, np.zeros(3))
+    places, turns = [], []
+    side = _side(scene, index, shape)
+    for height, lean in ((0.0, 0.0), (depths, tilts), (-depths, -tilts)):
+        turn = np.array(body.orientation) if side is None else product(exponential(lean * side), body.orientation)
+        places.append(np.array(body.position) + height * rotation_matrix(np.array(camera_of(scene).orientation))[:, 2])
+        turns.append(turn)
+    count = len(scene.bodies)
+    position, orientation = np.zeros((3, count, 3)), np.zeros((3, count, 4))
+    position[:, index], orientation[:, index] = places, turns
+    orientation[..., 3] += ~np.any(orientation, axis=-1)
+    gone = RecordedBody(scene=scene, body=body.name, index=index, time=np.arange(3.0), position=position,
+                        orientation=orientation, commands=Commands.of_scene(scene))  # fmt: skip
+    return template_source(gone, size, rendering=rendering, device=device, progress=progress)
+
+
+def _side(scene: Scene, index: int, shape: Shape) -> np.ndarray | None:
+    """(3) axis about which a body's tilt out of the focal plane grows; None for a ball."""
+    if not np.any(shape.axis):
+        return None
+    normal = rotation_matrix(np.array(camera_of(scene).orientation))[:, 2]
+    side = np.cross(rotation_matrix(np.array(scene.bodies[index].orientation)) @ shape.axis, normal)
+    length = float(np.linalg.norm(side))
+    return side / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+
+
+def network_of(scene: Scene, index: int, net: Network, path: str | Path) -> NetworkSource:
+    """A network for a body of the scene.
+
+    Args:
+        scene: With camera and body.
+        index: Of the body.
+        net: Of `otwarp.vision.networks.load`.
+        path: Where it was loaded from, for what is said.
+
+    Raises:
+        InputError: It takes other pixels, does not say where the body is, or learnt to see another robot.
+    """
+    pixel = camera_of(scene).pixel_size
+    if abs(net.pixel / pixel - 1.0) > 0.02:
+        raise InputError(f"--perception {path} takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
+    height, width = net.shape
+    if height != width:
+        raise InputError(f"--perception {path} takes images of {width} × {height} pixels; allowed: squares")
+    missing = [name for name in ("x", "y", "depth") if name not in net.targets.names]
+    if net.about.get("heads") == "paper" or missing:
+        what = "classes and normalised depth alone" if net.about.get("heads") == "paper" else f"no {missing[0]}"
+        raise InputError(f"--perception {path} says {what}; allowed: heads pose or both, of x, y and depth at least")
+    _check_robot(scene, index, net, path)
+    return NetworkSource(net)
+
+
+def _check_robot(scene: Scene, index: int, net: Network, path: str | Path) -> None:
+    """Refuse a network whose robot has other solids than the body."""
+    told = net.about.get("robot")
+    if not isinstance(told, dict):
+        return  # files of earlier versions do not say
+    learnt = sorted([float(s["radius"]) for kind in ("spheres", "rods") for s in told.get(kind, [])])
+    has = sorted(float(radius) for _, _, radius, _ in solids_of(scene.bodies[index]))
+    if len(learnt) != len(has) or not np.allclose(learnt, has, rtol=SAME_SIZE):
+        raise InputError(
+            f"--perception {path} learnt to see a robot of {len(learnt)} solids, {_sizes(learnt)}; allowed for "
+            f"{scene.bodies[index].name}: its own, {len(has)} solids, {_sizes(has)}"
+        )
+
+
+def _sizes(radii: list[float]) -> str:
+    return f"radii {min(radii):.3g} to {max(radii):.3g} µm" if radii else "none"
+
+
+def check_sources(sources: dict[int, Source]) -> None:
+    """Refuse to follow nothing.
+
+    Raises:
+        InputError: There is no body to be seen.
+    """
+    if not sources:
+        raise InputError("--perception has no body to look for; allowed: a scene with robots or cells")
