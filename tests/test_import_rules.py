@@ -32,6 +32,7 @@ ALLOWED: dict[str, set[str]] = {
     "reproduce": ROOT
     | {"device", "scene", "optics", "simulation", "haptics", "record", "ros", "studies", "vision", "bench"}
     | {"operators"},
+    "perception": ROOT | {"device", "scene", "simulation", "haptics", "vision", "teleop", "ros"},
     "bench": ROOT | {"device", "scene", "optics", "kernels", "simulation"},
     "record": ROOT | {"scene", "simulation", "device"},
     "cache": set(),
@@ -120,6 +121,7 @@ INNER: dict[str, set[str]] = {
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
+HEAVY |= {"cv2", "imageio", "harvesters"}
 HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 ONLY_IN = {
     "pxr": {"scene"},
@@ -130,6 +132,7 @@ ONLY_IN = {
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
+LAZY |= {"cv2", "imageio", "harvesters"}
 LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 """Packages that nobody may import at the top of a file."""
 

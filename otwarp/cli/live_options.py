@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from otwarp.ros.roles import Roles
     from otwarp.scene import Scene
     from otwarp.teleop import Sink
+    from otwarp.teleop.perception import Perception
     from otwarp.teleop.session import Session, SessionOptions
 
 Node = TypeVar("Node")
@@ -129,12 +130,14 @@ def read_session(scene: Path, options: dict[str, Any]) -> tuple[Scene, SessionOp
     return loaded, asked
 
 
-def open_session(scene: Scene, asked: SessionOptions, options: dict[str, Any]) -> Session:
+def open_session(
+    scene: Scene, asked: SessionOptions, options: dict[str, Any], perception: Perception | None = None
+) -> Session:
     """A session that has not begun."""
     from otwarp.teleop.session import Session
 
     stop.begin()
-    return Session(scene, asked, say=sayer(options))
+    return Session(scene, asked, say=sayer(options), perception=perception)
 
 
 def sayer(options: dict[str, Any]) -> Callable[[str], None]:

@@ -8,9 +8,14 @@ place of the plant. Open `closed_loop` first; floor plan, each file importing on
     plant, photographer          the laboratory in motion; what its microscope records
     simulated                    both in this process, on any clock
     estimator                    from frames to measurements of bodies
+    link, lab                    latest values for other processes; the laboratory in a process of its own
+    files, opencv, genicam,      images taken before; a video device; GenICam;
+    topics, kinds                topics of ROS; all of these by their names
+    calibrated                   the camera as a calibration file has it
     followed                     a body's tracker; when it counts as lost
     latency                      from light to state, stage by stage
     looker                       who reads the camera and asks the estimator
     closed_loop                  what the live loop asks: bodies put where they are
     sources, assemble            templates and networks for the bodies of a scene; all of it from a user's words
+    process                      camera and estimator in a process of their own
 """

@@ -131,14 +131,36 @@ def estimator_of(scene: Scene, seeing: Seeing) -> Estimator:
     return Estimator(camera, image_size(camera), dict(seeing.sources))
 
 
+def check_camera(scene: Scene, name: str | None) -> None:
+    """Refuse a camera that the scene does not have.
+
+    Args:
+        scene: The scene.
+        name: Prim of its camera, or the last part of it; None: whatever it is called.
+
+    Raises:
+        InputError: None of that name, or none at all.
+    """
+    prim = camera_of(scene).prim
+    if name is not None and name not in (prim, prim.rsplit("/", 1)[-1]):
+        raise InputError(
+            f"--camera is {name}; allowed: {prim.rsplit('/', 1)[-1]}, or KIND:… for one that is not simulated"
+        )
+
+
 def closed_loop(
-    scene: Scene, seeing: Seeing, looker: Looker, *, rule: LostRule | None = None, clock: Clock | None = None
+    scene: Scene,
+    pieces: Mapping[int, int],
+    looker: Looker,
+    *,
+    rule: LostRule | None = None,
+    clock: Clock | None = None,
 ) -> ClosedLoop:
     """A twin's perception.
 
     Args:
         scene: Of the twin.
-        seeing: Of its bodies.
+        pieces: Index of each body that is followed → side of its pieces [pixels].
         looker: Who looks; not started.
         rule: When a body is lost.
         clock: Of the session.
@@ -155,7 +177,6 @@ def closed_loop(
     bodies = [
         FollowedBody(scene, n, camera=camera, size=image_size(camera), piece=(side, side), commands=commands,
                      rule=rule or LostRule())
-        for n, side in sorted(seeing.pieces.items())
+        for n, side in sorted(pieces.items())
     ]  # fmt: skip
     return ClosedLoop(looker, bodies, commands, clock=clock)
-

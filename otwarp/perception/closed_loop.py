@@ -128,7 +128,8 @@ class ClosedLoop:
         )
 
     def restart(self) -> None:
-        """The session begins anew: nothing is known but the start of the scene."""
+        """The session begins anew: nothing is known but the start of the scene, and a simulated laboratory begins too."""
+        self._looker.restart()
         for body in self.bodies:
             body.restart()
 
@@ -144,7 +145,13 @@ class ClosedLoop:
         ]
         if stages:
             text += ["latency   from light to state             p50         p99", *table(stages)]
-        return {"camera": self._looker.info.name, **counts, "bodies": bodies, "latency": stages, "text": "\n".join(text)}
+        return {
+            "camera": self._looker.info.name,
+            **counts,
+            "bodies": bodies,
+            "latency": stages,
+            "text": "\n".join(text),
+        }
 
     def close(self) -> None:
         """Let go of the camera; may be called more than once."""
@@ -196,13 +203,18 @@ class ClosedLoop:
             self._times.pop(0)
 
     def _note(self, now: float, entered: float) -> None:
-        """What the stages of the new frames took; `publish` is still open."""
+        """What the stages of the new frames took; `publish` is still open. On a virtual clock nothing takes time."""
         self._updated = self._clock.now()
+        if not isinstance(self._clock, RealClock):
+            return
+        source = "rendering" if self._looker.info.simulated else "readout"
         for look in self._looks:
+            half = 0.5 * look.exposure
             self._open.append({
-                "exposure": 0.5 * look.exposure, "rendering": look.made, "crop": look.crop, "estimate": look.estimate,
-                "transport": max(look.read - look.sent, 0.0), "wait": max(now - look.done, 0.0),
-                "twin": max(entered - max(now, look.done), 0.0), "filter": self._updated - entered,
+                "exposure": half, source: max(look.sent - look.time - half, 0.0),
+                "transport": max(look.read - look.sent, 0.0), "crop": look.crop, "estimate": look.estimate,
+                "wait": max(now - look.done, 0.0), "twin": max(entered - max(now, look.done), 0.0),
+                "filter": self._updated - entered,
             })  # fmt: skip
 
     def _rate(self) -> float:
@@ -210,7 +222,9 @@ class ClosedLoop:
         return (len(self._times) - 1) / span if len(self._times) > 1 else 0.0
 
     def _body_now(self, body: FollowedBody) -> BodyNow:
-        piece = next((one.piece for look in reversed(self._looks) for one in look.bodies if one.body == body.index), None)
+        piece = next(
+            (one.piece for look in reversed(self._looks) for one in look.bodies if one.body == body.index), None
+        )
         deviation = None
         if body.pose is not None:
             x, y, z = np.sqrt(np.maximum(np.diag(body.pose.covariance)[:3], 0.0))

@@ -85,6 +85,7 @@ class FollowedBody:
         self._camera, self._size, self._piece, self._rule = camera, size, piece, rule
         self._body, self._commands = MobileBody(scene, self.name), commands
         self.shape = Shape.of(scene, self.name, self._body.reference)
+        self._body.expansion(*self._body.start, commands.values[0])  # compiles what trackers need
         self.restart()
 
     def restart(self) -> None:
@@ -172,7 +173,8 @@ class FollowedBody:
 
     def wanted(self) -> Wanted:
         """Where to look for it."""
-        known = self.pose is not None and self.seen
+        # at first the laboratory is taken to be as the scene says; what was lost is sought anew
+        known = self.seen or self.accepted == 0
         place, turn = self._body.start
         if self.pose is not None:
             place, turn = self.pose.belief.position, self.pose.belief.orientation

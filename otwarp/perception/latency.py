@@ -9,7 +9,8 @@ import numpy as np
 
 STAGES = {
     "exposure": "half of it: light counts at its middle",
-    "rendering": "the laboratory's, where it is simulated; a real camera has none",
+    "rendering": "where the laboratory is simulated: until somebody asks, and rendering itself; a real camera has none",
+    "readout": "of a real camera, until it hands the frame on",
     "transport": "from the camera to who reads it",
     "crop": "pieces around the bodies",
     "estimate": "the network or the templates, all bodies together",

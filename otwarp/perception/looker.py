@@ -19,6 +19,10 @@ class Driven(Protocol):
         """Traps are told something; see `plant.Plant.follow`."""
         ...
 
+    def restart(self) -> None:
+        """Begin anew with the next command."""
+        ...
+
 
 class Looker(Protocol):
     """All calls come from the loop's thread; none but `start` waits."""
@@ -50,6 +54,10 @@ class Looker(Protocol):
         Raises:
             CameraLost: There will be no more.
         """
+        ...
+
+    def restart(self) -> None:
+        """A simulated laboratory begins anew with the next command; a real one goes on."""
         ...
 
     def close(self) -> None:
@@ -99,6 +107,11 @@ class DirectLooker:
         due = [look for look in self._waiting if look.time + self._delay <= now + 1e-9]
         self._waiting = [look for look in self._waiting if look.time + self._delay > now + 1e-9]
         return due
+
+    def restart(self) -> None:
+        """See `Looker`."""
+        if isinstance(self.camera, Driven):
+            self.camera.restart()
 
     def close(self) -> None:
         """See `Looker`."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +44,26 @@ class PlantOptions:
             raise InputError(f"plant seed is {self.seed}; allowed: 0 to {2**32 - 1}")
 
 
+def plant_of(scene: Scene, file: str | Path | None) -> Scene:
+    """The scene of a laboratory that the traps of a twin may act on, seen by the twin's camera.
+
+    Args:
+        scene: Of the twin.
+        file: Another scene; None: the same.
+
+    Raises:
+        InputError: It has other traps.
+    """
+    if file is None:
+        return scene
+    other = Scene.load(file)
+    if len(other.traps) != len(scene.traps):
+        raise InputError(
+            f"--plant {file} has {len(other.traps)} traps; allowed: as many as the twin, {len(scene.traps)}"
+        )
+    return dataclasses.replace(other, camera=scene.camera)
+
+
 def plant_scene(scene: Scene, options: PlantOptions) -> Scene:
     """The scene as the laboratory has it: another viscosity, bodies that are larger or smaller than they should be.
 
@@ -63,9 +85,7 @@ def _scaled(body: Body, factor: float) -> Body:
     def times(v: tuple[float, float, float]) -> tuple[float, float, float]:
         return v[0] * factor, v[1] * factor, v[2] * factor
 
-    spheres = tuple(
-        dataclasses.replace(s, offset=times(s.offset), radius=s.radius * factor) for s in body.spheres
-    )
+    spheres = tuple(dataclasses.replace(s, offset=times(s.offset), radius=s.radius * factor) for s in body.spheres)
     rods = tuple(
         dataclasses.replace(r, start=times(r.start), end=times(r.end), radius=r.radius * factor) for r in body.rods
     )
@@ -90,10 +110,19 @@ class Plant:
     def __init__(self, scene: Scene, *, start: float = 0.0, seed: int = 1, device: str | None = None):
         self.sim = Simulation(scene, seed=seed, device=device)
         self._start = start
+        self._again: dict[str, Any] = {"seed": seed, "device": device}
         traps = scene.traps
         self.place = np.array([t.position.at(0.0) for t in traps], dtype=float).reshape(-1, 3)
         self._power = np.array([t.power.at(0.0)[0] for t in traps], dtype=float)
         self._write(self.place, self._power)
+
+    def anew(self) -> Plant:
+        """Another one, at the start of the scene, with the same noise."""
+        return Plant(self.sim.scene, **self._again)
+
+    def begin(self, start: float) -> None:
+        """Say at what time of the session's clock its own begins [s]; before its first step."""
+        self._start = start
 
     @property
     def time(self) -> float:

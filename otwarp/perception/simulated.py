@@ -27,13 +27,21 @@ class SimulatedCamera:
         rate: Frames per second.
         exposure: [s].
         name: As the user named it.
+        number: Of the last exposure before this camera was made.
 
     Raises:
         InputError: A rate or exposure out of range.
     """
 
     def __init__(
-        self, plant: Plant, photographer: Photographer, *, rate: float = 100.0, exposure: float = 0.0, name: str = "top"
+        self,
+        plant: Plant,
+        photographer: Photographer,
+        *,
+        rate: float = 100.0,
+        exposure: float = 0.0,
+        name: str = "top",
+        number: int = 0,
     ):
         if not 0.1 <= rate <= 10_000.0:
             raise InputError(f"camera rate is {rate:g}; allowed: 0.1 to 10000 frames per second")
@@ -42,7 +50,7 @@ class SimulatedCamera:
         self.plant, self._photographer, self._period, self._exposure = plant, photographer, 1.0 / rate, exposure
         self._info = CameraInfo(name=name, kind="simulated", simulated=True)
         self._regions: tuple[Region, ...] = ()
-        self._start, self._next, self._number = plant.time, 1, 0
+        self._start, self._next, self._before, self._fresh = plant.time, 1, number, True
         self._exposed: tuple[int, np.ndarray, np.ndarray] | None = None
 
     @property
@@ -59,10 +67,20 @@ class SimulatedCamera:
 
     def command(self, when: float, position: np.ndarray, power: np.ndarray) -> None:
         """Traps are told something, and the plant goes on to that time, exposing as it goes; see `Plant.follow`."""
+        if self._fresh:
+            # the first command says when the laboratory's time begins
+            self.plant.begin(when)
+            self._before += self._next - 1
+            self._start, self._next, self._exposed, self._fresh = when, 1, None, False
         while self._due(self._next) - 0.5 * self._exposure <= when:
             self._expose(self._due(self._next), when, position, power)
             self._next += 1
         self.plant.follow(when, position, power)
+
+    def restart(self) -> None:
+        """The plant begins anew with the next command."""
+        self.plant = self.plant.anew()
+        self._fresh = True
 
     def read(self, now: float) -> CameraFrame | None:
         """See `Camera`."""
@@ -71,10 +89,10 @@ class SimulatedCamera:
         number, places, turns = self._exposed
         self._exposed = None
         begun = time.perf_counter()
-        pieces = self._photographer.pieces(places, turns, self._regions, number)
+        pieces = self._photographer.pieces(places, turns, self._regions, self._before + number)
         return CameraFrame(
-            number=number, time=self._due(number), exposure=self._exposure, pieces=pieces,
-            made=time.perf_counter() - begun, sent=now,
+            number=self._before + number, time=self._due(number), exposure=self._exposure, pieces=pieces,
+            made=time.perf_counter() - begun, sent=now + time.perf_counter() - begun,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -133,5 +133,5 @@ def build() -> SceneBuilder:
         distance_warning=DISTANCE_WARNING,
     )
     builder.add(goal, color=shapes.GREEN_GOAL, opacity=0.3)
-    shapes.observed(builder, focus=HEIGHT, color=shapes.GLASS)
+    shapes.watched(builder, focus=HEIGHT, frame=(170.0, 90.0), color=shapes.GLASS)
     return builder

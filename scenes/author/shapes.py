@@ -74,6 +74,22 @@ def observed(builder: SceneBuilder, *, focus: float, color: Vec3 | None = None) 
     light(builder)
 
 
+def watched(builder: SceneBuilder, *, focus: float, frame: tuple[float, float], color: Vec3 | None = None) -> None:
+    """Light the scene, and add a camera `top` that has all of it in its frame [µm], focused at the height `focus` [µm].
+
+    A 40× objective of aperture 0.9 on pixels of 6.4 µm: what a session is fed by has to see all robots at once, in no
+    more pixels than a network takes in time.
+    """
+    builder.add(
+        Camera(
+            prim="/World/top", focus=focus, frame=frame, numerical_aperture=0.9, condenser_aperture=0.3,
+            magnification=40.0, pixel_size=0.16,
+        ),
+        color=color,
+    )  # fmt: skip
+    light(builder)
+
+
 def light(builder: SceneBuilder) -> None:
     """A cool dome and a warm key light from the upper left."""
     builder.add_light("/World/Lights/dome", kind="dome", intensity=400.0, color=(0.75, 0.85, 1.0))

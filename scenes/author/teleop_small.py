@@ -53,5 +53,5 @@ def build() -> SceneBuilder:
         distance_warning=1.0,
     )
     builder.add(goal, color=shapes.GREEN_GOAL, opacity=0.3)
-    shapes.observed(builder, focus=HEIGHT)
+    shapes.watched(builder, focus=HEIGHT, frame=(78.0, 62.0))
     return builder

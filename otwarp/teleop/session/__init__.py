@@ -1,7 +1,7 @@
 """`Session`: a scene, live, with hands, page and recording, put together: what `otwarp teleop` runs.
 
 `live` is its loop, one tick after the other; open it first. `pace` says how many steps are due in each, and at what
-speed to go on; `task` how the scene's task stands.
+speed to go on; `task_text` how the scene's task stands.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from otwarp.teleop.operators import HandPlan, LocalScene, plan_hands, slowed
 from otwarp.teleop.operators.servo import ServoLike, compile_laws, servo_process
 from otwarp.teleop.page import PageProcess
 from otwarp.teleop.page.access import check_host
+from otwarp.teleop.perception import Perception
 from otwarp.teleop.recording import Recordable, RecordingWriter
 from otwarp.teleop.recording.file import check_new_recording, load_writer
 from otwarp.teleop.session.live import GLIDE, LiveLoop
@@ -132,6 +133,7 @@ class Session:
         scene: What is simulated.
         options: How.
         sinks: More that get frames and give commands, beside the page.
+        perception: Says where the bodies are, where the scene is the twin of what a camera sees.
         say: Takes lines for the user.
 
     Raises:
@@ -149,6 +151,7 @@ class Session:
         options: SessionOptions,
         *,
         sinks: Sequence[Sink] = (),
+        perception: Perception | None = None,
         say: Callable[[str], None] = print,
     ):
         o = self._options = options
@@ -178,6 +181,7 @@ class Session:
                 make_recording=self._make_recording,
                 notice=say,
                 steer=self._watch,
+                perception=perception,
                 rate=o.rate,
                 speed=speed,
                 seed=o.seed,
@@ -332,6 +336,7 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
         "servo": None,
         "hands": [],
         "failure": loop.failure or None,
+        "perception": loop.perceived(),
         "task": strict(task(loop.monitor, 1)),
         "statistics": strict(statistics(loop.monitor)),
     }
@@ -351,6 +356,8 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
         report["hands"].append({"name": hand.name, "device": hand.device, "losses": losses, "message": hand.message})
         lines.append(f"{hand.name:<9} {hand.device}: lost {losses} times{'; ' + hand.message if hand.message else ''}")
     lines += _task_lines(loop)
+    if report["perception"] is not None:
+        lines.append(report["perception"].pop("text"))
     if loop.failure:
         lines.append(f"stopped   {loop.failure}")
     report["text"] = "\n".join(lines)

@@ -7,7 +7,7 @@ own and does not wait for the loop; a loop that dies or stalls is a simulation t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from otwarp.teleop.operators.servo import ServoFactory
 from otwarp.teleop.perception import Perception
 from otwarp.teleop.recording import Recordings, RecordingWriter
 from otwarp.teleop.session.pace import Pace
-from otwarp.teleop.session.task import task_line
+from otwarp.teleop.session.task_text import task_line
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -131,6 +131,10 @@ class LiveLoop:
     def clock(self) -> Clock:
         """The clock by which the loop runs."""
         return self._clock
+
+    def perceived(self) -> dict[str, Any] | None:
+        """Figures of what the camera saw; None without one."""
+        return None if self._perception is None else self._perception.summary()
 
     def add(self, sink: Sink) -> None:
         """One more that gets frames and gives commands; closed with the session."""

@@ -1,0 +1,249 @@
+"""`ProcessLooker`: camera and estimator in a process of their own, so that no image holds up the session's loop."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.perception.assemble import Seeing, SeeingOptions, estimator_of, see
+from otwarp.perception.camera import Camera, CameraInfo, CameraLost
+from otwarp.perception.estimator import Estimator, Look, Wanted
+from otwarp.perception.kinds import make_camera
+from otwarp.perception.lab import LabCamera, LabOrder, child_process, end_process, protected_stdout
+from otwarp.perception.link import CommandWriter, packed, unpacked, wanted_layout
+from otwarp.scene import Scene
+from otwarp.teleop.page.protocol import receive, send
+
+LOOK_AROUND = 3e-4
+"""Seconds between two looks at the camera."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LookerOrder:
+    """All that the process must know.
+
+    Attributes:
+        scene: Of the twin, with its camera.
+        seeing: What is looked for, and by what.
+        wanted: Name of the box of what is wanted; bodies: how many it has room for.
+        camera: As the user named it.
+        lab: The laboratory, if it is simulated.
+    """
+
+    scene: Scene
+    seeing: SeeingOptions
+    wanted: str
+    bodies: int
+    camera: str
+    lab: LabOrder | None
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """The camera runs.
+
+    Attributes:
+        info: Of the camera.
+        pieces, about: Of what looks, see `assemble.Seeing`.
+    """
+
+    info: CameraInfo
+    pieces: dict[int, int]
+    about: dict[str, str]
+
+
+class ProcessLooker:
+    """A `Looker` beside the session.
+
+    Args:
+        scene: Of the twin, with its camera.
+        seeing: What is looked for.
+        bodies: How many bodies that is.
+        camera: As the user named it.
+        lab: Makes the order of a simulated laboratory from the name of its box of commands; None for other cameras.
+        say: Takes lines for the user while it begins.
+
+    Attributes:
+        pieces, about: See `assemble.Seeing`; after `open`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        seeing: SeeingOptions,
+        *,
+        bodies: int,
+        camera: str,
+        lab: Callable[[str], LabOrder] | None = None,
+        say: Callable[[str], None] = lambda _: None,
+    ):
+        self._wanted: Mailbox[Any] = Mailbox.create(wanted_layout(bodies))
+        self._commands = CommandWriter(len(scene.traps)) if lab is not None else None
+        box = self._commands.box.name if self._commands is not None else ""
+        self._order = LookerOrder(
+            scene=scene, seeing=seeing, wanted=self._wanted.name, bodies=bodies, camera=camera,
+            lab=lab(box) if lab is not None else None,
+        )  # fmt: skip
+        self._say = say
+        self._info = CameraInfo(name=camera, kind="", simulated=lab is not None)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._looks: deque[Look] = deque()
+        self._ended, self._over = "", False
+        self.pieces: dict[int, int] = {}
+        self.about: dict[str, str] = {}
+
+    @property
+    def info(self) -> CameraInfo:
+        """See `Looker`."""
+        return self._info
+
+    def open(self) -> None:
+        """Start the process, and wait until its camera runs and everything that looks is there.
+
+        Raises:
+            InputError: The camera or a network is not there, or cannot be used; nothing runs then.
+        """
+        self._process = child_process("otwarp.perception.process")
+        try:
+            send(self._pipe("stdin"), self._order)
+            while not self.pieces:
+                word = receive(self._pipe("stdout"))
+                if isinstance(word, Ready):
+                    self._info, self.pieces, self.about = word.info, word.pieces, word.about
+                elif isinstance(word, Exception):
+                    raise word
+                else:
+                    self._say(str(word))
+        except (EOFError, OSError, ValueError) as error:
+            if isinstance(error, InputError):
+                self.close()
+                raise
+            code = self._process.wait()
+            self.close()
+            raise InputError(f"camera {self._order.camera}: the process that reads it ended with {code}") from None
+        except BaseException:
+            self.close()
+            raise
+        threading.Thread(target=self._receive, daemon=True, name="perception").start()
+
+    def start(self, now: float) -> None:
+        """See `Looker`."""
+        if not self.pieces:
+            self.open()
+
+    def command(self, now: float, position: np.ndarray, power: np.ndarray) -> None:
+        """See `Looker`."""
+        if self._commands is not None:
+            self._commands.write(now, position, power)
+
+    def want(self, wanted: Sequence[Wanted]) -> None:
+        """See `Looker`."""
+        self._wanted.write(packed(wanted))
+
+    def looks(self, now: float) -> list[Look]:
+        """See `Looker`."""
+        found = []
+        while self._looks:
+            found.append(self._looks.popleft())
+        if not found and self._ended and not self._over:
+            raise CameraLost(self._ended)
+        return found
+
+    def restart(self) -> None:
+        """See `Looker`."""
+        if self._commands is not None:
+            self._commands.restart()
+
+    def close(self) -> None:
+        """See `Looker`."""
+        self._over = True
+        process, self._process = self._process, None
+        end_process(process)
+        self._wanted.close()
+        if self._commands is not None:
+            self._commands.box.close()
+
+    def _receive(self) -> None:
+        """Thread: looks as they come."""
+        process = self._process
+        assert process is not None and process.stdout is not None
+        try:
+            while True:
+                word = receive(process.stdout)
+                if isinstance(word, Look):
+                    self._looks.append(word)
+                else:
+                    self._ended = str(word)
+        except (EOFError, OSError, ValueError):
+            self._ended = self._ended or f"camera {self._order.camera}: the process that reads it has ended"
+
+    def _pipe(self, name: str) -> BinaryIO:
+        pipe = getattr(self._process, name, None)
+        if pipe is None:
+            raise InputError("perception: is not open")
+        return pipe
+
+
+def child() -> None:
+    """What the process does, until its stdin ends."""
+    source, sink = sys.stdin.buffer, protected_stdout()
+    order: LookerOrder = receive(source)
+    ended = threading.Event()
+    threading.Thread(target=lambda: (source.read(1), ended.set()), daemon=True).start()
+    camera: Camera | None = None
+    try:
+        box = Mailbox.attach(wanted_layout(order.bodies), order.wanted)
+        seeing: Seeing = see(order.scene, order.seeing, lambda line: send(sink, line))
+        camera = LabCamera(order.lab) if order.lab is not None else make_camera(order.camera)
+        camera.open()
+        send(sink, Ready(camera.info, dict(seeing.pieces), dict(seeing.about)))
+        _serve(camera, estimator_of(order.scene, seeing), box, ended, sink)
+    except InputError as error:
+        _tell(sink, error)
+    except (BrokenPipeError, KeyboardInterrupt):
+        pass
+    except Exception as error:  # a defect of ours: the session says one line, the rest is for whoever mends it
+        traceback.print_exc()
+        _tell(sink, InputError(f"camera {order.camera}: the process that reads it failed ({error!r})"))
+    finally:
+        if camera is not None:
+            camera.close()
+    os._exit(0)
+
+
+def _serve(camera: Camera, estimator: Estimator, box: Mailbox[Any], ended: threading.Event, sink: BinaryIO) -> None:
+    """Look at the latest frame, again and again."""
+    wanted: tuple[Wanted, ...] = ()
+    while not ended.is_set():
+        told = box.read()
+        if told is not None:
+            wanted = unpacked(told)
+            camera.aim([w.region for w in wanted])
+        try:
+            frame = camera.read(time.perf_counter()) if wanted else None
+        except CameraLost as error:
+            send(sink, str(error))
+            return
+        if frame is None:
+            time.sleep(LOOK_AROUND)
+        else:
+            send(sink, estimator.look(frame, wanted, time.perf_counter()))
+
+
+def _tell(sink: BinaryIO, word: object) -> None:
+    try:
+        send(sink, word)
+    except (OSError, ValueError):  # nobody is there to hear it
+        pass
