@@ -22,6 +22,7 @@ docstring (docs/architecture.md shows who may import whom):
     preview        pictures and movies of them
     haptics        what operators feel, a thousand times a second
     teleop         live sessions: page, operators, budget, recording
+    perception     images that say where the bodies of a session are
     ros            the same session as the topics of ROS 1 and ROS 2
     bench          what a user measures on his machine
     reproduce      the paper's tables and figures, computed anew and set beside the published ones

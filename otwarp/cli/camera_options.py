@@ -21,18 +21,41 @@ if TYPE_CHECKING:
 CAMERAS = "files:PATH, v4l2:DEVICE, genicam:SERIAL,cti=FILE, ros1:TOPIC, ros2:TOPIC"
 
 _CAMERA = (
-    click.option("--camera", metavar="NAME", help=f"Feed the scene by images: its own camera's, of a simulated laboratory, or {CAMERAS}."),
-    click.option("--perception", "networks", multiple=True, metavar="NETWORK", help="What looks at them: a trained network, for one body as BODY=NETWORK, or templates (default)."),
-    click.option("--follow", multiple=True, metavar="BODY", help="A body that is looked for; default: robots, and the task's cell."),
-    click.option("--calibration", metavar="FILE", help="Of the camera; needed for a real one, `scene` takes the scene's as it is."),
-    click.option("--lost-after", type=Number(0.01, 60.0, unit="s"), metavar="SECONDS", help="Without a measurement; default: 0.3."),
+    click.option(
+        "--camera", metavar="NAME",
+        help=f"Feed the scene by images: its own camera's, of a simulated laboratory, or {CAMERAS}.",
+    ),
+    click.option(
+        "--perception", "networks", multiple=True, metavar="NETWORK",
+        help="What looks at them: a trained network, for one body as BODY=NETWORK, or templates (default).",
+    ),
+    click.option(
+        "--follow", multiple=True, metavar="BODY", help="A body to look for; default: robots, and the task's cell."
+    ),
+    click.option(
+        "--calibration", metavar="FILE", help="Of a real camera, or `scene`, which takes the scene's as it is."
+    ),
+    click.option(
+        "--lost-after", type=Number(0.01, 60.0, unit="s"), metavar="SECONDS",
+        help="Time without a measurement after which nothing is felt of a body; default: 0.3.",
+    ),
     rate_option("--camera-rate", 0.1, 10_000.0, 100.0, "Exposures per second of a simulated laboratory."),
-    click.option("--rings", type=Number(1, 8, whole=True), default=1, show_default=True, help="Of source points in its images, and in templates."),
+    click.option(
+        "--rings", type=Number(1, 8, whole=True), default=1, show_default=True,
+        help="Rings of source points in its images, and in templates.",
+    ),
     click.option("--plant", type=FILE, metavar="SCENE", help="The simulated laboratory; default: SCENE itself."),
     click.option("--plant-seed", type=SEED, default=1, show_default=True, help="Key of its random numbers."),
-    click.option("--plant-viscosity", type=POSITIVE, default=1.0, show_default=True, metavar="FACTOR", help="Of its medium, over the scene's."),
-    click.option("--plant-spread", type=Number(0.0, 0.3), default=0.0, show_default=True, help="Relative standard deviation of its bodies' sizes."),
+    click.option(
+        "--plant-viscosity", type=POSITIVE, default=1.0, show_default=True, metavar="FACTOR",
+        help="Of its medium, over the scene's.",
+    ),
+    click.option(
+        "--plant-spread", type=Number(0.0, 0.3), default=0.0, show_default=True,
+        help="Relative standard deviation of its bodies' sizes.",
+    ),
 )  # fmt: skip
+"""The camera, what looks at its images, and the laboratory that may stand for it."""
 
 NAMES = ("camera", "networks", "follow", "calibration", "lost_after", "camera_rate", "rings", "plant", "plant_seed",
          "plant_viscosity", "plant_spread")  # fmt: skip

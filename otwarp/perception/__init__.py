@@ -1,13 +1,13 @@
 """The closed loop: a camera's images say where the bodies of a twin are, and hands feel the twin.
 
-Two simulations that are kept apart: the plant, which is the laboratory, and the twin, which a live session steps and its
-hands feel. Traps are all that goes from the twin to the plant, images all that comes back; a real camera takes the
+Two simulations that are kept apart: the plant, which is the laboratory, and the twin, which a live session steps and
+its hands feel. Traps are all that goes from the twin to the plant, images all that comes back; a real camera takes the
 place of the plant. Open `closed_loop` first; floor plan, each file importing only from those above it:
 
     camera                       what a camera is: frames, regions, and when their light was
     plant, photographer          the laboratory in motion; what its microscope records
     simulated                    both in this process, on any clock
-    estimator                    from frames to measurements of bodies
+    hidden, estimator            what others cover of a body; from frames to measurements of bodies
     link, lab                    latest values for other processes; the laboratory in a process of its own
     files, opencv, genicam,      images taken before; a video device; GenICam;
     topics, kinds                topics of ROS; all of these by their names

@@ -13,6 +13,7 @@ from otwarp.haptics.core.realtime import Clock, RealClock
 from otwarp.perception.closed_loop import ClosedLoop
 from otwarp.perception.estimator import Estimator
 from otwarp.perception.followed import FollowedBody, LostRule
+from otwarp.perception.hidden import Outline
 from otwarp.perception.looker import Looker
 from otwarp.perception.photographer import LIVE
 from otwarp.perception.sources import network_of, piece_size, templates_of
@@ -128,7 +129,8 @@ def _whole_name(scene: Scene, name: str) -> str:
 def estimator_of(scene: Scene, seeing: Seeing) -> Estimator:
     """The estimator of a scene's camera."""
     camera = camera_of(scene)
-    return Estimator(camera, image_size(camera), dict(seeing.sources))
+    outlines = {n: Outline(scene, n) for n in seeing.sources}
+    return Estimator(camera, image_size(camera), seeing.sources, outlines if len(outlines) > 1 else {})
 
 
 def check_camera(scene: Scene, name: str | None) -> None:

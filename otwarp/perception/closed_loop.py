@@ -49,6 +49,7 @@ class ClosedLoop:
         self._looker, self.bodies, self._commands = looker, tuple(bodies), commands
         self._clock, self.listener = clock or RealClock(), listener
         self._holds = np.zeros(0, dtype=int)
+        self._first = commands.values[0][: 3 * commands.traps].reshape(-1, 3).copy()
         self._started = False
         self.latency = Latency()
         self._ended = ""
@@ -93,6 +94,9 @@ class ClosedLoop:
                     if one.body == body.index:
                         body.take(one.seen, one.why, now)
             body.move(now)
+            own = position[self._holds == body.index]
+            if len(own):
+                body.carried = own.mean(axis=0) - self._first[self._holds == body.index].mean(axis=0)
         self._align(sim)
         self._looker.want([body.wanted() for body in self.bodies])
         self._forget(now)
@@ -128,7 +132,7 @@ class ClosedLoop:
         )
 
     def restart(self) -> None:
-        """The session begins anew: nothing is known but the start of the scene, and a simulated laboratory begins too."""
+        """The session begins anew: nothing is known but the scene's start, at which a simulated laboratory is too."""
         self._looker.restart()
         for body in self.bodies:
             body.restart()

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, Piece, Region
+from otwarp.perception.hidden import Outline, look_past
 from otwarp.scene import Camera
 from otwarp.vision.tracking.finding import crop
 from otwarp.vision.tracking.measurement import Measurement, of_estimate
@@ -83,10 +85,18 @@ class Estimator:
         camera: Of the scene, whose pixels the frames have.
         size: Pixels of its whole frame (width, height).
         sources: Body's index → what turns its piece into a pose.
+        outlines: Body's index → where its solids are, for pieces that others reach into.
     """
 
-    def __init__(self, camera: Camera, size: tuple[int, int], sources: dict[int, Source]):
-        self._camera, self._size, self._sources = camera, size, sources
+    def __init__(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        sources: Mapping[int, Source],
+        outlines: Mapping[int, Outline] | None = None,
+    ):
+        self._camera, self._size, self._outlines = camera, size, dict(outlines or {})
+        self.sources = dict(sources)
 
     def look(self, frame: CameraFrame, wanted: Sequence[Wanted], read: float) -> Look:
         """Measurements of all bodies that are wanted.
@@ -97,22 +107,29 @@ class Estimator:
             read: When the frame was taken out of the camera [s].
         """
         begun = time.perf_counter()
-        cut = [(w, *self._cut(frame, w)) for w in wanted]
+        cut = [self._cut(frame, w) for w in wanted]
         middle = time.perf_counter()
-        bodies = tuple(self._looked(frame.time, *one) for one in cut)
+        bodies = self._look_at(frame.time, cut)
         end = time.perf_counter()
         return Look(
             number=frame.number, time=frame.time, exposure=frame.exposure, made=frame.made, sent=frame.sent, read=read,
             crop=middle - begun, estimate=end - middle, done=read + end - begun, bodies=bodies,
         )  # fmt: skip
 
-    def again(self, when: float, look: BodyLook) -> BodyLook:
-        """The same piece looked at once more, as a replay does."""
-        high, wide = look.piece.levels.shape
-        region = Region(look.piece.left, look.piece.low, wide, high)
-        return self._looked(when, Wanted(look.body, region, look.guess), look.piece, "")
+    def again(self, look: Look) -> tuple[BodyLook, ...]:
+        """The same pieces looked at once more, as a replay does."""
+        blank = [
+            dataclasses.replace(one, seen=None, why="" if one.piece.levels.size else one.why) for one in look.bodies
+        ]
+        return self._look_at(look.time, blank)
 
-    def _cut(self, frame: CameraFrame, wanted: Wanted) -> tuple[Piece, str]:
+    def middle(self, piece: Piece) -> np.ndarray:
+        """(2) of a piece, from the middle of the camera's frame [µm]."""
+        high, wide = piece.levels.shape
+        column, row = piece.left + wide // 2, piece.low + high // 2
+        return np.array([column - self._size[0] // 2, row - self._size[1] // 2]) * self._camera.pixel_size
+
+    def _cut(self, frame: CameraFrame, wanted: Wanted) -> BodyLook:
         """The piece of a frame around a body: one that the camera cut for it, or cut here."""
         region = wanted.region
         column, row = region.middle
@@ -123,45 +140,55 @@ class Estimator:
             if (high, wide) == (region.height, region.width) and off < 0.5 * min(wide, high):
                 near.append((off, piece))  # the camera was told where to look before it was asked again
         if near:
-            return min(near, key=lambda one: one[0])[1], ""
+            piece = min(near, key=lambda one: one[0])[1]
+            # what is expected counts from the middle of the piece, which may be a little aside
+            aside = np.array([region.left - piece.left, region.low - piece.low], dtype=float)
+            moved = np.array([*(aside * self._camera.pixel_size), 0.0, 0.0, 0.0])
+            guess = None if wanted.guess is None else wanted.guess + moved
+            return BodyLook(body=wanted.body, piece=piece, guess=guess, seen=None)
         for piece in frame.pieces:
             high, wide = piece.levels.shape
             if piece.left <= column < piece.left + wide and piece.low <= row < piece.low + high:
                 levels, _ = crop(piece.levels, column - piece.left, row - piece.low, region.width, region.height)
-                return Piece(region.left, region.low, levels), ""
-        return Piece(region.left, region.low, np.zeros((0, 0), dtype=np.uint8)), "it is beyond the camera's frame"
+                found = Piece(region.left, region.low, levels)
+                return BodyLook(body=wanted.body, piece=found, guess=wanted.guess, seen=None)
+        nothing = Piece(region.left, region.low, np.zeros((0, 0), dtype=np.uint8))
+        why = "it is beyond the camera's frame"
+        return BodyLook(body=wanted.body, piece=nothing, guess=wanted.guess, seen=None, why=why)
 
-    def _looked(self, when: float, wanted: Wanted, piece: Piece, why: str) -> BodyLook:
-        guess = self._guess(wanted, piece)
-        if why:
-            return BodyLook(body=wanted.body, piece=piece, guess=guess, seen=None, why=why)
+    def _look_at(self, when: float, cut: Sequence[BodyLook]) -> tuple[BodyLook, ...]:
+        return tuple(one if one.why else self._looked(when, one, cut) for one in cut)
+
+    def _looked(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> BodyLook:
         try:
-            seen, why = self._measured(when, wanted.body, piece, guess)
+            seen, why = self._measured(when, one, all_of_them)
         except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             # whatever an estimator stumbles over, the body is not seen, and the session goes on
             seen, why = None, f"the estimator fails: {str(error).splitlines()[0] if str(error) else error!r}"
-        return BodyLook(body=wanted.body, piece=piece, guess=guess, seen=seen, why=why)
+        return dataclasses.replace(one, seen=seen, why=why)
 
-    def _measured(
-        self, when: float, body: int, piece: Piece, guess: np.ndarray | None
-    ) -> tuple[Measurement | None, str]:
-        found = self._sources[body].look(piece.levels, guess)
+    def _measured(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[Measurement | None, str]:
+        source, levels = self.sources[one.body], one.piece.levels
+        if one.guess is None or one.body not in self._outlines:
+            found = source.look(levels, one.guess)
+        else:
+            found = look_past(source, levels, one.guess, *self._hidden(one, all_of_them))
         if found is None:
             return None, "the image does not show it"
         estimate, mirror = found
         if not np.all(np.isfinite(estimate.mean)):
             return None, "the estimator says nan"
-        return of_estimate(estimate, when, self._camera, self.middle(piece), mirror=mirror), ""
+        return of_estimate(estimate, when, self._camera, self.middle(one.piece), mirror=mirror), ""
 
-    def middle(self, piece: Piece) -> np.ndarray:
-        """(2) of a piece, from the middle of the camera's frame [µm]."""
-        high, wide = piece.levels.shape
-        column, row = piece.left + wide // 2, piece.low + high // 2
-        return np.array([column - self._size[0] // 2, row - self._size[1] // 2]) * self._camera.pixel_size
-
-    def _guess(self, wanted: Wanted, piece: Piece) -> np.ndarray | None:
-        """(5) what is expected, from the middle of the piece, which may have been cut a little aside."""
-        if wanted.guess is None:
-            return None
-        aside = np.array([wanted.region.left - piece.left, wanted.region.low - piece.low], dtype=float)
-        return wanted.guess + np.array([*(aside * self._camera.pixel_size), 0.0, 0.0, 0.0])
+    def _hidden(self, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[np.ndarray, np.ndarray]:
+        """Which pixels of a piece other bodies are expected in, and in which the body itself."""
+        assert one.guess is not None
+        shape, pixel = (one.piece.levels.shape[0], one.piece.levels.shape[1]), self._camera.pixel_size
+        own = self._outlines[one.body].covers(shape, pixel, one.guess)
+        hidden, middle = np.zeros(shape, dtype=bool), self.middle(one.piece)
+        for other in all_of_them:
+            if other.body != one.body and other.guess is not None and other.body in self._outlines:
+                pose = other.guess.copy()
+                pose[:2] += self.middle(other.piece) - middle
+                hidden |= self._outlines[other.body].covers(shape, pixel, pose)
+        return hidden, own

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from otwarp.vision.tracking.belief import Belief, advance, at_prim
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.measurement import Measurement
 from otwarp.vision.tracking.mobile import MobileBody
+from otwarp.vision.tracking.pushing import PushLaw
 from otwarp.vision.tracking.recorded import in_camera
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.tracker import Pose, Tracker
@@ -32,6 +33,7 @@ class LostRule:
         after: Time since the light of the last measurement that its tracker took [s].
         uncertain: Largest standard deviation of its place, along any direction [µm].
         lag: For how long measurements may be late [s].
+        push: Of forces that the twin does not know.
 
     Raises:
         InputError: A number out of range.
@@ -39,12 +41,13 @@ class LostRule:
 
     after: float = 0.3
     uncertain: float = 1.0
-    lag: float = 0.5
+    lag: float = 2.0
+    push: PushLaw | None = field(default_factory=PushLaw)
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("lost after", self.after, 0.005, 60.0), ("uncertain", self.uncertain, 1e-3, 1e3), ("lag", self.lag, 0.01, 60.0)
-        ):  # fmt: skip
+        limits = {"after": (0.005, 60.0), "uncertain": (1e-3, 1e3), "lag": (0.01, 60.0)}
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
 
@@ -68,6 +71,7 @@ class FollowedBody:
         pose: As predicted last; None before the first measurement.
         why: Why it is lost, one line; "" while it is seen.
         accepted, refused: Measurements so far.
+        carried: (3) how far its traps have gone since the start, where it is expected until it is seen [µm].
     """
 
     def __init__(
@@ -90,10 +94,11 @@ class FollowedBody:
 
     def restart(self) -> None:
         """Nothing is known but the start of the scene."""
-        self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag)
+        self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag, push=self._rule.push)
         self.pose: Pose | None = None
         self.why = "not seen yet"
         self.accepted = self.refused = 0
+        self.carried = np.zeros(3)
         self._last = -math.inf
         self._said = ""
         self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
@@ -176,6 +181,7 @@ class FollowedBody:
         # at first the laboratory is taken to be as the scene says; what was lost is sought anew
         known = self.seen or self.accepted == 0
         place, turn = self._body.start
+        place = place + self.carried
         if self.pose is not None:
             place, turn = self.pose.belief.position, self.pose.belief.orientation
         at, frame = in_camera(self._camera, place + rotation_matrix(turn) @ self.shape.arm, turn)

@@ -132,6 +132,7 @@ class GenicamCamera:
             offset = came - stamp
             self._offset = offset if self._offset is None else min(self._offset, offset)
             piece = Piece(0, 0, np.ascontiguousarray(levels[::-1]))
+            when = stamp + self._offset - 0.5 * exposure
             self._newest = CameraFrame(
-                number=self._number, time=stamp + self._offset - 0.5 * exposure, exposure=exposure, pieces=(piece,), sent=came
+                number=self._number, time=when, exposure=exposure, pieces=(piece,), sent=came
             )  # fmt: skip

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, CameraInfo, CameraLost, Region
@@ -113,11 +113,10 @@ class LabCamera:
 
     def _receive(self) -> None:
         """Thread: frames as they come."""
-        process = self._process
-        assert process is not None and process.stdout is not None
+        pipe = self._pipe("stdout")
         try:
             while True:
-                message = receive(process.stdout)
+                message = receive(pipe)
                 if isinstance(message, str):
                     self._ended = message
                     return
@@ -226,8 +225,7 @@ def first_word(process: subprocess.Popen[bytes], within: float, who: str) -> Any
 
     def listen() -> None:
         try:
-            assert process.stdout is not None
-            answer.append(receive(process.stdout))
+            answer.append(receive(cast(BinaryIO, process.stdout)))
         except (EOFError, OSError, ValueError):
             answer.append(f"{who} ended at once, with {process.wait()}")
 
@@ -251,3 +249,5 @@ def end_process(process: subprocess.Popen[bytes] | None, within: float = 3.0) ->
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+    if process.stdout is not None:
+        process.stdout.close()

@@ -104,8 +104,9 @@ class DirectLooker:
         frame = self.camera.read(now)
         if frame is not None:
             self._waiting.append(self._estimator.look(frame, self._wanted, now))
-        due = [look for look in self._waiting if look.time + self._delay <= now + 1e-9]
-        self._waiting = [look for look in self._waiting if look.time + self._delay > now + 1e-9]
+        # a stamp that is ahead of the clock does not hold up its frame
+        due = [look for look in self._waiting if min(look.time, look.read) + self._delay <= now + 1e-9]
+        self._waiting = [look for look in self._waiting if look not in due]
         return due
 
     def restart(self) -> None:

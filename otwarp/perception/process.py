@@ -10,6 +10,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
@@ -177,11 +178,10 @@ class ProcessLooker:
 
     def _receive(self) -> None:
         """Thread: looks as they come."""
-        process = self._process
-        assert process is not None and process.stdout is not None
+        pipe = self._pipe("stdout")
         try:
             while True:
-                word = receive(process.stdout)
+                word = receive(pipe)
                 if isinstance(word, Look):
                     self._looks.append(word)
                 else:
@@ -243,7 +243,5 @@ def _serve(camera: Camera, estimator: Estimator, box: Mailbox[Any], ended: threa
 
 
 def _tell(sink: BinaryIO, word: object) -> None:
-    try:
+    with suppress(OSError, ValueError):  # nobody may be there to hear it
         send(sink, word)
-    except (OSError, ValueError):  # nobody is there to hear it
-        pass

@@ -72,9 +72,13 @@ class SimulatedCamera:
             self.plant.begin(when)
             self._before += self._next - 1
             self._start, self._next, self._exposed, self._fresh = when, 1, None, False
-        while self._due(self._next) - 0.5 * self._exposure <= when:
+        due = self._next
+        while self._due(due) - 0.5 * self._exposure <= when:
+            due += 1
+        if due > self._next:  # of several that are due, nobody could read but the last
+            self._next = due - 1
             self._expose(self._due(self._next), when, position, power)
-            self._next += 1
+            self._next = due
         self.plant.follow(when, position, power)
 
     def restart(self) -> None:

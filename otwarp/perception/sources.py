@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from otwarp import cache
+from otwarp.cache import cache_folder
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.vision.networks.run import Estimator as Network
 from otwarp.vision.render import Rendering
 from otwarp.vision.tracking.commands import Commands
-from otwarp.vision.tracking.recorded import RecordedBody, Source
+from otwarp.vision.tracking.matching import Matcher
+from otwarp.vision.tracking.recorded import RecordedBody, in_camera
 from otwarp.vision.tracking.rotations import exponential, product
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.source import NetworkSource, TemplateSource, template_source
-from otwarp.vision.view import camera_of, solids_of
+from otwarp.vision.tracking.templates import Templates, posed
+from otwarp.vision.view import camera_of, microscope_of, sensor_of, solids_of
 
 FRINGES = 1.0
 """What is seen of a body around it [µm]."""
 
 DEPTHS, TILTS = 1.5, math.radians(12.0)
-"""How far templates go above and below where a scene starts a body [µm], and to both sides of how it lies there [rad]."""
+"""How far templates go above and below where a scene starts a body [µm], and to both sides of its tilt there [rad]."""
+
+VERSION = 1
+"""Of templates on disk: raise it with any change of what they are."""
 
 SAME_SIZE = 0.03
 """Relative difference of sizes up to which a network's robot is the scene's."""
@@ -67,6 +76,9 @@ def templates_of(
         InputError: Too many templates.
     """
     body, shape = scene.bodies[index], Shape.of(scene, scene.bodies[index].name, np.zeros(3))
+    about = _described(scene, index, shape, {"size": size, "depths": depths, "tilts": tilts}, rendering)
+    if (kept := _kept(scene, about)) is not None:
+        return kept
     places, turns = [], []
     side = _side(scene, index, shape)
     for height, lean in ((0.0, 0.0), (depths, tilts), (-depths, -tilts)):
@@ -79,7 +91,40 @@ def templates_of(
     orientation[..., 3] += ~np.any(orientation, axis=-1)
     gone = RecordedBody(scene=scene, body=body.name, index=index, time=np.arange(3.0), position=position,
                         orientation=orientation, commands=Commands.of_scene(scene))  # fmt: skip
-    return template_source(gone, size, rendering=rendering, device=device, progress=progress)
+    found = template_source(gone, size, rendering=rendering, device=device, progress=progress)
+    t = found.matcher.templates
+    flags = np.array([t.ball, t.reversible])
+    arrays = {"tilt": t.tilt, "depth": t.depth, "splines": t.splines, "flags": flags, "errors": found.matcher.errors}
+    cache.save(cache_folder() / "templates", about, arrays)
+    return found
+
+
+def _described(scene: Scene, index: int, shape: Shape, limits: dict[str, float], rendering: Rendering) -> str:
+    """What templates hold for: how the body lies and is lit, how it is rendered, and how far they go."""
+    body, camera = scene.bodies[index], camera_of(scene)
+    at, frame = in_camera(camera, np.array(body.position), np.array(body.orientation))
+    still = posed(scene, body.name, shape, 0.0)
+    solids = np.column_stack([still.start, still.end, still.radius, still.index])
+    depth = float((at + frame @ (shape.arm - shape.origin))[2])
+    lean = math.asin(float(np.clip((frame @ shape.axis)[2], -1.0, 1.0)))
+    said = {
+        "version": VERSION, "solids": np.round(solids, 9).tolist(), "depth": round(depth, 9), "tilt": round(lean, 9),
+        "microscope": dataclasses.asdict(microscope_of(scene)), "sensor": dataclasses.asdict(sensor_of(scene)),
+        "rendering": dataclasses.asdict(rendering), **limits,
+    }  # fmt: skip
+    return json.dumps(said, sort_keys=True)
+
+
+def _kept(scene: Scene, about: str) -> TemplateSource | None:
+    """Templates that were rendered before."""
+    arrays = cache.load(cache_folder() / "templates", about)
+    if arrays is None:
+        return None
+    ball, reversible = (bool(v) for v in arrays["flags"])
+    tilt, depth, splines = (arrays[name] for name in ("tilt", "depth", "splines"))
+    pixel, sensor = camera_of(scene).pixel_size, sensor_of(scene)
+    templates = Templates(tilt, depth, splines, pixel, sensor, ball, reversible)
+    return TemplateSource(Matcher(templates, arrays["errors"]))
 
 
 def _side(scene: Scene, index: int, shape: Shape) -> np.ndarray | None:
@@ -134,13 +179,3 @@ def _check_robot(scene: Scene, index: int, net: Network, path: str | Path) -> No
 
 def _sizes(radii: list[float]) -> str:
     return f"radii {min(radii):.3g} to {max(radii):.3g} µm" if radii else "none"
-
-
-def check_sources(sources: dict[int, Source]) -> None:
-    """Refuse to follow nothing.
-
-    Raises:
-        InputError: There is no body to be seen.
-    """
-    if not sources:
-        raise InputError("--perception has no body to look for; allowed: a scene with robots or cells")

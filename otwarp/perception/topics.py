@@ -71,7 +71,7 @@ class TopicCamera:
             from otwarp.ros.ros1.node import Ros1Node
 
             allow_sequences(LARGEST)
-            node = Ros1Node("otwarp_camera", master)
+            node = Ros1Node("otwarp_camera", master, most=2 * LARGEST)
             try:
                 subscription = node.subscribe(where, "sensor_msgs/Image")
             except BaseException:
@@ -96,7 +96,7 @@ class TopicCamera:
 
             node = Ros2Node("otwarp_camera", domain)
             try:
-                subscription = node.subscribe(where, "Image")
+                subscription = node.subscribe(where, "sensor_msgs/msg/Image")
             except BaseException:
                 node.close()
                 raise

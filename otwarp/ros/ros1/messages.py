@@ -49,6 +49,12 @@ def typestore() -> Any:
     return store
 
 
+def allow_sequences(longest: int) -> None:
+    """Accept sequences of so many elements in all messages of this process: an image has one for each byte."""
+    store = typestore()
+    store.max_sequence_length = max(store.max_sequence_length, longest)
+
+
 @cache
 def message_type(name: str) -> MessageType:
     """A type by its ROS 1 name, as `geometry_msgs/Twist`.

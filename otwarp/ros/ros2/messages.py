@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float32, float64, int32, uint32
+from cyclonedds.idl.types import float32, float64, int32, uint8, uint32
 
 if TYPE_CHECKING:
     sequence = list
@@ -154,6 +154,19 @@ class Joy(IdlStruct, typename="sensor_msgs.msg.dds_.Joy_"):
     buttons: sequence[int32] = field(default_factory=list)
 
 
+@dataclass
+class Image(IdlStruct, typename="sensor_msgs.msg.dds_.Image_"):
+    """An image, row 0 the highest."""
+
+    header: Header = field(default_factory=Header)
+    height: uint32 = 0
+    width: uint32 = 0
+    encoding: str = "mono8"
+    is_bigendian: uint8 = 0
+    step: uint32 = 0
+    data: sequence[uint8] = field(default_factory=list)
+
+
 TOPIC_TYPES: dict[str, type[IdlStruct]] = {
     "std_msgs/msg/String": String,
     "geometry_msgs/msg/Twist": Twist,
@@ -162,6 +175,7 @@ TOPIC_TYPES: dict[str, type[IdlStruct]] = {
     "tf2_msgs/msg/TFMessage": TFMessage,
     "sensor_msgs/msg/JointState": JointState,
     "sensor_msgs/msg/Joy": Joy,
+    "sensor_msgs/msg/Image": Image,
 }
 """Types that a topic may have, by their ROS 2 names; the others are their parts."""
 
@@ -173,6 +187,7 @@ TYPE_HASHES: dict[str, str] = {
     "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     "sensor_msgs/msg/JointState": "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
     "sensor_msgs/msg/Joy": "0d356c79cad3401e35ffeb75a96a96e08be3ef896b8b83841d73e890989372c5",
+    "sensor_msgs/msg/Image": "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
 }
 """RIHS01 hash of each type (REP-2011), which ROS 2 since Iron looks for in an endpoint's user data; the same in every
 distribution from Foxy to Kilted."""

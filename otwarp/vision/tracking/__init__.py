@@ -7,6 +7,7 @@ In come frames or estimates of networks, out come poses with covariances at any 
     shape                      what of a body can be seen: centre, long axis, turns after which it looks the same
     measurement                one look at a body, and its innovation
     commands                   what traps are told in the course of time
+    pushing                    forces that the simulation does not know, followed with the pose
     motion, mobile             the exact step of linear motion; a body as the simulation moves it, expanded about a pose
     belief                     one hypothesis: led on through time, corrected
     tracker                    several of them; late, missing and wrong measurements; prediction

@@ -13,6 +13,7 @@ from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.measurement import Measurement
 from otwarp.vision.tracking.mobile import MobileBody
 from otwarp.vision.tracking.motion import Expansion
+from otwarp.vision.tracking.pushing import Pushed, widened
 from otwarp.vision.tracking.rotations import cross_matrix, difference, exponential, jacobian, product
 from otwarp.vision.tracking.shape import Shape
 
@@ -33,6 +34,7 @@ class Belief:
         covariance: (6, 6) of position and turn in the axes of the world [µm², rad²].
         weight: Logarithm of its probability, up to a constant that all hypotheses share.
         expansion: Of the motion, near the pose.
+        pushed: What is believed of a push, where one is followed.
     """
 
     position: np.ndarray
@@ -40,6 +42,7 @@ class Belief:
     covariance: np.ndarray
     weight: float = 0.0
     expansion: Expansion | None = None
+    pushed: Pushed | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +97,25 @@ def _moved(belief: Belief, body: MobileBody, first: np.ndarray, last: np.ndarray
     if expansion is None or _far(expansion, offset, first):
         expansion = body.expansion(belief.position, belief.orientation, first)
         offset = np.zeros(6)
-    moved = expansion.drifted(offset, time, first, last)
-    position, orientation = expansion.pose(moved)
-    step = expansion.step(time)
+    pushed = belief.pushed
+    law = None if pushed is None else pushed.law
+    state = offset if pushed is None else np.concatenate([offset, pushed.velocity])
+    moved = expansion.drifted(state, time, first, last, law)
+    position, orientation = expansion.pose(moved[:6])
+    step = expansion.step(time, law)
     # errors are turns from the pose, the expansion counts in rotation vectors from where it was made
-    change = _turned(moved[3:]) @ step.decay @ np.linalg.inv(_turned(offset[3:]))
-    covariance = change @ belief.covariance @ change.T + step.noise
+    after, before = _turned(moved[3:6]), np.linalg.inv(_turned(offset[3:]))
+    if pushed is not None:
+        after, before = widened(after), widened(before)
+    change = after @ step.decay @ before
+    known = belief.covariance if pushed is None else pushed.joint
+    covariance = change @ known @ change.T + step.noise
+    covariance = 0.5 * (covariance + covariance.T)
+    if pushed is not None:
+        pushed = replace(pushed, velocity=moved[6:], joint=covariance)
     return replace(
-        belief, position=position, orientation=orientation, covariance=0.5 * (covariance + covariance.T),
-        expansion=expansion,
+        belief, position=position, orientation=orientation, covariance=covariance[:6, :6], expansion=expansion,
+        pushed=pushed,
     )  # fmt: skip
 
 
@@ -124,23 +137,32 @@ def _turned(turn: np.ndarray) -> np.ndarray:
 def correct(belief: Belief, seen: Measurement, shape: Shape) -> Correction:
     """The hypothesis after a measurement of its time, by Kalman's gain in Joseph's form."""
     residual, slope, noise = seen.innovation(shape, belief.position, belief.orientation)
-    spread = slope @ belief.covariance @ slope.T + noise
+    pushed, known = belief.pushed, belief.covariance
+    if pushed is not None:
+        known, slope = pushed.joint, np.hstack([slope, np.zeros_like(slope)])
+    spread = slope @ known @ slope.T + noise
     factor = np.linalg.cholesky(0.5 * (spread + spread.T))
     white = np.linalg.solve(factor, residual)
     nis = float(white @ white)
-    gain = np.linalg.solve(factor.T, np.linalg.solve(factor, slope @ belief.covariance)).T
+    gain = np.linalg.solve(factor.T, np.linalg.solve(factor, slope @ known)).T
     change = gain @ residual
-    left = np.eye(6) - gain @ slope
-    covariance = left @ belief.covariance @ left.T + gain @ noise @ gain.T
-    reset = shape.without_roll(belief.orientation) @ _turned(change[3:])
+    left = np.eye(len(known)) - gain @ slope
+    covariance = left @ known @ left.T + gain @ noise @ gain.T
+    reset = shape.without_roll(belief.orientation) @ _turned(change[3:6])
+    if pushed is not None:
+        reset = widened(reset)
     covariance = reset @ covariance @ reset.T
+    covariance = 0.5 * (covariance + covariance.T)
+    if pushed is not None:
+        pushed = replace(pushed, velocity=pushed.velocity + change[6:], joint=covariance)
     degrees = len(residual)
     likelihood = -0.5 * (nis + degrees * math.log(2.0 * math.pi)) - float(np.log(np.diag(factor)).sum())
     after = replace(
         belief,
         position=belief.position + change[:3],
-        orientation=product(exponential(change[3:]), belief.orientation),
-        covariance=0.5 * (covariance + covariance.T),
+        orientation=product(exponential(change[3:6]), belief.orientation),
+        covariance=covariance[:6, :6],
+        pushed=pushed,
     )
     return Correction(after, nis, degrees, likelihood)
 

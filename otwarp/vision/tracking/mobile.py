@@ -62,7 +62,7 @@ class MobileBody:
         thermal = BOLTZMANN * medium.temperature if scene.settings.brownian else 0.0
         if not self.rigid:
             whole[3:] = whole[:, 3:] = 0.0
-        self._thermal = thermal / medium.viscosity * whole
+        self._mobility, self._thermal = whole / medium.viscosity, thermal
 
     @property
     def start(self) -> tuple[np.ndarray, np.ndarray]:
@@ -123,10 +123,16 @@ class MobileBody:
         # a rotation vector does not grow as the body turns: θ̇ = ω + ½ ω × θ to first order
         rate[3:, 3:] += 0.5 * cross_matrix(found[0, 3:])
         response = (found[13::2] - found[14::2]).T / (2.0 * steps)
+        mobility = self.mobility(orientation)
+        return Expansion(
+            position, orientation, command, found[0], rate, response, self._thermal * mobility, mobility
+        )  # fmt: skip
+
+    def mobility(self, orientation: np.ndarray) -> np.ndarray:
+        """(6, 6) velocity over force about the centre of diffusion, in the axes of the world [µm/(s pN)], …"""
         frame = np.zeros((6, 6))
         frame[:3, :3] = frame[3:, 3:] = rotation_matrix(np.asarray(orientation, dtype=float))
-        diffusion = frame @ self._thermal @ frame.T
-        return Expansion(position, orientation, command, found[0], rate, response, diffusion)
+        return frame @ self._mobility @ frame.T
 
 
 def _alone(scene: Scene, body: int) -> Scene:

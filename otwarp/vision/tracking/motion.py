@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from otwarp.vision.tracking.pushing import PushLaw, with_pushes
 from otwarp.vision.tracking.rotations import difference, exponential, product
 
 TERMS = 9
@@ -86,6 +87,7 @@ class Expansion:
         rate: (6, 6) A, how velocity changes with the pose [1/s].
         response: (6, u) how it changes with the command.
         diffusion: (6, 6) D = kT M / η in the axes of the world.
+        mobility: (6, 6) M / η in the axes of the world.
     """
 
     position: np.ndarray
@@ -95,7 +97,8 @@ class Expansion:
     rate: np.ndarray
     response: np.ndarray
     diffusion: np.ndarray
-    steps: dict[float, Transition] = field(default_factory=dict)
+    mobility: np.ndarray
+    steps: dict[tuple[float, PushLaw | None], Transition] = field(default_factory=dict)
 
     def offset(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
         """(6) displacement and turn from where the motion is expanded."""
@@ -105,17 +108,28 @@ class Expansion:
         """Position and orientation at an offset (6)."""
         return self.position + offset[:3], product(exponential(offset[3:]), self.orientation)
 
-    def step(self, time: float) -> Transition:
-        """The exact step of so many seconds; those that were asked for are kept."""
-        if time not in self.steps:
+    def step(self, time: float, law: PushLaw | None = None) -> Transition:
+        """The exact step of so many seconds, of the pose, or of pose and push together; those asked for are kept."""
+        if (time, law) not in self.steps:
             if len(self.steps) >= REMEMBERED:
                 self.steps.pop(next(iter(self.steps)), None)
-            self.steps[time] = transition(self.rate, self.diffusion, time)
-        return self.steps[time]
+            motion = self.rate, self.diffusion
+            if law is not None:
+                motion = with_pushes(*motion, self.mobility, law)
+            self.steps[time, law] = transition(*motion, time)
+        return self.steps[time, law]
 
-    def drifted(self, offset: np.ndarray, time: float, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """(6) mean offset after a time in which the command goes from `first` to `last` (u) at constant rate."""
-        step = self.step(time)
-        start = self.velocity + self.response @ (first - self.command)
-        gain = self.response @ (last - first) / time if time > 0.0 else np.zeros(6)
+    def drifted(
+        self, offset: np.ndarray, time: float, first: np.ndarray, last: np.ndarray, law: PushLaw | None = None
+    ) -> np.ndarray:
+        """(6) mean offset after a time in which the command goes from `first` to `last` (u) at constant rate.
+
+        With a push, `offset` and what is returned have its velocity behind them, (12).
+        """
+        step = self.step(time, law)
+        n = len(offset)
+        start, gain = np.zeros(n), np.zeros(n)
+        start[:6] = self.velocity + self.response @ (first - self.command)
+        if time > 0.0:
+            gain[:6] = self.response @ (last - first) / time
         return step.decay @ offset + step.drift @ start + step.ramp @ gain

@@ -15,6 +15,7 @@ from otwarp.vision.tracking.belief import Belief, Correction, advance, apart, at
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.measurement import Measurement
 from otwarp.vision.tracking.mobile import MobileBody
+from otwarp.vision.tracking.pushing import Pushed, PushLaw
 from otwarp.vision.tracking.shape import Shape
 
 SAME = 0.25
@@ -88,6 +89,7 @@ class Tracker:
         lag: For how long measurements may be late [s].
         gate: Probability with which a right measurement is refused as an outlier.
         patience: So many refused in a row begin the track anew.
+        push: Of forces that the simulation does not know, which are followed with the pose; None: there are none.
         spread: Standard deviations of where the scene starts the body [µm], [rad], for what the first measurement does
             not say.
 
@@ -110,6 +112,7 @@ class Tracker:
         lag: float = 0.5,
         gate: float = 1e-6,
         patience: int = 10,
+        push: PushLaw | None = None,
         spread: tuple[float, float] = (3.0, 0.5),
     ):
         limits = {"lag": (lag, 0.0, 1e6), "gate": (gate, 0.0, 0.5), "patience": (patience, 1, 1e9)}
@@ -118,7 +121,7 @@ class Tracker:
             if not low <= value <= high:
                 raise InputError(f"{name} of a tracker is {value:g}; allowed: {low:g} to {high:g}")
         self.body, self.shape, self.commands = body, shape, commands
-        self.lag, self.patience, self.spread = lag, patience, spread
+        self.lag, self.patience, self.push, self.spread = lag, patience, push, spread
         # a probability of 0 lets everything pass
         self._gates = [math.inf] * 7 if gate == 0.0 else [
             2.0 * float(gammainccinv(0.5 * n, gate)) if n else 0.0 for n in range(7)
@@ -245,12 +248,19 @@ class Tracker:
 
     def _begun(self, seen: Measurement) -> _Node:
         place, turn = self.body.start
-        first = begin(seen, self.shape, place, turn, self.spread)
+        first = self._pushed(begin(seen, self.shape, place, turn, self.spread))
         beliefs = [dataclasses.replace(first, weight=math.log1p(-seen.mirror))]
         if seen.mirror > 0.0:
-            other = begin(seen.mirrored(), self.shape, place, turn, self.spread)
+            other = self._pushed(begin(seen.mirrored(), self.shape, place, turn, self.spread))
             beliefs.append(dataclasses.replace(other, weight=math.log(seen.mirror)))
         return _Node(seen.time, seen, _kept(beliefs, self.shape), Update(seen.time, True, math.nan, len(seen.known)))
+
+    def _pushed(self, belief: Belief) -> Belief:
+        """With nothing known of the push, if one is followed."""
+        if self.push is None:
+            return belief
+        mobility = self.body.mobility(belief.orientation)
+        return dataclasses.replace(belief, pushed=Pushed.unknown(self.push, mobility, belief.covariance))
 
     def _trim(self) -> None:
         """Forget what is older than the lag, but for the last before it."""

@@ -52,6 +52,7 @@ class Stage:
         watch: Whether there is a watcher.
         config: Of the hands, None for the presets.
         options: Of the loop.
+        clock: None for one of its own.
         devices: Hand → device.
     """
 
@@ -60,12 +61,13 @@ class Stage:
         scene: Scene | None = None,
         *,
         watch: bool = True,
-        config: HapticsConfig | None = None,
+        config: HapticsConfig | dict[str, Any] | None = None,
         options: dict[str, Any] | None = None,
+        clock: LinkedClock | None = None,
         **devices: str,
     ):
         scene = scene or three_beads()
-        self.clock, self.watcher = LinkedClock(), Watcher()
+        self.clock, self.watcher = clock or LinkedClock(), Watcher()
         self.plans = plan_hands(scene, devices, config=config, force_gain=0.02)
         self.servo: VirtualServo | None = None
         self.news: list[str] = []

@@ -1,0 +1,281 @@
+"""Cameras that are not simulated: files, and doubles of OpenCV's device, of harvesters' camera and of ROS topics."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import ModuleType, SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from otwarp.errors import InputError
+from otwarp.perception.camera import CameraFrame, CameraLost
+from otwarp.perception.files import FileCamera
+from otwarp.perception.kinds import make_camera
+from tests.ros.ros1.setups import MasterDouble
+from tests.ros.ros2.setups import loopback
+
+LEVELS = np.arange(48, dtype=np.uint8).reshape(6, 8)
+"""Row 0 the lowest."""
+PATIENCE = 20.0
+
+
+def soon(camera) -> CameraFrame:
+    """The next frame of a camera that has a thread of its own."""
+    end = time.perf_counter() + PATIENCE
+    while (frame := camera.read(time.perf_counter())) is None:
+        assert time.perf_counter() < end
+        time.sleep(0.005)
+    return frame
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Three images, whose corner counts them."""
+    for n in range(3):
+        page = LEVELS.copy()
+        page[0, 0] = n
+        Image.fromarray(page[::-1]).save(tmp_path / f"{n}.png")
+    return tmp_path
+
+
+def test_a_folder_is_played_at_its_rate(folder):
+    camera = make_camera(f"files:{folder},rate=50")
+    camera.open()
+    first = camera.read(10.0)
+    assert first is not None and (first.number, first.time) == (1, 10.0)
+    assert np.array_equal(first.pieces[0].levels, LEVELS)
+    assert camera.read(10.01) is None
+    last = camera.read(10.045)  # the one between was too late
+    assert last is not None and (last.number, last.pieces[0].levels[0, 0]) == (3, 2)
+    assert last.time == pytest.approx(10.04)
+    with pytest.raises(CameraLost, match="has ended after 3 images"):
+        camera.read(10.05)
+
+
+def test_times_of_a_folder_may_go_back(folder):
+    (folder / "times.csv").write_text("0.png,5.0\n1.png,5.2\n2.png,5.1\n", encoding="utf-8")
+    camera = FileCamera(str(folder))
+    camera.open()
+    times = [frame.time for now in (0.0, 0.2, 0.201) if (frame := camera.read(now)) is not None]
+    assert times == pytest.approx([0.0, 0.1])  # the second and third are there at once, in their order
+
+
+def test_pages_arrays_and_sixteen_bits(tmp_path):
+    wide = LEVELS.astype(np.uint16) << 8
+    np.save(tmp_path / "stack.npy", np.stack([wide, wide]))
+    Image.fromarray(LEVELS[::-1]).save(tmp_path / "stack.tif", save_all=True, append_images=[Image.fromarray(LEVELS)])
+    for name in ("stack.npy", "stack.tif"):
+        camera = make_camera(f"files:{tmp_path / name}")
+        camera.open()
+        frame = camera.read(0.0)
+        assert frame is not None and np.array_equal(frame.pieces[0].levels, LEVELS)
+
+
+@pytest.mark.parametrize(
+    ("spec", "said"),
+    [
+        ("usb:0", "--camera is 'usb:0'; allowed: the scene's own by its name, or files:…, v4l2:…"),
+        ("files:", "--camera is 'files:'; allowed: files:WHERE, a folder of images"),
+        ("files:x,speed=3", "has 'speed=3'; allowed: rate=, loop=, shift="),
+        ("files:x,rate=soon", "rate is 'soon'; allowed: a number"),
+        ("files:x,rate=0", "rate is 0; allowed: 0.01 to 10000 images per second"),
+        ("genicam:0", "names no producer; allowed: genicam:WHERE,cti=FILE.cti"),
+    ],
+)
+def test_what_no_camera_is_called(spec, said):
+    with pytest.raises(InputError) as error:
+        make_camera(spec)
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_cannot_be_opened(tmp_path):
+    (tmp_path / "none").mkdir()
+    for where, said in ((tmp_path / "none", "holds no image"), (tmp_path / "absent.tif", "there is no such file"),
+                        (tmp_path / "absent.mp4", "there is no such file")):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            make_camera(f"files:{where}").open()
+
+
+def double_of_opencv(frames) -> ModuleType:
+    """A module with what the binding uses of OpenCV, as its documentation has it."""
+    cv2 = ModuleType("cv2")
+    for n, name in enumerate(("BUFFERSIZE", "FPS", "AUTO_EXPOSURE", "EXPOSURE")):
+        setattr(cv2, f"CAP_PROP_{name}", n)
+
+    class VideoCapture:
+        asked: ClassVar[dict[int, float]] = {}
+
+        def __init__(self, where):
+            self.where, self.left = where, list(frames)
+
+        def isOpened(self):
+            return self.where == 0
+
+        def set(self, prop, value):
+            self.asked[prop] = value
+            return True
+
+        def read(self):
+            return (True, self.left.pop(0)) if self.left else (False, None)
+
+        def release(self):
+            self.left.clear()
+
+    cv2.VideoCapture = VideoCapture  # type: ignore[attr-defined]
+    return cv2
+
+
+def test_a_video_device(monkeypatch):
+    cv2 = double_of_opencv([np.repeat(LEVELS[::-1, :, None], 3, axis=2)])
+    monkeypatch.setitem(sys.modules, "cv2", cv2)
+    camera = make_camera("v4l2:0,rate=100,exposure=0.004")
+    before = time.perf_counter()
+    camera.open()
+    frame = soon(camera)
+    assert np.array_equal(frame.pieces[0].levels, LEVELS)
+    assert before - 0.002 <= frame.time <= time.perf_counter() - 0.002 and frame.exposure == 0.004
+    assert not camera.info.met_hardware and not camera.info.stamped
+    assert cv2.VideoCapture.asked[1] == 100.0 and cv2.VideoCapture.asked[3] == pytest.approx(40.0)
+    with pytest.raises(CameraLost, match="gives no more frames"):
+        soon(camera)
+    camera.close()
+    with pytest.raises(InputError, match="OpenCV cannot open it"):
+        make_camera("v4l2:7").open()
+
+
+def test_a_genicam_camera(monkeypatch):
+    """Its stamps are ticks of its own clock: a frame that is held up keeps the time of its light."""
+    nodes = SimpleNamespace(AcquisitionFrameRate=SimpleNamespace(value=0.0), ExposureTime=SimpleNamespace(value=0.0))
+
+    class Buffer:
+        def __init__(self, stamp):
+            component = SimpleNamespace(data=LEVELS[::-1].ravel(), height=6, width=8)
+            self.payload, self.timestamp_ns = SimpleNamespace(components=[component]), stamp
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+    class Acquirer:
+        remote_device = SimpleNamespace(node_map=nodes)
+        waits: ClassVar = [(0.0, 7_000_000_000), (0.06, 7_010_000_000)]
+
+        def start(self):
+            pass
+
+        def fetch(self, timeout):
+            if not self.waits:
+                time.sleep(0.01)
+                raise TimeoutError
+            wait, stamp = self.waits.pop(0)
+            time.sleep(wait)
+            return Buffer(stamp)
+
+        def destroy(self):
+            pass
+
+    class Harvester:
+        def add_file(self, file):
+            if not file.endswith(".cti"):
+                raise FileNotFoundError(file)
+
+        def update(self):
+            pass
+
+        def create(self, which):
+            return Acquirer()
+
+        def reset(self):
+            pass
+
+    core = ModuleType("harvesters.core")
+    core.Harvester = Harvester  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "harvesters", ModuleType("harvesters"))
+    monkeypatch.setitem(sys.modules, "harvesters.core", core)
+    camera = make_camera("genicam:0,cti=vendor.cti,exposure=0.002,rate=100")
+    camera.open()
+    first = soon(camera)
+    second = soon(camera)
+    assert nodes.ExposureTime.value == pytest.approx(2000.0) and nodes.AcquisitionFrameRate.value == 100.0
+    assert np.array_equal(first.pieces[0].levels, LEVELS)
+    assert second.time - first.time == pytest.approx(0.010, abs=1e-6)
+    assert second.sent - second.time > 0.03
+    camera.close()
+    with pytest.raises(InputError, match="cannot be opened"):
+        make_camera("genicam:0,cti=vendor.so").open()
+
+
+def image_message(types, stamp: float):
+    """A `sensor_msgs/Image` of the levels, with a byte of padding behind each row."""
+    padded = np.zeros((6, 9), dtype=np.uint8)
+    padded[:, :8] = LEVELS[::-1]
+    head = types.Header(
+        stamp=types.Time(sec=int(stamp), nanosec=round(1e9 * (stamp % 1.0))), frame_id="", **types.extra
+    )
+    return types.Image(
+        header=head, height=6, width=8, encoding="mono8", is_bigendian=0, step=9, data=types.bytes(padded)
+    )  # fmt: skip
+
+
+def arrived(camera, publish) -> None:
+    """Publish until the camera has it, and look at what it made of the stamp of 0.2 s ago."""
+    end = time.perf_counter() + PATIENCE
+    while True:
+        told = time.time() - 0.2
+        publish(told)
+        time.sleep(0.02)
+        now = time.perf_counter()
+        frame = camera.read(now)
+        if frame is not None:
+            break
+        assert now < end
+    assert np.array_equal(frame.pieces[0].levels, LEVELS)
+    assert 0.2 <= now - frame.time < 0.2 + PATIENCE
+
+
+def test_a_topic_of_ros1():
+    pytest.importorskip("rosbags")
+    from otwarp.ros.ros1.messages import typestore
+    from otwarp.ros.ros1.node import Ros1Node
+
+    master = MasterDouble()
+    try:
+        known = typestore().types
+        types = SimpleNamespace(
+            Header=known["std_msgs/msg/Header"], Time=known["builtin_interfaces/msg/Time"],
+            Image=known["sensor_msgs/msg/Image"], extra={"seq": 0}, bytes=lambda a: a.ravel(),
+        )  # fmt: skip
+        with Ros1Node("driver", master.uri) as driver:
+            out = driver.publisher("/camera/image_raw", "sensor_msgs/Image")
+            camera = make_camera(f"ros1:/camera/image_raw,master={master.uri}")
+            camera.open()
+            try:
+                arrived(camera, lambda told: out.publish(image_message(types, told)))
+            finally:
+                camera.close()
+    finally:
+        master.stop()
+
+
+def test_a_topic_of_ros2(monkeypatch):
+    pytest.importorskip("cyclonedds")
+    from otwarp.ros.ros2 import Ros2Node, load_messages
+
+    domain, m = loopback(monkeypatch), load_messages()
+    types = SimpleNamespace(
+        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
+    )  # fmt: skip
+    with Ros2Node("driver", domain) as driver:
+        out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
+        camera = make_camera(f"ros2:/camera/image_raw,domain={domain}")
+        camera.open()
+        try:
+            arrived(camera, lambda told: out.publish(image_message(types, told)))
+        finally:
+            camera.close()

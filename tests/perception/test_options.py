@@ -1,0 +1,132 @@
+"""`otwarp teleop --camera`: what is refused before anything runs, and what a laboratory may differ by."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from otwarp.cli.main import main
+from otwarp.errors import InputError
+from otwarp.perception.calibrated import calibrated
+from otwarp.perception.plant import PlantOptions, plant_of, plant_scene
+from otwarp.perception.sources import network_of, piece_size
+from otwarp.scene import Scene
+from otwarp.vision.calibration.file import Calibration
+from otwarp.vision.calibration.measured import Measured
+from otwarp.vision.datasets.robot import Robot
+
+SMALL = "scenes/teleop_small.usda"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--perception", "templates"], "--perception is given without a camera; allowed with --camera"),
+        (["--plant", SMALL], "--plant is given without a camera"),
+        (["--camera", "side"], "--camera is side; allowed: top, or KIND:…"),
+        (["--camera", "usb:0"], "--camera is 'usb:0'; allowed: the scene's own by its name, or files:…"),
+        (["--camera", "top", "--speed", "0.5"], "--speed is 0.5; allowed with --camera: 1"),
+        (["--camera", "top", "--budget", "0.5"], "--budget is 0.5; allowed with --camera: off"),
+        (["--camera", "top", "--follow", "nobody"], "body is nobody; allowed: /World/Robots/left"),
+        (["--camera", "top", "--plant", "scenes/single_bead.usda"], "has 1 traps; allowed: as many as the twin, 6"),
+        (["--camera", "top", "--plant-viscosity", "200"], "plant viscosity is 200; allowed: 0.01 to 100"),
+        (["--camera", "files:images"], "--calibration is missing for --camera files:images; allowed: what otwarp"),
+        (["--camera", "top", "--calibration", "absent.json"], "absent.json: cannot be read"),
+    ],
+)
+def test_what_is_refused(words, said, capfd):
+    assert main(["teleop", SMALL, "--no-page", "--duration", "0.1", *words]) == 2
+    error = capfd.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def measured(value: float) -> Measured:
+    return Measured.of(value, 1e-4 * value, 10.0, "µm", "a test")
+
+
+def test_a_calibration_is_of_this_camera(tmp_path: Path):
+    scene = dataclasses.replace(Scene.load("scenes/strategy_a.usda"), camera=Scene.load(SMALL).camera)
+    camera = scene.camera
+    assert camera is not None
+    optics = {"wavelength": camera.wavelength, "numerical_aperture": camera.numerical_aperture}
+    right = Calibration({"pixel": measured(0.1605), "trap_plane": measured(0.3)}, {"optics": optics})
+    file = str(right.save(tmp_path / "right.json"))
+    own = calibrated(scene, file, simulated=True, camera="top").camera
+    real = calibrated(scene, file, simulated=False, camera="v4l2:0").camera
+    assert own is not None and real is not None
+    assert own.pixel_size == real.pixel_size == pytest.approx(0.1605)
+    # the focal plane lies where the traps are, less what these are above it
+    assert (own.focus, real.focus) == (camera.focus, pytest.approx(15.0 - 0.3))
+    assert calibrated(scene, "scene", simulated=False, camera="v4l2:0") is scene
+    others = {
+        "its pixel is 0.17 µm": Calibration({"pixel": measured(0.17)}, {"optics": optics}),
+        "its numerical_aperture is 1.2": Calibration(
+            {"pixel": measured(0.16)}, {"optics": optics | {"numerical_aperture": 1.2}}
+        ),
+        "says no pixel": Calibration({"depth_scale": measured(1.0)}),
+    }
+    for said, other in others.items():
+        with pytest.raises(InputError, match=said):
+            calibrated(scene, str(other.save(tmp_path / "other.json")), simulated=True, camera="top")
+    (tmp_path / "other.json").write_text(json.dumps({"format": "x"}), encoding="utf-8")
+    with pytest.raises(InputError, match="is no calibration"):
+        calibrated(scene, str(tmp_path / "other.json"), simulated=True, camera="top")
+
+
+def network(scene: Scene, index: int, **changes):
+    """What `load` gives, as far as it is asked before it looks at anything."""
+    pixel = scene.camera.pixel_size if scene.camera is not None else 0.0
+    robot = Robot.of_body(scene, scene.bodies[index].name).described()
+    given = {
+        "pixel": pixel,
+        "shape": (96, 96),
+        "about": {"heads": "pose", "robot": robot},
+        "names": ("x", "y", "depth"),
+    }
+    given |= changes
+    return SimpleNamespace(**given, targets=SimpleNamespace(names=given["names"]))
+
+
+def test_a_network_is_of_this_robot_and_camera():
+    scene = Scene.load(SMALL)
+    assert network_of(scene, 0, network(scene, 0), "net").net is not None
+    wrong = {
+        r"takes pixels of 0.065 µm; allowed: the camera's, 0.16 µm": {"pixel": 0.065},
+        r"takes images of 96 × 80 pixels; allowed: squares": {"shape": (80, 96)},
+        r"says no depth; allowed: heads pose or both": {"names": ("x", "y", "tilt")},
+        r"says classes and normalised depth alone": {"about": {"heads": "paper"}},
+        r"learnt to see a robot of 1 solids, radii 3 to 3 µm; allowed for /World/Robots/left: its own, 13 solids": {
+            "about": {"heads": "pose", "robot": Robot.of_body(scene, "/World/cell").described()}
+        },
+    }
+    for said, changes in wrong.items():
+        with pytest.raises(InputError, match=said):
+            network_of(scene, 0, network(scene, 0, **changes), "net")
+
+
+def test_a_laboratory_has_its_own_viscosity_and_sizes():
+    scene = Scene.load(SMALL)
+    plant = plant_scene(scene, PlantOptions(seed=3, viscosity=2.0, spread=0.1))
+    assert plant.medium.viscosity == pytest.approx(2.0 * scene.medium.viscosity)
+    ratios = [p.spheres[0].radius / b.spheres[0].radius for p, b in zip(plant.bodies, scene.bodies, strict=True)]
+    assert len(set(np.round(ratios, 6))) == 3 and np.allclose(ratios, 1.0, atol=0.5)
+    offsets = [
+        p.spheres[2].offset[0] / b.spheres[2].offset[0] for p, b in zip(plant.bodies[:2], scene.bodies[:2], strict=True)
+    ]
+    assert offsets == pytest.approx(ratios[:2])
+    assert plant_scene(scene, PlantOptions(seed=3, spread=0.1)).bodies == plant.bodies
+    other = plant_of(scene, "scenes/cell_delivery.usda")
+    assert other.camera == scene.camera and len(other.obstacles) > len(scene.obstacles)
+
+
+def test_pieces_hold_a_body_however_it_turns():
+    scene = Scene.load(SMALL)
+    sizes = [piece_size(scene, n) for n in range(3)]
+    assert sizes == [96, 96, 56]  # 12.6 µm and 6 µm, and a micrometre of fringes on each side, in pixels of 0.16 µm
+    fine = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, pixel_size=0.08))
+    assert piece_size(fine, 2) == 104
