@@ -6,6 +6,7 @@ import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,7 +79,7 @@ def test_a_calibration_is_of_this_camera(tmp_path: Path):
         calibrated(scene, str(tmp_path / "other.json"), simulated=True, camera="top")
 
 
-def network(scene: Scene, index: int, **changes):
+def network(scene: Scene, index: int, **changes: Any) -> Any:
     """What `load` gives, as far as it is asked before it looks at anything."""
     pixel = scene.camera.pixel_size if scene.camera is not None else 0.0
     robot = Robot.of_body(scene, scene.bodies[index].name).described()
@@ -128,5 +129,6 @@ def test_pieces_hold_a_body_however_it_turns():
     scene = Scene.load(SMALL)
     sizes = [piece_size(scene, n) for n in range(3)]
     assert sizes == [96, 96, 56]  # 12.6 µm and 6 µm, and a micrometre of fringes on each side, in pixels of 0.16 µm
+    assert scene.camera is not None
     fine = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, pixel_size=0.08))
     assert piece_size(fine, 2) == 104

@@ -336,7 +336,7 @@ def summarize(loop: LiveLoop) -> dict[str, Any]:
         "servo": None,
         "hands": [],
         "failure": loop.failure or None,
-        "perception": loop.perceived(),
+        "perception": None if loop.perception is None else loop.perception.summary(),
         "task": strict(task(loop.monitor, 1)),
         "statistics": strict(statistics(loop.monitor)),
     }

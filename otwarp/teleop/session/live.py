@@ -7,7 +7,7 @@ own and does not wait for the loop; a loop that dies or stalls is a simulation t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
@@ -36,11 +36,8 @@ LONGEST_TICK = 0.014
 machine that is too slow simulated time slips instead."""
 
 GLIDE = 1e-3
-"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part.
-
-A leap each frame would let its spheres catch up, and the force at the end of the frame would lack their drag. With
-spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of the drag, as long as GLIDE is not far above τ."""
-
+"""Simulated seconds after which a moving trap is put farther, to half-way through the next such part. A leap each frame
+would let its spheres catch up, and lack their drag; with spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of it."""
 
 RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]
 """Begins a recording in a file, or in one named by the time."""
@@ -68,6 +65,7 @@ class LiveLoop:
 
     Attributes:
         sim: The simulation; a reset makes another.
+        perception: As given.
         local: What hands feel.
         hands: Hands and their servo.
         pace: Simulated time against the clock's.
@@ -110,7 +108,7 @@ class LiveLoop:
         self._sinks: list[Sink] = []
         self._due: list[float] = []
         self._make_recording, self._notice, self._steer = make_recording, notice or (lambda _: None), steer
-        self._perception = perception
+        self.perception = perception
         for sink in sinks:
             self.add(sink)
         self.sim = self._make_sim()
@@ -132,9 +130,10 @@ class LiveLoop:
         """The clock by which the loop runs."""
         return self._clock
 
-    def perceived(self) -> dict[str, Any] | None:
-        """Figures of what the camera saw; None without one."""
-        return None if self._perception is None else self._perception.summary()
+    @property
+    def recording(self) -> Path | None:
+        """File that is being written."""
+        return self._recordings.file
 
     def add(self, sink: Sink) -> None:
         """One more that gets frames and gives commands; closed with the session."""
@@ -153,8 +152,8 @@ class LiveLoop:
         self._traps.write(self.sim)
         self.sim.step(1)
         self._capture()  # compiles what reads out, before anything waits for it
-        if self._perception is not None:
-            self._perception.start()
+        if self.perception is not None:
+            self.perception.start()
         self.hands.start()
         self.pace.restart(self._clock.now())
         self._arm_soon = arm
@@ -205,8 +204,8 @@ class LiveLoop:
         # a simulation that waits for its next step, as in slow motion, lives; one that is paused or failed says nothing
         state = None if self.failure or self.pace.paused else self._next_state(frame)
         self.hands.publish(state)
-        if self._perception is not None:
-            self._perception.published()
+        if self.perception is not None:
+            self.perception.published()
         if steps:
             self.monitor.update(frame)
         self._arm_when_held()
@@ -237,7 +236,7 @@ class LiveLoop:
             try:
                 self._recordings.close()
             finally:
-                for part in (*self._sinks, *([self._perception] if self._perception is not None else [])):
+                for part in (*self._sinks, *([self.perception] if self.perception is not None else [])):
                     part.close()
 
     def _step(self, now: float) -> int:
@@ -270,9 +269,9 @@ class LiveLoop:
 
     def _perceive(self, now: float) -> None:
         """Bodies go where a camera has them; hands feel nothing of those that should be seen and are not."""
-        if self._perception is not None:
-            self._perception.update(self.sim, now, *self._traps.at(self.sim.time))
-            self.hands.withhold(self._perception.blind)
+        if self.perception is not None:
+            self.perception.update(self.sim, now, *self._traps.at(self.sim.time))
+            self.hands.withhold(self.perception.blind)
 
     def _capture(self) -> Frame:
         """The present state, in arrays of its own: sinks may keep them."""
@@ -290,8 +289,8 @@ class LiveLoop:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
         warnings = self._safety.warnings(frame, hands, pace)
-        if self._perception is not None:
-            warnings = (*self._perception.warnings, *warnings)
+        if self.perception is not None:
+            warnings = (*self.perception.warnings, *warnings)
         if self._recordings.complaint:
             warnings = (*warnings, self._recordings.complaint)
         forces = self.sim.readout.hand_force.numpy()
@@ -306,9 +305,9 @@ class LiveLoop:
             pace=pace,
             warnings=(self.failure, *warnings) if self.failure else warnings,
             task=task_line(self.monitor, frame),
-            recording=str(self._recordings.file) if self._recordings.file else None,
+            recording=str(self.recording) if self.recording else None,
             engine=self.hands.engine,
-            perceived=None if self._perception is None else self._perception.now(),
+            perceived=None if self.perception is None else self.perception.now(),
         )
 
     def _arm_when_held(self) -> None:
@@ -384,8 +383,8 @@ class LiveLoop:
         self.pace.restart(self._clock.now())
         self._safety, self.monitor = self._monitors()
         self._traps.write(self.sim)
-        if self._perception is not None:
-            self._perception.restart()
+        if self.perception is not None:
+            self.perception.restart()
         self.hands.publish(self._next_state(self._capture()))
 
     def _record(self, on: bool, file: str | None) -> None:
