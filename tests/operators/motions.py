@@ -21,12 +21,15 @@ class Turmoil:
     Args:
         twins: Driven.
         seed: Of everything.
-        quantum: Of the devices' positions [m], 0 for none.
         speed: Root mean square of smooth hands [m/s].
     """
 
-    def __init__(self, twins: Twins, seed: int, *, quantum: float, speed: float = 0.05):
-        self.twins, self.quantum = twins, quantum
+    def __init__(self, twins: Twins, seed: int, *, speed: float = 0.05):
+        self.twins = twins
+        config = twins.plans[0].config
+        self.quantum = config.chain.quantum
+        # a servo that hears of gains measures absolute motion from a new place, which rounds otherwise
+        self._gains = 0.0 if config.absolute else 0.005
         self.rng = rng = np.random.default_rng(seed)
         shape = twins.hand.shape
         self._frequency = rng.uniform(0.2, 6.0, (5, *shape))
@@ -54,7 +57,7 @@ class Turmoil:
         twins, rng = self.twins, self.rng
         worlds, hands = twins.fresh.shape
         self._simulates = np.maximum(self._simulates - 1, 0)
-        self._simulates[self._now(5e-4, worlds)] = rng.choice((25, 60, 130))
+        self._simulates[self._now(1e-3, worlds)] = rng.choice((25, 60, 130))
         if self.n % 8 == 0:
             self._simulate(self._simulates == 0)
         self._hears = np.maximum(self._hears - 1, 0)
@@ -67,6 +70,8 @@ class Turmoil:
         twins.elapsed[late] = rng.choice((0.0, 0.004, 0.03, 0.2, -0.01, math.nan), late.sum())
         if self._now(0.003, ()):
             twins.arm(self._now(0.5, worlds), armed=bool(rng.random() < 0.8))
+        if self._now(self._gains, ()):
+            twins.gain[rng.integers(worlds), rng.integers(hands)] *= rng.choice((0.5, 2.0))
         self._move()
         twins.period()
 
@@ -82,7 +87,7 @@ class Turmoil:
             place = self.quantum * np.round(place / self.quantum)
         heard = twins.fresh.astype(bool)
         twins.hand[heard] = place[heard]
-        broken = self._now(2e-4, heard.shape)
+        broken = self._now(4e-4, heard.shape)
         twins.hand[broken, rng.integers(3)] = rng.choice((math.nan, math.inf, 1e6))
 
     def _simulate(self, alive: np.ndarray) -> None:
@@ -104,6 +109,6 @@ class Turmoil:
         twins.time[self._now(2e-3, worlds)] = 0.0
         stale = twins.time.copy()
         twins.time[self._now(1e-3, worlds)] = math.nan
-        twins.sphere[self._now(2e-3, worlds), 0, 1] = math.inf
+        twins.sphere[self._now(3e-3, worlds), 0, 1] = math.inf
         twins.publish(alive)
         twins.time = stale

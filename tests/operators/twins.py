@@ -23,7 +23,7 @@ last bit is better than that of a root of a sum of squares: it makes energies di
 SCALES = {"force": 0.1, "asked": 0.1, "energy": 1e-6, "commanded": 1.0}
 """Newtons, joules (a hundredth of the reserve) and micrometres to which differences of small numbers are compared."""
 
-INFO = DeviceInfo(name="as configured", kind="virtual")
+INFO = DeviceInfo(name="weaker than the configuration", kind="virtual", force=3.0, continuous_force=0.7)
 
 
 def vec(row: np.ndarray) -> Vec3:
@@ -43,12 +43,13 @@ class Twins:
 
     def __init__(self, plans: Sequence[HandPlan], local: LocalScene, worlds: int, traps: int):
         self.plans, self.local, self.worlds = plans, local, worlds
-        self.batch = ChainBatch(plans, local, worlds, device="cpu", traps=traps)
+        self.batch = ChainBatch(plans, local, worlds, device="cpu", infos=[INFO] * len(plans), traps=traps)
         self.chains = [[self.fresh_chain(h) for h in range(len(plans))] for _ in range(worlds)]
         shape = (worlds, len(plans))
         self.hand, self.fresh = np.zeros((*shape, 3)), np.ones(shape, dtype=np.int32)
         self.buttons = np.ones(shape, dtype=np.int32)
         self.gain = self.batch.force_gain.numpy().copy()
+        self._gain = self.gain.copy()
         self.elapsed = self.batch.elapsed.numpy().copy()
         self.sphere = np.zeros((worlds, len(local.kinds), 3))
         self.body = self.batch.body.numpy().copy()
@@ -80,7 +81,7 @@ class Twins:
         self.batch.reset(self.flags(worlds))
         for w in np.flatnonzero(worlds):
             self.chains[w] = [self.fresh_chain(h) for h in range(len(self.plans))]
-            self._clock[w] = 0.0
+            self._clock[w], self._gain[w] = 0.0, [plan.config.force_gain for plan in self.plans]
 
     def publish(self, worlds: np.ndarray) -> None:
         """The state in `sphere`, `body`, `trap`, `power` and `time`, in some worlds."""
@@ -110,7 +111,8 @@ class Twins:
             frame = self._frames[w]
             assert frame is not None
             for h, chain in enumerate(chains):
-                chain.set_gains(force_gain=float(self.gain[w, h]))
+                if self.gain[w, h] != self._gain[w, h]:
+                    chain.set_gains(force_gain=float(self.gain[w, h]))
                 sample = DeviceSample(time, vec(self.hand[w, h]), int(self.buttons[w, h]), bool(self.fresh[w, h]))
                 now = chain.step(sample, frame)
                 causes = f"{CAUSES[cause[w, h]]!r} for {chain.complaint!r}"
@@ -125,6 +127,7 @@ class Twins:
                 self._compare("energy", (now.energy,), out["energy"][w, h])
                 for trap, place in now.traps:
                     self._compare("commanded", place, out["commanded"][w, trap])
+        self._gain[:] = self.gain
 
     def _compare(self, name: str, servo: Sequence[float], batch: np.ndarray) -> None:
         there = np.array(servo)
