@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from benchmarks import operators_chain
 from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
@@ -77,6 +78,7 @@ def measure(device: str = "cpu", *, rounds: int = 5, operators: tuple[int, ...] 
         found[count] = pace(loop, place, rounds)
     assert loop is not None
     split = parts(loop, place, rounds)
+    chains, chain_data = operators_chain.table(place, rounds)
     tables = [
         Table(
             title="Simulated operators with haptics at the cell delivery",
@@ -91,10 +93,12 @@ def measure(device: str = "cpu", *, rounds: int = 5, operators: tuple[int, ...] 
             rows=[(name, cost.text()) for name, cost in split.items()],
             note="Parts are launched one by one here; in a loop they are one graph.",
         ),
+        chains,
     ]
     data: dict[str, Any] = {
         "speed": {str(count): vars(speed) for count, speed in found.items()},
         "parts": {name: vars(cost) for name, cost in split.items()},
+        "chain": chain_data,
     }
     return Section(name="operators", kind=kind, machine=machine, tables=tables, data=data)
 

@@ -16,7 +16,7 @@ import warp as wp
 
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles, elapsed
-from otwarp.haptics.chain.chain import make_chain
+from otwarp.haptics.chain.chain import Chain, make_chain
 from otwarp.haptics.core import DeviceInfo, DeviceSample, SceneFrame, SphereFrame, TrapFrame
 from otwarp.haptics.force.compiled import CompiledLaw
 from otwarp.operators.chain import ChainBatch
@@ -58,6 +58,10 @@ class Given:
         """(2, 3) where both devices are in period n [m]."""
         return REACH * np.sin(2.0 * np.pi * self._frequency * PERIOD * n + self._phase)
 
+    def samples(self, n: int) -> list[DeviceSample]:
+        """What both devices say in period n."""
+        return [DeviceSample(PERIOD * n, vec3(place), 1) for place in self.hands(n)]
+
     def frame(self, n: int) -> SceneFrame:
         """The state that is the newest in period n."""
         spheres = zip(self.spheres, self.local.bodies, strict=True)
@@ -69,27 +73,40 @@ class Given:
         )
 
 
-def in_servo(given: Given, plans: tuple[HandPlan, ...], code: CompiledLaw | None) -> Callable[[], object]:
-    """`PERIODS` periods of the servo's own chains."""
+def chains_of(given: Given, plans: tuple[HandPlan, ...], code: CompiledLaw | None) -> list[Chain]:
+    """The servo's own chains, armed."""
     laws, kinds = given.local.laws, given.local.kinds
     chains = [make_chain(p.config, {t: laws[t] for t in p.config.traps}, kinds, DEVICE, code=code) for p in plans]
     for chain in chains:
         chain.arm()
+    return chains
+
+
+def in_servo(given: Given, plans: tuple[HandPlan, ...], code: CompiledLaw | None) -> Callable[[], object]:
+    """`PERIODS` periods of the servo's own chains."""
+    chains = chains_of(given, plans, code)
+    frames = [given.frame(n) for n in range(PERIODS)]
     steps = [
-        (chain, DeviceSample(PERIOD * n, vec3(place), 1), given.frame(n))
-        for n in range(PERIODS)
-        for chain, place in zip(chains, given.hands(n), strict=True)
+        (chain, sample, frame)
+        for n, frame in enumerate(frames)
+        for chain, sample in zip(chains, given.samples(n), strict=True)
     ]
     return lambda: [chain.step(sample, frame) for chain, sample, frame in steps]
 
 
-def in_batch(given: Given, plans: tuple[HandPlan, ...], worlds: int, device: wp.Device) -> Callable[[], object]:
-    """`PERIODS` periods of as many worlds."""
-    batch = ChainBatch(plans, given.local, worlds, device=device, infos=[DEVICE] * 2, traps=len(given.traps))
+def batch_of(given: Given, plans: tuple[HandPlan, ...], worlds: int, device: wp.Device) -> ChainBatch:
+    """The same chains in many worlds, armed, with the state in their arrays."""
+    batch = ChainBatch(plans, given.local, worlds, device=device, infos=[DEVICE] * len(plans), traps=len(given.traps))
     batch.trap.assign(np.tile(given.traps, (worlds, 1, 1)))
     batch.sphere.assign(np.tile(given.spheres, (worlds, 1, 1)))
     batch.power.fill_(POWER)
     batch.arm()
+    return batch
+
+
+def in_batch(given: Given, plans: tuple[HandPlan, ...], worlds: int, device: wp.Device) -> Callable[[], object]:
+    """`PERIODS` periods of as many worlds."""
+    batch = batch_of(given, plans, worlds, device)
     places = [np.tile(given.hands(n), (worlds, 1, 1)) for n in range(PERIODS)]
     hands = [wp.array(place, dtype=wp.vec3d, device=device) for place in places]
 
@@ -137,6 +154,7 @@ def table(device: wp.Device, rounds: int) -> tuple[Table, dict[str, Any]]:
         title="What a servo period of one hand costs",
         head=("chain", "stable [µs]", "paper [µs]"),
         rows=rows,
-        note="Both hands of the cell delivery, three traps and ten spheres each; every eighth period a new state.",
+        note="Hands of the cell delivery, three traps and ten spheres each, every eighth period a new state; the"
+        " servo's chains are those of one world, on the CPU, one after the other.",
     )
     return shown, {mode: {name: vars(cost) for name, cost in ways.items()} for mode, ways in found.items()}

@@ -40,6 +40,7 @@ class Turmoil:
         self._simulates = np.zeros(twins.worlds, dtype=int)  # periods for which a simulation stands still
         self._hears = np.zeros(shape[:2], dtype=int)  # and for which a device is silent
         self._home = rng.normal(0.0, 2.0, (twins.worlds, twins.trap.shape[1], 3))
+        self._home[0] *= 0.1  # about the origin, where nothing is that was never heard of
         twins.trap[:] = self._home
         self.n = 0
 
@@ -66,8 +67,8 @@ class Turmoil:
         twins.buttons[self._now(5e-4, (worlds, hands))] = rng.choice((0, DEAD_MAN, DEAD_MAN | CLUTCH))
         twins.buttons[self._now(3e-3, (worlds, hands))] = DEAD_MAN
         twins.elapsed[:] = 1e-3 + 2e-5 * rng.normal(size=worlds)
-        late = self._now(1e-3, worlds)
-        twins.elapsed[late] = rng.choice((0.0, 0.004, 0.03, 0.2, -0.01, math.nan), late.sum())
+        late = self._now(2e-3, worlds)
+        twins.elapsed[late] = rng.choice((0.0, 0.0, 0.0, 0.004, 0.03, 0.2, -0.01, math.nan), late.sum())
         if self._now(0.003, ()):
             twins.arm(self._now(0.5, worlds), armed=bool(rng.random() < 0.8))
         if self._now(self._gains, ()):
@@ -98,14 +99,16 @@ class Turmoil:
             commanded = twins.batch.commanded.numpy()
             wild = ~np.isfinite(commanded) | (np.abs(commanded) > 1e3)
             twins.trap[alive] = np.where(wild, self._home, commanded)[alive]
+        before, slow = twins.sphere.copy(), self._now(0.05, worlds)
         to = twins.trap[:, np.arange(twins.sphere.shape[1]) % twins.trap.shape[1]]
         twins.sphere = np.where(np.isfinite(twins.sphere) & (np.abs(twins.sphere) < 1e3), twins.sphere, to)
         twins.sphere += 0.3 * (to - twins.sphere) + rng.normal(0.0, 0.02, twins.sphere.shape)
         kicked = self._now(0.01, worlds)
         twins.sphere[kicked] += rng.normal(0.0, 0.5, twins.sphere[kicked].shape)
+        twins.sphere[slow] = before[slow]  # a session in slow motion, which has stepped no farther
         leaves = self._now(0.02, worlds)
         twins.body[leaves, rng.integers(twins.body.shape[1])] = rng.integers(100)
-        twins.time[alive] += np.where(self._now(0.03, worlds), 0.0, 0.008)[alive]
+        twins.time[alive] += np.where(slow, 0.0, 0.008)[alive]
         twins.time[self._now(2e-3, worlds)] = 0.0
         stale = twins.time.copy()
         twins.time[self._now(1e-3, worlds)] = math.nan

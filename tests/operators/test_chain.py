@@ -143,7 +143,7 @@ def test_a_hand_that_rests_is_forgiven(delivery):
 def test_hands_may_have_chains_that_differ(delivery):
     """The left one stable, the right one the release's."""
     scene, local = delivery
-    plans = plans_for(scene)[0], plans_for(scene, **CASES["paper"])[1]
+    plans = plans_for(scene)[0], plans_for(scene, **CASES["paper"], messages_per_state=1)[1]
     twins = Twins(plans, local, 3, TRAPS)
     twins.arm(ALL)
     Turmoil(twins, seed=6).run(400)
