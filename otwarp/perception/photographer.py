@@ -13,9 +13,12 @@ from otwarp.scene import Scene
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.render import Rendering, expose
 from otwarp.vision.specimen import Specimen
-from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of, within
+from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of
 
-LIVE = Rendering(rings=1, thickness=0.5, margin=2.0)
+MARGIN = 2.0
+"""Around a region, at least [µm]; more where a solid that it cuts reaches farther."""
+
+LIVE = Rendering(rings=1, thickness=0.5, margin=MARGIN)
 """How images are computed where a session waits for them: 7 points of the condenser, few slices."""
 
 NEAR = 0.5
@@ -66,11 +69,13 @@ class Photographer:
     def _light(self, specimen: Specimen, region: Region) -> np.ndarray:
         """(height, width) intensity of a region whose middle is on the optical axis."""
         half = 0.5 * self._microscope.pixel * np.array([region.width, region.height])
-        seen = within(specimen, *(half + NEAR))
-        margin = self._how.margin
-        if len(seen):  # solids that the region cuts are computed whole
-            reach = max(float(np.abs(seen.low[:2]).max()), float(np.abs(seen.high[:2]).max()))
-            margin = max(margin, float(math.ceil(reach - float(half.max()) + 0.2)))
+        low, high = specimen.boxes()
+        near = np.all((high[:, :2] > -half - NEAR) & (low[:, :2] < half + NEAR), axis=1)
+        seen, focus = specimen.some(np.flatnonzero(near)), [self._camera.focus]
+        # solids that the region cuts are computed whole
+        reach = float(np.maximum(np.abs(low[near, :2]), np.abs(high[near, :2])).max(initial=0.0))
+        margin = max(MARGIN, float(math.ceil(reach - float(half.max()) + 0.2)))
         how = dataclasses.replace(self._how, margin=margin)
-        exposed = expose(seen, self._microscope, region.width, region.height, rendering=how, fourier=self._fourier)
-        return exposed.images([self._camera.focus])[0]
+        size = region.width, region.height
+        exposed = expose(seen, self._microscope, *size, focus=focus, rendering=how, fourier=self._fourier)
+        return exposed.images(focus)[0]
