@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,9 @@ SCENE = Path(__file__).parent.parent / "scenes" / "cell_delivery.usda"
 OPERATORS = {"cpu": (1, 16, 64), "cuda": (256, 2_048, 16_384)}
 """Simulated operators at once, a world each."""
 BEGUN, SECONDS = 0.2, 0.5
-"""Of simulated time: before anything is measured, and in a measurement; everybody is still at work."""
-PERIODS = 200
+"""Of simulated time: before anything is measured, and in a measurement. The first trials end after a second, and worlds
+that are done stand still, so that every measurement is of a loop of its own."""
+PERIODS = 40
 """Servo periods in a measurement of a part."""
 
 
@@ -39,11 +41,13 @@ def loop_of(operators: int, device: str) -> Loop:
     return loop
 
 
-def pace(loop: Loop, device: wp.Device, rounds: int) -> Quartiles:
-    """Operator-seconds per second of the whole loop."""
-    worlds = loop.sim.model.worlds
-    return Quartiles.of([worlds * SECONDS / elapsed(lambda: loop.run(SECONDS), device).on(device)
-                         for _ in range(rounds)])  # fmt: skip
+def pace(operators: int, device: wp.Device, rounds: int) -> Quartiles:
+    """Operator-seconds per second of the whole loop, while everybody is at work."""
+    speeds = []
+    for _ in range(rounds):
+        loop = loop_of(operators, str(device))
+        speeds.append(operators * SECONDS / elapsed(partial(loop.run, SECONDS), device).on(device))
+    return Quartiles.of(speeds)
 
 
 def parts(loop: Loop, device: wp.Device, rounds: int) -> dict[str, Quartiles]:
@@ -71,13 +75,8 @@ def measure(device: str = "cpu", *, rounds: int = 5, operators: tuple[int, ...] 
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
     counts = operators or OPERATORS[kind]
-    found: dict[int, Quartiles] = {}
-    loop: Loop | None = None
-    for count in counts:
-        loop = loop_of(count, str(place))
-        found[count] = pace(loop, place, rounds)
-    assert loop is not None
-    split = parts(loop, place, rounds)
+    found = {count: pace(count, place, rounds) for count in counts}
+    split = parts(loop_of(counts[-1], str(place)), place, rounds)
     chains, chain_data = operators_chain.table(place, rounds)
     tables = [
         Table(
