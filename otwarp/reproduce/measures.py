@@ -69,20 +69,6 @@ def fisher(first: tuple[int, int], second: tuple[int, int]) -> float:
     return float(found.pvalue)
 
 
-def hedges_g_of_shares(first: tuple[int, int], second: tuple[int, int]) -> float:
-    """Hedges' g that two success rates, each (successes, trials), amount to.
-
-    ln(odds ratio)·√3/π (Chinn 2000, doi:10.1002/1097-0258(20001130)19:22<3127::AID-SIM784>3.0.CO;2-M) with Hedges'
-    factor for small groups, 1 − 3/(4(n₁ + n₂) − 9); half a success more of each kind where a group has none of it.
-    """
-    (a, n), (c, m) = first, second
-    cells = np.array([a, n - a, c, m - c], dtype=float)
-    if np.any(cells == 0):
-        cells += 0.5
-    odds = math.log(cells[0] * cells[3] / (cells[1] * cells[2]))
-    return odds * math.sqrt(3.0) / math.pi * (1.0 - 3.0 / (4.0 * (n + m) - 9.0))
-
-
 def difference_of_shares(first: tuple[int, int], second: tuple[int, int]) -> tuple[float, tuple[float, float]]:
     """Difference of two success rates with its 95 % interval by Newcombe's hybrid of Wilson's intervals.
 

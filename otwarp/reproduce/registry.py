@@ -7,7 +7,18 @@ from collections.abc import Sequence
 
 from otwarp.errors import InputError
 from otwarp.reproduce.item import Item
-from otwarp.reproduce.items import chain, contract, delivery, force_curves, rendering, setup, strategy_a, strategy_b
+from otwarp.reproduce.items import (
+    chain,
+    contract,
+    delivery,
+    force_curves,
+    networks,
+    rendering,
+    setup,
+    strategy_a,
+    strategy_b,
+    user_study,
+)
 
 ITEMS: dict[str, Item] = {
     item.name: item
@@ -51,6 +62,20 @@ ITEMS: dict[str, Item] = {
             about="contact force 2.57 ± 3.18 pN, distance 0.02 ± 0.026, warning lines 10 pN and 0.2",
             run=delivery.run,
             scenes=("cell_delivery",),
+        ),
+        Item(
+            name="user_study",
+            title="The user study, with simulated operators",
+            about="deliveries 8 of 10 with haptics, 3 of 10 without: simulated operators under both conditions",
+            run=user_study.run,
+            scenes=("cell_delivery",),
+        ),
+        Item(
+            name="networks",
+            title="Pose and depth networks",
+            about="accuracy, F1 and depth RMSE of VGG16, ResNet18 and ResNet50",
+            run=networks.run,
+            scenes=("strategy_b",),
         ),
         Item(
             name="chain",

@@ -10,5 +10,7 @@ with, open `force_curves`.
     strategy_a, strategy_b   motion fidelity
     rendering                rendered against model force
     delivery                 trajectories, contact force and distance of the cell delivery
+    user_study               simulated operators with and without haptics
+    networks_plan, networks  which networks are trained on what; their table
     chain, contract          the signal chain; the topics of the middleware
 """
