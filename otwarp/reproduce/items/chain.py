@@ -9,7 +9,7 @@ from otwarp.haptics.chain.paper_mode import RELEASE_LAW, PaperForce, curve_of
 from otwarp.haptics.check.timing import ServoLatency, measure_latency
 from otwarp.haptics.check.zwidth import DEVICE, HIGH, PAPER_FILTERED, PAPER_RELEASE, Width, widths
 from otwarp.haptics.core.config import RELEASE_ALPHA, RELEASE_GAIN, RELEASE_RATE, TOUCH_DAMPING, TOUCH_MASS
-from otwarp.reproduce.drawing import FAINT, OURS, PAPER, drawn
+from otwarp.reproduce.drawing import INK, OURS, PAPER, drawn
 from otwarp.reproduce.item import Comparison, Figure, Request, Result, Table, Value, shown
 from otwarp.reproduce.measures import agreement
 
@@ -18,6 +18,9 @@ BARE_LIMIT = 414.0
 
 MESSAGES, DISTANCE = 99, 0.05
 """After so many messages at that distance [scene units] the release's filter has almost settled."""
+
+LEFT = 0.5
+"""Where the axis of the figure begins [N/m]."""
 
 DEFINITION = f"""A bare device, {DEVICE}, is let go on a rendered spring at 0.5 N, on a virtual clock; a stiffness is
 stable when the largest speed in the last quarter of the run is no more than in the first. `paper` is the release's
@@ -114,11 +117,11 @@ def _draw(path: Path, found: dict[str, Width]) -> None:
     with drawn(path, size=(7.2, 2.3)) as ((axes,),):
         for y, one in enumerate(reversed(list(found.values()))):
             colour = PAPER if one.loop.startswith("paper") else OURS
-            axes.barh(y, one.found, color=colour, height=0.62, left=1.0)
+            axes.barh(y, one.found - LEFT, color=colour, height=0.62, left=LEFT)
             said = f"≥ {one.found:,.0f} N/m" if one.open_ended else f"{one.found:.4g} N/m"
-            axes.text(1.15 * (1.0 + one.found), y, said, va="center", fontsize=8, color=colour)
+            axes.text(1.15 * one.found, y, said, va="center", fontsize=8, color=colour)
             if one.reference is not None:
-                axes.plot(1.0 + one.reference, y, "|", ms=15, color=FAINT, mew=1.6)
+                axes.plot(one.reference, y, "|", ms=15, color=INK, mew=1.4)
         axes.set_yticks(range(len(found)), [one.loop for one in reversed(list(found.values()))])
-        axes.set(xscale="log", xlim=(1.0, 3e5))
+        axes.set(xscale="log", xlim=(LEFT, 3e5))
         axes.set_xlabel(f"stiffest stable spring (N/m); {TOUCH_MASS:g} kg, {TOUCH_DAMPING:g} N·s/m; bars mark theory")

@@ -209,5 +209,5 @@ def _draw(path: Path, trials: Trials, line: float, far: float) -> None:
             axes.axhline(end, color=INK, lw=0.8)
             axes.text(trials.time[-1], end, "warning line of the scene", ha="right", va="bottom", size=7.5, color=FAINT)
             axes.set(xlabel="time (s)", ylabel=label, ylim=(0.0, 1.25 * end), xlim=(0.0, trials.time[-1]))
-            axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.9))
+            axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.76))
             letter(axes, which)

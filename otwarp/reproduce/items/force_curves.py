@@ -196,11 +196,10 @@ def _draw(path: Path, curves: ForceCurves, joined: dict[str, CurveFit], free: di
         x = np.linspace(0.0, 2.6, 900)
         four.axhline(0.0, color=FAINT, lw=0.5)
         laws = {"release": RELEASE_LAW, "ours, radial": joined["radial"].law, "ours, axial": joined["axial"].law}
-        for (name, law), colour, line in zip(
-            laws.items(), (PAPER, OURS, OURS_TOO), ("-", "-", (0, (4, 2))), strict=True
-        ):
+        looks = ((PAPER, "-", 4.0), (OURS, "-", 1.4), (OURS_TOO, (0, (4, 2)), 1.4))
+        for (name, law), (colour, line, width) in zip(laws.items(), looks, strict=True):
             y = pull(law, x * law.threshold) / (law.stiffness * law.threshold)
-            four.plot(x, y, color=colour, ls=line, label=name)
+            four.plot(x, y, color=colour, ls=line, lw=width, label=name)
         four.set(xlabel="distance over δ", ylabel="force over F(δ)")
         four.legend()
         letter(four, "d", "the shapes")

@@ -52,10 +52,10 @@ FULL_LAYOUT: dict[str, Any] = {"width": 224, "tilts": 19, "between": 1, "count":
                                "more": "unseen_tilts = true\n"}  # fmt: skip
 """That of `vision/paper.toml`, which the package does not bring: 5,700 images of 19 tilts, and some between them."""
 
-QUICK_LAYOUT: dict[str, Any] = {"width": 128, "tilts": 10, "between": 0, "count": 20, "between_count": 0,
-                                "pixel": 0.11375, "rings": 2, "random": [14, 3, 3], "blocks": 5, "gap": 1,
+QUICK_LAYOUT: dict[str, Any] = {"width": 128, "tilts": 19, "between": 0, "count": 30, "between_count": 0,
+                                "pixel": 0.11375, "rings": 2, "random": [20, 5, 5], "blocks": 6, "gap": 1,
                                 "more": ""}  # fmt: skip
-"""200 images of the same field of view, larger pixels, ten tilts."""
+"""570 images of the same field of view and tilts, with larger pixels and fewer focal positions."""
 
 PUBLISHED: dict[str, Any] = {"heads": "paper", "schedule": "step", "augment": False}
 """The published recipe: two heads, cross entropy + 0.8 square error, Adam at 1e-3, a tenth every ten epochs."""
@@ -90,12 +90,12 @@ FULL = Plan(
 QUICK = Plan(
     layout=QUICK_LAYOUT,
     networks={
-        "resnet18": {**PUBLISHED, "net": "resnet18", "epochs": 6, "batch": 16, "size": 64},
+        "resnet18": {**PUBLISHED, "net": "resnet18", "epochs": 8, "batch": 16, "size": 64},
         "small": {**PUBLISHED, "net": "small", "epochs": 20, "batch": 8, "lr": 3e-3, "size": 64},
     },
     seeds=1,
     ablation="small",
-    said="reduced: 64 pixels, 10 tilts × 20 focal positions, 6 (ResNet18) and 20 epochs (small), one seed",
+    said="reduced: 64 pixels, 19 tilts × 30 focal positions, 8 (ResNet18) and 20 epochs (small), one seed",
 )
 
 

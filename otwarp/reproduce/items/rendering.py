@@ -219,8 +219,9 @@ def _draw(
                 third.semilogx([crossing(axis, v) for v, _ in some], [a.r_squared for _, a in some], color=colour,
                                ls=line, marker="o", ms=2.6, label=f"{name}, {axis}")  # fmt: skip
             third.axhline(PAPERS[axis][2], color=FAINT, lw=0.7, ls=line)
-        third.text(0.98, 0.955, "paper: 0.9525, 0.9268", transform=third.get_yaxis_transform(), ha="right",
-                   fontsize=7.2, color=FAINT, va="bottom")  # fmt: skip
+        edge = third.get_yaxis_transform()
+        third.text(0.02, 0.957, "paper, axial", transform=edge, fontsize=6.8, color=FAINT, va="bottom")
+        third.text(0.02, 0.918, "paper, radial", transform=edge, fontsize=6.8, color=FAINT, va="top")
         third.set(xlabel="time to cross the trap (s)", ylabel="R²", ylim=(0.0, 1.04))
         third.legend(loc="lower right")
         letter(third, "c", "R² is about the motion")

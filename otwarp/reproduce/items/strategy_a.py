@@ -174,7 +174,7 @@ def _draw(path: Path, moved: Tilts, rest: Tilts, ell: float, eta: float, sharp: 
         left.axvline(1.0 - eta, color=FAINT, lw=0.7, ls=":")
         left.text(1.0 - eta + 0.005, left.get_ylim()[1] * 0.93, "fork", color=FAINT, fontsize=7.5)
         left.set(xlabel="trap spacing d/L", ylabel="tilt θ (°)", ylim=(-2, None))
-        left.legend(loc="lower left")
+        left.legend(loc="upper right", bbox_to_anchor=(1.02, 0.93))
         letter(left, "a", "tilt against spacing")
         right.axhline(0.0, color=FAINT, lw=0.7)
         right.plot(x, mean - closed_form(x, eta), color=OURS, label="traps moving")

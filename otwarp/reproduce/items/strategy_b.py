@@ -34,7 +34,7 @@ the balance of forces of the same model. For a robot of two elements in harmonic
 (the test `test_a_pair_does_not_feel_the_power_ratio` says so); it does here because the laws have a threshold and the
 traps reach the arms as well. Unequal powers choose the sign: the fork of strategy A becomes a curve that leaves 0°
 gradually. Both signs are stable below d ≈ 0.83 L, and a run may stay on either; the figures follow the side that the
-powers choose."""
+powers choose. What is left against the balance is noise: in a soft and uneven well the mean is not the bottom."""
 
 INCOMPARABLE = (
     "The paper's points θ(d*), the unit of d* and the definition of m are not published: neither the curve nor the "
