@@ -21,7 +21,9 @@ nav a::before { content: counter(item); display: inline-block; width: 1.5rem; te
   font-variant-numeric: tabular-nums; }
 nav a:hover, nav a:focus-visible { background: #e8edf4; }
 nav a.absent { color: var(--soft); }
-main { padding: 2.5rem 3rem 4rem; max-width: 68rem; }
+main { padding: 2.5rem 3rem 4rem; max-width: 74rem; }
+main a { color: inherit; text-decoration-color: #9aa6b8; text-underline-offset: .18em; }
+#summary table.pair tbody td:first-child { width: 17%; } #summary table.pair tbody th { width: 22%; }
 h1 { font-size: 2rem; line-height: 1.15; margin: 0 0 .6rem; letter-spacing: -.015em; }
 h2 { font-size: 1.35rem; line-height: 1.2; margin: 0 0 .15rem; letter-spacing: -.01em; }
 h3 { font-size: .95rem; margin: 1.6rem 0 .35rem; }

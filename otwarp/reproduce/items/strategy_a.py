@@ -166,11 +166,11 @@ def _draw(path: Path, moved: Tilts, rest: Tilts, ell: float, eta: float, sharp: 
         mean, spread = moved.size.mean(1), moved.size.std(1, ddof=1)
         x = moved.spacing / ell
         left.fill_between(x, mean - spread, mean + spread, color=OURS_TOO, alpha=0.45, lw=0)
-        left.plot(x, mean, color=OURS, label="simulated, traps moving (± spread)")
+        left.plot(x, mean, color=OURS, label="traps moving (± spread)")
         left.plot(fine, closed_form(fine, eta), color=PAPER, ls=(0, (4, 2)), label="cos θ = d/((1 − η)L)")
         error = rest.size.std(1, ddof=1) / np.sqrt(rest.size.shape[1])
         left.errorbar(rest.spacing / ell, rest.size.mean(1), error, fmt="o", ms=3.2, color=OURS, mfc="white", lw=0.9,
-                      label="simulated, traps at rest")  # fmt: skip
+                      label="traps at rest")  # fmt: skip
         left.axvline(1.0 - eta, color=FAINT, lw=0.7, ls=":")
         left.text(1.0 - eta + 0.005, left.get_ylim()[1] * 0.93, "fork", color=FAINT, fontsize=7.5)
         left.set(xlabel="trap spacing d/L", ylabel="tilt θ (°)", ylim=(-2, None))
