@@ -33,11 +33,7 @@ between_count = {between_count}
 [optics]
 pixel = {pixel}
 
-[render]
-rings = {rings}
-margin = 6
-
-[domain]
+{render}[domain]
 x = {{ from = -0.4, to = 0.4 }}
 y = {{ from = -0.4, to = 0.4 }}
 
@@ -48,13 +44,13 @@ focus_blocks = {{ blocks = {blocks}, gap = {gap} }}
 """A data set in TOML."""
 
 FULL_LAYOUT: dict[str, Any] = {"width": 224, "tilts": 19, "between": 1, "count": 300, "between_count": 50,
-                               "pixel": 0.065, "rings": 5, "random": [200, 50, 50], "blocks": 12, "gap": 2,
+                               "pixel": 0.065, "render": "", "random": [200, 50, 50], "blocks": 12, "gap": 2,
                                "more": "unseen_tilts = true\n"}  # fmt: skip
 """That of `vision/paper.toml`, which the package does not bring: 5,700 images of 19 tilts, and some between them."""
 
 QUICK_LAYOUT: dict[str, Any] = {"width": 128, "tilts": 19, "between": 0, "count": 30, "between_count": 0,
-                                "pixel": 0.11375, "rings": 2, "random": [20, 5, 5], "blocks": 6, "gap": 1,
-                                "more": ""}  # fmt: skip
+                                "pixel": 0.11375, "render": "[render]\nrings = 2\nmargin = 6\n",
+                                "random": [20, 5, 5], "blocks": 6, "gap": 1, "more": ""}  # fmt: skip
 """570 images of the same field of view and tilts, with larger pixels and fewer focal positions."""
 
 PUBLISHED: dict[str, Any] = {"heads": "paper", "schedule": "step", "augment": False}
