@@ -27,7 +27,8 @@ class Headline:
         script: Name of the benchmark, and of its page.
         table: Beginning of the title of the table there.
         columns: Head on the short page → section (`cpu` or `cuda`) and head there.
-        rows: First cell on the short page → how the first cell there begins; blank where a section lacks the row.
+        rows: First cell on the short page → how the row there begins, its cells apart by ` | `; blank where a section
+            lacks the row.
         first: Head of the first column.
     """
 
@@ -124,11 +125,7 @@ HEADLINES = (
         "One world beside the clock [simulated seconds per second]",
         "realtime",
         "One world",
-        {
-            "one CPU core": ("cpu", "real-time factor"),
-            "H100": ("cuda", "real-time factor"),
-            "bodies": ("cpu", "bodies"),
-        },
+        {"one CPU core": ("cpu", "real-time factor"), "bodies": ("cpu", "bodies")},
         {
             name: name
             for name in (
@@ -138,6 +135,18 @@ HEADLINES = (
                 "`microfluidic_channel`",
                 "`ten_thousand_cells`",
             )
+        },
+        "scene",
+    ),
+    Headline(
+        "Two robots that squeeze a cell, and the same bodies apart [simulated seconds per second, all worlds together]",
+        "contact",
+        "One step",
+        {"one CPU core": ("cpu", "worlds × real time"), "H100": ("cuda", "worlds × real time")},
+        {
+            f"{about}, {worlds} world{'s' * (worlds != '1')}": f"`{name}` | {worlds}"
+            for worlds in ("1", "131,072")
+            for about, name in (("apart", "teleop_small"), ("squeezing", "cell_delivery"))
         },
         "scene",
     ),
@@ -179,12 +188,12 @@ def read_table(section: str, title: str) -> list[dict[str, str]]:
         return []
     lines = [line for line in rest.split("\n\n")[1].splitlines() if line.startswith("|")]
     head = cells(lines[0])
-    return [dict(zip(["", *head], [row[0], *row], strict=True)) for row in map(cells, lines[2:])]
+    return [dict(zip(["", *head], [" | ".join(row), *row], strict=True)) for row in map(cells, lines[2:])]
 
 
 def figure(rows: list[dict[str, str]], name: str, column: str) -> str:
     """A cell, or nothing where the row is missing or was skipped."""
-    row = next((row for row in rows if row[""] == name), None) or next(
+    row = next((row for row in rows if row[""].startswith(f"{name} | ")), None) or next(
         (row for row in rows if row[""].startswith(name)), {}
     )
     text = row.get(column, "")

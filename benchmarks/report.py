@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +21,26 @@ PAGES = Path(__file__).resolve().parent.parent / "docs" / "benchmarks"
 """One page for each benchmark, named after its module: `terms.md` holds what `benchmarks.terms` found."""
 
 
+def commit() -> str:
+    """Short hash of the code that runs, with a + where files of the package or the benchmarks differ from it.
+
+    A copy without its history tells it by the variable `OTWARP_COMMIT`.
+    """
+    told = os.environ.get("OTWARP_COMMIT", "")
+    try:
+        known = _git("rev-parse", "--short=8", "HEAD")
+        changed = _git("status", "--porcelain", "--", "otwarp", "benchmarks", "scenes")
+    except (OSError, subprocess.CalledProcessError):
+        return told
+    return told or known + "+" * bool(changed)
+
+
+def _git(*words: str) -> str:
+    """What git says of this repository."""
+    done = subprocess.run(["git", *words], cwd=PAGES.parent, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Section:
     """What one benchmark found.
@@ -30,6 +52,7 @@ class Section:
         tables: For people.
         data: The same and more, for programs.
         asked: Options of the script other than the device, as typed.
+        commit: Of the code that was measured, with a + where files had changed since; empty where nobody knows.
     """
 
     name: str
@@ -38,17 +61,19 @@ class Section:
     tables: list[Table]
     data: dict[str, Any] = field(default_factory=dict)
     asked: str = ""
+    commit: str = field(default_factory=lambda: commit())
 
     def markdown(self) -> str:
         """All tables under a line that says what was run and where."""
         device = "" if self.kind == "cpu" else " --device cuda:0"
         asked = f" {self.asked}" if self.asked else ""
-        head = f"`python -m benchmarks.{self.name}{asked}{device}` on {self.machine.text()}."
+        code = f" Commit {self.commit}." if self.commit else ""
+        head = f"`python -m benchmarks.{self.name}{asked}{device}` on {self.machine.text()}.{code}"
         return "\n".join([head, "", *(table.markdown() for table in self.tables)])
 
     def json(self) -> dict[str, Any]:
         """For `--out`."""
-        return {"device": self.kind, "machine": self.machine.data(), **self.data}
+        return {"device": self.kind, "commit": self.commit, "machine": self.machine.data(), **self.data}
 
 
 def markers(name: str, kind: str) -> tuple[str, str]:

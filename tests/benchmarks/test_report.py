@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
-from benchmarks.report import Section, check_places, command, positive, save_page
+from benchmarks.report import PAGES, Section, check_places, command, commit, positive, save_page
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
@@ -64,3 +65,25 @@ def test_a_page_that_cannot_be_written_is_refused_before_anything_is_measured(tm
     with pytest.raises(InputError, match=r"^docs/page\.md cannot be written: "):
         save_page(tmp_path / "none" / "page.md", "new")
     assert page.read_text() == "new"
+
+
+def test_a_section_says_of_which_commit_it_is(monkeypatch):
+    monkeypatch.delenv("OTWARP_COMMIT", raising=False)
+    section = measure("cpu", rounds=1, sizes=())
+    known = commit()
+    assert section.commit == known == section.json()["commit"]
+    if known:  # a copy without its history does not know
+        assert re.fullmatch(r"[0-9a-f]{8,}\+?", known) and f" Commit {known}." in section.markdown().splitlines()[0]
+    monkeypatch.setenv("OTWARP_COMMIT", "12345678")
+    assert " Commit 12345678." in measure("cpu", rounds=1, sizes=()).markdown()
+
+
+def test_every_section_of_the_pages_does():
+    sections = 0
+    for page in PAGES.glob("*.md"):
+        for line in re.findall(
+            r"^`python -m benchmarks\.[^`]*` on .*$", page.read_text(encoding="utf-8"), re.MULTILINE
+        ):
+            sections += 1
+            assert re.search(r" Commit [0-9a-f]{8,}\+?\.$", line), f"{page.name}: {line}"
+    assert sections > 30
