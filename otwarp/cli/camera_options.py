@@ -127,7 +127,7 @@ def open_perception(
     )
     try:
         looker.open()
-        return twin, closed_loop(twin, looker.pieces, looker, rule=rule)
+        return twin, closed_loop(twin, looker.pieces, looker, seeing=seeing)
     except BaseException:
         looker.close()
         raise

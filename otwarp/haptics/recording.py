@@ -29,6 +29,8 @@ CONFIG = "/otwarp/config"
 SCENE, COMMANDS, PACE, SCHEMAS, END = (f"/otwarp/{name}" for name in ("scene", "commands", "pace", "schemas", "end"))
 CYCLES, START = "/otwarp/cycles/", "/otwarp/start/"
 """Followed by the name of the hand."""
+PERCEPTION, CAMERA = "/otwarp/perception", "/camera/"
+"""What a camera said in a turn of the loop; its images, followed by whose they are."""
 SUFFIX, PART = ".mcap", ".mcap.part"
 """Of a recording, and of the folder in which it is written."""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
@@ -305,6 +307,43 @@ def beat_of(data: bytes | memoryview) -> int:
         return _ENTRY.unpack_from(_body(data))[0]
     except (struct.error, ValueError) as error:
         raise InputError(f"message {SCENE_TYPE}: cannot be read ({error})") from None
+
+
+def pack_image(rows: bytes, width: int, height: int, time: int, frame: str) -> bytes:
+    """Bytes of a `sensor_msgs/msg/Image` of grey levels, `mono8`.
+
+    Args:
+        rows: The levels, the highest row first.
+        width, height: [pixels].
+        time: Of their light [ns since 1970].
+        frame: In which they are.
+    """
+    name, encoding = frame.encode() + b"\0", b"mono8\0"
+    body = struct.pack("<iII", time // 10**9, time % 10**9, len(name)) + name
+    body += bytes(-len(body) % 4) + struct.pack("<3I", height, width, len(encoding)) + encoding
+    body += b"\0"  # is_bigendian
+    return HEAD + body + bytes(-len(body) % 4) + struct.pack("<2I", width, len(rows)) + rows
+
+
+def unpack_image(data: bytes | memoryview) -> tuple[bytes, int, int]:
+    """(rows, width, height) of what `pack_image` made.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        body = _body(data)
+        (size,) = struct.unpack_from("<I", body, 8)
+        at = -(-(12 + size) // 4) * 4
+        height, width, size = struct.unpack_from("<3I", body, at)
+        at = -(-(at + 12 + size + 1) // 4) * 4
+        step, count = struct.unpack_from("<2I", body, at)
+        rows = bytes(body[at + 8 : at + 8 + count])
+        if step != width or len(rows) != width * height:
+            raise ValueError(f"{len(rows)} bytes for {width} x {height} pixels")
+    except (struct.error, ValueError) as error:
+        raise InputError(f"message sensor_msgs/msg/Image: cannot be read ({error})") from None
+    return rows, width, height
 
 
 def pack_text(text: str) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -156,6 +157,7 @@ def closed_loop(
     looker: Looker,
     *,
     rule: LostRule | None = None,
+    seeing: SeeingOptions | None = None,
     clock: Clock | None = None,
 ) -> ClosedLoop:
     """A twin's perception.
@@ -164,13 +166,15 @@ def closed_loop(
         scene: Of the twin.
         pieces: Index of each body that is followed → side of its pieces [pixels].
         looker: Who looks; not started.
-        rule: When a body is lost.
+        rule: When a body is lost; None: as of `seeing`.
+        seeing: What is looked for, and by what; for recordings.
         clock: Of the session.
 
     Raises:
         InputError: The scene has no camera.
     """
-    camera, clock = camera_of(scene), clock or RealClock()
+    camera, clock, options = camera_of(scene), clock or RealClock(), seeing or SeeingOptions()
+    rule = rule or options.rule
     traps = scene.traps
     place = [t.position.at(0.0) for t in traps]
     power = [t.power.at(0.0)[0] for t in traps]
@@ -178,7 +182,12 @@ def closed_loop(
     commands = Commands(np.array([clock.now()]), first[None])
     bodies = [
         FollowedBody(scene, n, camera=camera, size=image_size(camera), piece=(side, side), commands=commands,
-                     rule=rule or LostRule())
+                     rule=rule)
         for n, side in sorted(pieces.items())
     ]  # fmt: skip
-    return ClosedLoop(looker, bodies, commands, clock=clock)
+    about = {
+        "camera": looker.info.name, "pieces": {scene.bodies[n].name: side for n, side in sorted(pieces.items())},
+        "networks": list(options.networks), "rule": dataclasses.asdict(rule),
+        "rendering": dataclasses.asdict(options.rendering), "optics": dataclasses.asdict(camera),
+    }  # fmt: skip
+    return ClosedLoop(looker, bodies, commands, clock=clock, about=about)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,13 @@ from otwarp.perception.estimator import Look
 from otwarp.perception.followed import FollowedBody
 from otwarp.perception.latency import Latency, table
 from otwarp.perception.looker import Looker
+from otwarp.perception.recorded import body_to_dict, look_to_dict
 from otwarp.simulation.simulation import Simulation
-from otwarp.teleop.perception import BodyNow, PerceptionNow
+from otwarp.teleop.perception import BodyNow, PerceptionNow, PerceptionTurn
 from otwarp.vision.tracking.commands import Commands
+
+SHOWN_EVERY = 0.2
+"""Seconds between two images that are kept for the page."""
 
 RATE_OVER = 2.0
 """Seconds over which the rate of frames is counted."""
@@ -29,7 +33,7 @@ class ClosedLoop:
         bodies: Those that are followed; all with `commands`.
         commands: Of the traps.
         clock: Of the session.
-        listener: Told every look as it comes, for a recording.
+        about: What looks at what, for a recording; JSON.
 
     Attributes:
         latency: From light to state, stage by stage.
@@ -44,10 +48,13 @@ class ClosedLoop:
         commands: Commands,
         *,
         clock: Clock | None = None,
-        listener: Callable[[Look], None] | None = None,
+        about: Mapping[str, Any] | None = None,
     ):
         self._looker, self.bodies, self._commands = looker, tuple(bodies), commands
-        self._clock, self.listener = clock or RealClock(), listener
+        self._clock, self._about = clock or RealClock(), dict(about or {})
+        self._began, self._restarts = commands.times[0], 0
+        self._told: tuple[float, np.ndarray, np.ndarray] = 0.0, np.zeros((0, 3)), np.zeros(0)
+        self._turns = 0
         self._holds = np.zeros(0, dtype=int)
         self._first = commands.values[0][: 3 * commands.traps].reshape(-1, 3).copy()
         self._started = False
@@ -59,6 +66,8 @@ class ClosedLoop:
         self._looks: tuple[Look, ...] = ()
         self._entered = self._updated = 0.0
         self._open: list[dict[str, float]] = []
+        self._shown: dict[int, dict[str, np.ndarray | None]] = {}
+        self._shown_at = -np.inf
 
     def start(self) -> None:
         """Open the camera.
@@ -83,6 +92,7 @@ class ClosedLoop:
         entered = self._clock.now()
         self._holds = np.array([body for body, _ in sim.model.held], dtype=int)
         self._commands.reach(now, position=position, power=power)
+        self._told, self._turns = (now, position, power), self._turns + 1
         self._looker.command(now, position, power)
         self._looks = tuple(self._new_looks(now))
         for body in self.bodies:
@@ -101,6 +111,7 @@ class ClosedLoop:
         self._looker.want([body.wanted() for body in self.bodies])
         self._forget(now)
         self._note(now, entered)
+        self._show(now)
 
     def published(self) -> None:
         """The state that came of the last `update` is with the servo."""
@@ -131,9 +142,28 @@ class ClosedLoop:
             bodies=tuple(self._body_now(body) for body in self.bodies),
         )
 
+    def turn(self, beat: int | None) -> PerceptionTurn:
+        """The last `update`, for a recording; `beat` of the state that was published after it."""
+        now, position, power = self._told
+        told = {
+            "turn": self._turns, "now": now, "beat": beat, "restarts": self._restarts, "ended": self._ended,
+            "trap_position": position.tolist(), "trap_power": power.tolist(),
+            "looks": [look_to_dict(look) for look in self._looks], "bodies": [body_to_dict(b) for b in self.bodies],
+        }  # fmt: skip
+        names = {body.index: body.name for body in self.bodies}
+        pictures = tuple(
+            (names[one.body], one.piece.levels, look.time) for look in self._looks for one in look.bodies
+        )  # fmt: skip
+        return PerceptionTurn(told, pictures)
+
+    def described(self) -> dict[str, Any]:
+        """What looks at what, since when, and how many turns there were before."""
+        return {**self._about, "began": self._began, "turns": self._turns}
+
     def restart(self) -> None:
         """The session begins anew: nothing is known but the scene's start, at which a simulated laboratory is too."""
         self._looker.restart()
+        self._restarts += 1
         for body in self.bodies:
             body.restart()
 
@@ -175,8 +205,6 @@ class ClosedLoop:
             self.disordered += look.time < self._newest
             self._number, self._newest = look.number, max(self._newest, look.time)
             self._times.append(now)
-            if self.listener is not None:
-                self.listener(look)
         return looks
 
     def _align(self, sim: Simulation) -> None:
@@ -226,11 +254,22 @@ class ClosedLoop:
         return (len(self._times) - 1) / span if len(self._times) > 1 else 0.0
 
     def _body_now(self, body: FollowedBody) -> BodyNow:
-        piece = next(
-            (one.piece for look in reversed(self._looks) for one in look.bodies if one.body == body.index), None
-        )
         deviation = None
         if body.pose is not None:
             x, y, z = np.sqrt(np.maximum(np.diag(body.pose.covariance)[:3], 0.0))
             deviation = (float(x), float(y), float(z))
-        return BodyNow(body=body.index, name=body.name, why=body.why, deviation=deviation, piece=piece)
+        return BodyNow(
+            body=body.index, name=body.name, why=body.why, deviation=deviation, **self._shown.get(body.index, {})
+        )  # fmt: skip
+
+    def _show(self, now: float) -> None:
+        """Keep the newest pieces for whoever draws them, a few times a second, with what was made of them."""
+        if not self._looks or now < self._shown_at + SHOWN_EVERY:
+            return
+        self._shown_at = now
+        look = self._looks[-1]
+        for body in self.bodies:
+            for one in look.bodies:
+                if one.body == body.index and one.piece.levels.size:
+                    drawn = body.drawn(one.piece, look.time)
+                    self._shown[body.index] = {"levels": one.piece.levels, "outline": drawn[0], "spread": drawn[1]}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.perception.camera import Region
+from otwarp.perception.camera import Piece, Region
 from otwarp.perception.estimator import Wanted
 from otwarp.scene import Camera, Scene
 from otwarp.scene.transforms import rotation_matrix
@@ -20,6 +20,7 @@ from otwarp.vision.tracking.pushing import PushLaw
 from otwarp.vision.tracking.recorded import in_camera
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.tracker import Pose, Tracker
+from otwarp.vision.view import solids_of
 
 AHEAD = 0.005
 """Seconds by which a stamp may be ahead of the session's clock."""
@@ -87,6 +88,7 @@ class FollowedBody:
     ):
         self.index, self.name = index, scene.bodies[index].name
         self._camera, self._size, self._piece, self._rule = camera, size, piece, rule
+        self._solids = solids_of(scene.bodies[index])
         self._body, self._commands = MobileBody(scene, self.name), commands
         self.shape = Shape.of(scene, self.name, self._body.reference)
         self._body.expansion(*self._body.start, commands.values[0])  # compiles what trackers need
@@ -175,6 +177,31 @@ class FollowedBody:
             pose = self.tracker.predict(now)
         self._led = beliefs, now, pose.belief
         return pose
+
+    def drawn(self, piece: Piece, when: float) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """What is believed of it, to be drawn into an image of it.
+
+        Args:
+            piece: The image.
+            when: Of its light [s].
+
+        Returns:
+            (n, 3) column, row and radius of its solids, and the (2, 2) covariance of its place [pixels, pixels²]; None
+            twice before it was seen.
+        """
+        if self.tracker.oldest is None or when < self.tracker.oldest:
+            return None, None
+        pose = self.tracker.predict(when)
+        frame = rotation_matrix(np.array(self._camera.orientation))
+        pixel = self._camera.pixel_size
+        ends = np.array([place for first, last, _, _ in self._solids for place in (first, last)])
+        world = pose.position + ends @ rotation_matrix(pose.orientation).T
+        flat = (world @ frame)[:, :2] - np.array(self._camera.center)
+        corner = np.array([piece.left - self._size[0] // 2, piece.low - self._size[1] // 2])
+        radii = np.repeat([radius for _, _, radius, _ in self._solids], 2) / pixel
+        outline = np.column_stack([flat / pixel - corner, radii])
+        spread = (frame.T @ pose.covariance[:3, :3] @ frame)[:2, :2] / pixel**2
+        return np.unique(outline, axis=0), spread
 
     def wanted(self) -> Wanted:
         """Where to look for it."""

@@ -5,22 +5,16 @@ The loop knows no cameras and no networks; `otwarp.perception` has them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from otwarp.haptics.core import Vec3
-from otwarp.simulation.simulation import Simulation
 
-
-class Picture(Protocol):
-    """A piece of a camera's frame."""
-
-    @property
-    def levels(self) -> np.ndarray:
-        """(height, width) grey levels, row 0 the lowest."""
-        ...
+if TYPE_CHECKING:  # frames are also read where nothing is simulated, as in the page's process
+    from otwarp.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,14 +26,18 @@ class BodyNow:
         name: Of it.
         why: Why it is lost, one line; "" while it is seen.
         deviation: Standard deviations of its place along x, y, z [µm]; None before it was seen.
-        piece: Of the newest frame, where it was looked for; None if there was no new one.
+        levels: (height, width) grey levels of a frame of late where it was looked for, row 0 the lowest; None before.
+        outline: (n, 3) its solids there, as estimated at the time of that frame: column, row, radius [pixels].
+        spread: (2, 2) covariance of its place in the image [pixels²].
     """
 
     body: int
     name: str
     why: str
     deviation: Vec3 | None
-    piece: Picture | None
+    levels: np.ndarray | None = None
+    outline: np.ndarray | None = None
+    spread: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,6 +55,20 @@ class PerceptionNow:
     ended: str
     rate: float
     bodies: tuple[BodyNow, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PerceptionTurn:
+    """A turn of the loop, for a recording: all that it takes to come to the same again.
+
+    Attributes:
+        told: For JSON; floats are whole.
+        pictures: Pieces that were looked at, in the order in which `told` has them: name of their body, (height, width)
+            grey levels, time of their light on the session's clock [s].
+    """
+
+    told: Mapping[str, Any]
+    pictures: tuple[tuple[str, np.ndarray, float], ...]
 
 
 class Perception(Protocol):
@@ -90,6 +102,18 @@ class Perception(Protocol):
 
     def now(self) -> PerceptionNow:
         """What is seen."""
+        ...
+
+    def turn(self, beat: int | None) -> PerceptionTurn:
+        """The last `update`, for a recording.
+
+        Args:
+            beat: Of the state that was published after it; None: none was.
+        """
+        ...
+
+    def described(self) -> Mapping[str, Any]:
+        """What looks at what, for a recording; JSON."""
         ...
 
     def restart(self) -> None:

@@ -58,6 +58,8 @@ class Lab:
         wrap: Puts something around the camera.
         look: Another estimator.
         rule: When the bead is lost.
+        scene: The bead; None: `seen_bead`.
+        seeing: For recordings.
         device: Of the right hand.
     """
 
@@ -70,14 +72,16 @@ class Lab:
         wrap: Callable[[SimulatedCamera], Any] = lambda camera: camera,
         look: Estimator | None = None,
         rule: LostRule | None = None,
+        scene: Scene | None = None,
+        seeing: SeeingOptions | None = None,
         device: str = "virtual:line,from=0/0/0,to=0.05/0/0,duration=2,mass=0",
     ):
-        scene, options = seen_bead(), plant or PlantOptions(seed=5)
+        scene, options = scene or seen_bead(), plant or PlantOptions(seed=5)
         self.clock = LinkedClock()
         there = Plant(plant_scene(scene, options), seed=options.seed, device="cpu")
         self.camera = SimulatedCamera(there, Photographer(scene, rendering=QUICKLY, device="cpu", seed=2), rate=rate)
         looker = DirectLooker(wrap(self.camera), look or estimator(), delay=delay)
-        self.perception: ClosedLoop = closed_loop(scene, {0: PIECE}, looker, rule=rule, clock=self.clock)
+        self.perception: ClosedLoop = closed_loop(scene, {0: PIECE}, looker, rule=rule, seeing=seeing, clock=self.clock)
         self.stage = Stage(
             scene, clock=self.clock, options={"perception": self.perception}, config=QUICK_RAMP, right=device
         )

@@ -18,6 +18,7 @@ child's process
     gizmos            handles that are dragged
     controls          buttons and sliders
     readout           texts and plots
+    camera_panel      what a camera sees, where it feeds the session
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ from otwarp.haptics.core.shared_memory import Mailbox
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.teleop import Command
 from otwarp.teleop.page.access import access_for, listen
+from otwarp.teleop.page.camera_panel import CameraPanel
 from otwarp.teleop.page.controls import Controls, gizmo_position
 from otwarp.teleop.page.gizmos import Gizmos, Pointer
 from otwarp.teleop.page.protocol import (
@@ -156,6 +157,7 @@ class Page:
         side.dock_left()
         side.set_width(310)
         self._plots = Plots(gui, side.add_tab("Last 20 s"), drawing)
+        self._camera = CameraPanel(server)
         self._latency = BrowserLatency(server, time.monotonic)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
@@ -211,6 +213,7 @@ class Page:
         self._server.flush()
         self._latency.shown(frame.stamp)
         self._plots.update(frame, now)
+        self._camera.update(frame.perceived, now)
         rate = len(self._shown) / RATE_OVER
         self._controls.update(frame, now, rate, self._latency.delay, len(self._clients))
         for line in self._news.of(frame.warnings, now):

@@ -21,6 +21,7 @@ from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.servo.link import ServoStatus
 from otwarp.teleop import Command, HandFrame, LiveFrame, PaceNow
+from otwarp.teleop.perception import PerceptionNow
 
 _LENGTH = struct.Struct("!Q")
 Colour = tuple[int, int, int]
@@ -47,8 +48,8 @@ class PageFrame:
         position, orientation: (B, 3) and (B, 4) of the bodies' prims.
         trap_position, trap_power, trap_force, trap_distance: (T, 3), (T,), (T, 3), (T,).
         contact_force, contact_load: (B, 3), (B,).
-        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals, engine: See `LiveFrame` and
-            `Frame`.
+        beat, time, hand_force, hands, servo, pace, warnings, task, recording, trap_goals, engine, perceived: See
+            `LiveFrame` and `Frame`.
     """
 
     stamp: float
@@ -71,6 +72,7 @@ class PageFrame:
     recording: str | None
     trap_goals: Mapping[int, Vec3] = field(default_factory=dict)
     engine: str = ""
+    perceived: PerceptionNow | None = None
 
     @classmethod
     def of(cls, live: LiveFrame, stamp: float) -> PageFrame:
@@ -91,6 +93,7 @@ class PageFrame:
             recording=live.recording,
             trap_goals=dict(live.trap_goals),
             engine=live.engine,
+            perceived=live.perceived,
         )
 
 

@@ -33,6 +33,7 @@ from otwarp.haptics.recording import COMMANDS, CONFIG, END, PACE, START, part_of
 from otwarp.haptics.servo.link import Cycles
 from otwarp.scene import Scene
 from otwarp.teleop import Command, LiveFrame, PaceNow
+from otwarp.teleop.perception import PerceptionTurn
 from otwarp.teleop.recording.file import FORMAT, UNITS, RecordingFile, check_new_recording, laws_to_dict
 
 PACE_FIELDS = tuple(field.name for field in dataclasses.fields(PaceNow))
@@ -132,6 +133,10 @@ class RecordingWriter:
         else:
             self._drop()
         self._fetch()
+
+    def perceived(self, turn: PerceptionTurn, wall: float) -> None:
+        """What a camera said in a turn of the loop, at a time of its clock [s]."""
+        self._put(RecordingFile.perceived, turn, self._stamp(wall), self._stamp)
 
     def scene(self, scene: SceneFrame, wall: float) -> None:
         """A state that was published to the servo at a time of the loop's clock [s]; one that is known is ignored."""

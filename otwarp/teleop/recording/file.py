@@ -14,7 +14,7 @@ import shutil
 import struct
 import sys
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -27,15 +27,18 @@ from otwarp.haptics.core import SceneFrame
 from otwarp.haptics.core.fields import Matrix
 from otwarp.haptics.force.law import ForceGrid, IsotropicLaw, Law, SplitLaw, TableLaw
 from otwarp.haptics.recording import (
+    CAMERA,
     CYCLES,
     CYCLES_TYPE,
     DEFINITIONS,
     HEAD,
+    PERCEPTION,
     SCENE,
     SCENE_TYPE,
     SCHEMAS,
     SUFFIX,
     pack_cycles,
+    pack_image,
     pack_scene,
     pack_text,
     part_of,
@@ -43,6 +46,7 @@ from otwarp.haptics.recording import (
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import IDENTITY, Scene
 from otwarp.teleop import HANDS, LiveFrame
+from otwarp.teleop.perception import PerceptionTurn
 from otwarp.teleop.recording.scenery import METRE, WORLD, device_rotation, frame_of, marker_array, moving, schemas
 
 FORMAT = 1
@@ -53,6 +57,7 @@ FLUSH_EVERY = 1.0
 
 TEXT, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64MultiArray"
 POSE, WRENCH, TRANSFORMS = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped", "tf2_msgs/msg/TFMessage"
+IMAGE = "sensor_msgs/msg/Image"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 
 
@@ -138,6 +143,14 @@ class RecordingFile:
     def scene(self, scene: SceneFrame, time: int) -> None:
         """A state that was published to the servo."""
         self._write(SCENE, SCENE_TYPE, time, pack_scene(scene))
+
+    def perceived(self, turn: PerceptionTurn, time: int, stamp: Callable[[float], int]) -> None:
+        """What a camera said in a turn; images before what refers to them."""
+        for name, levels, light in turn.pictures:
+            rows = np.ascontiguousarray(levels[::-1]).tobytes()
+            image = pack_image(rows, levels.shape[1], levels.shape[0], stamp(light), "camera")
+            self._write(CAMERA + frame_of(name), IMAGE, time, image)
+        self.text(PERCEPTION, time, json.dumps(turn.told))
 
     def frame(self, live: LiveFrame, time: int) -> None:
         """A frame of the session: poses, forces, loads, distances, warnings."""

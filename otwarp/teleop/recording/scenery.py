@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.haptics.recording import COMMANDS, CONFIG, END, PACE, START
+from otwarp.haptics.recording import COMMANDS, CONFIG, END, PACE, PERCEPTION, START
 from otwarp.scene import IDENTITY, Scene
 from otwarp.scene.description import Body, Obstacle, Trap
 from otwarp.scene.transforms import align_z, quaternions, rotate
@@ -291,6 +291,19 @@ JSON: dict[str, dict[str, Any]] = {
                     ),
                 ]
             },
+        },
+    ),
+    PERCEPTION: _object(
+        "a turn of the loop in which a camera is looked through: what its images said, and where bodies are for it",
+        {
+            "now": _NUMBER,
+            "beat": {"type": ["integer", "null"]},
+            "restarts": _COUNT,
+            "ended": _TEXT,
+            "trap_position": _list(_VECTOR),
+            "trap_power": _list(_NUMBER),
+            "looks": _list({"type": "object"}),
+            "bodies": _list(_object("a body that is followed", {"body": _COUNT, "why": _TEXT})),
         },
     ),
     END: _object("what is missing", {"dropped": _COUNT, "lost": {"type": "object", "additionalProperties": _COUNT}}),

@@ -310,6 +310,7 @@ def open_recording(file: str | None, loop: LiveLoop, law: str = "") -> Recording
             "time_step": loop.sim.time_step,
             "device": loop.sim.model.device.alias,
             "law": law,
+            **({} if loop.perception is None else {"perception": loop.perception.described()}),
         },
         clock=loop.clock.now,
         servo=servo if isinstance(servo, Recordable) else None,

@@ -39,8 +39,7 @@ GLIDE = 1e-3
 """Simulated seconds after which a moving trap is put farther, to half-way through the next such part. A leap each frame
 would let its spheres catch up, and lack their drag; with spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of it."""
 
-RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]
-"""Begins a recording in a file, or in one named by the time."""
+RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]  # in a file, or in one named by the time
 
 
 class LiveLoop:
@@ -212,6 +211,8 @@ class LiveLoop:
         live = self._live(frame)
         if self._recordings.current is not None:
             self._recordings.current.frame(live, state)
+            if self.perception is not None:
+                self._recordings.current.perceived(self.perception.turn(state and state.beat), live.wall)
         for n, sink in enumerate(self._sinks):
             if begun >= self._due[n]:
                 self._due[n] = begun + sink.interval
@@ -288,9 +289,8 @@ class LiveLoop:
     def _live(self, frame: Frame) -> LiveFrame:
         self.frames += 1
         hands, pace = self.hands.frames, self.pace.report()
-        warnings = self._safety.warnings(frame, hands, pace)
-        if self.perception is not None:
-            warnings = (*self.perception.warnings, *warnings)
+        unseen = () if self.perception is None else self.perception.warnings
+        warnings = (*unseen, *self._safety.warnings(frame, hands, pace))
         if self._recordings.complaint:
             warnings = (*warnings, self._recordings.complaint)
         forces = self.sim.readout.hand_force.numpy()
