@@ -210,5 +210,10 @@ def blocks(shape: tuple[int, ...], size: int) -> list[tuple[slice, ...]]:
     for n in range(len(shape) - 1, -1, -1):
         cut[n] = min(shape[n], max(1, size))
         size //= shape[n]
+    return cut_blocks(shape, cut)
+
+
+def cut_blocks(shape: tuple[int, ...], cut: Sequence[int]) -> list[tuple[slice, ...]]:
+    """A grid cut into blocks of so many points along each dimension, in order; those at its ends may have fewer."""
     ranges = [[slice(a, min(a + c, n)) for a in range(0, n, c)] for n, c in zip(shape, cut, strict=True)]
     return list(itertools.product(*ranges))

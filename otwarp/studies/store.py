@@ -94,6 +94,14 @@ class Store:
             raise InputError(f"{file}: has no {lacks[0]}; allowed: the file that otwarp study run wrote")
         return said
 
+    def cut(self) -> tuple[int, ...]:
+        """Points of a block along each dimension: a folder keeps the blocks that it was made with.
+
+        Raises:
+            InputError: The results are not there.
+        """
+        return tuple(self._arrays["trials"].chunks)
+
     def done(self, block: int) -> bool:
         """Whether a block is whole."""
         return (self.folder / "done" / f"{block:06d}").exists()

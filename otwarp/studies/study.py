@@ -17,7 +17,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.studies.asked import asked_by
 from otwarp.studies.axes import Scatter, dimensions
 from otwarp.studies.compute import compute_blocks
-from otwarp.studies.design import Design, blocks, check_starts
+from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
 from otwarp.studies.observables import check_observables, same_end
 from otwarp.studies.plan import PER_POINT, Plan, plan_of, steps_of_points
 from otwarp.studies.runner import Runner
@@ -27,6 +27,10 @@ from otwarp.studies.targets import Target, target_of
 
 BLOCK_TRIALS = 2**14
 """Trials of a block of points, at most: what is kept when something ends a study, and one chunk of its store."""
+
+BLOCK_WORK = 2**28
+"""Steps of a block's trials, each as often as the scene has spheres and rods for each obstacle and the liquid, at most:
+10 to 40 s of a core, the same for a bead as for robots among pillars. A block has one point at least."""
 
 LOOKS = 50
 """Times that the worlds are looked at within the horizon where nothing else is said."""
@@ -51,6 +55,8 @@ class Study:
     Attributes:
         round: (points) trials that each has before and after what is to be computed, in a round of spending a budget;
             None: the rule of each point decides.
+        cut: Points of a block along each dimension, as a folder has them that was made before; None: as many as
+            `BLOCK_TRIALS` and `BLOCK_WORK` allow.
 
     Raises:
         InputError: Anything that is not allowed, in one line.
@@ -99,6 +105,7 @@ class Study:
         self._runner: Runner | None = None
         self._step_counts: np.ndarray | None = None
         self.round: tuple[np.ndarray, np.ndarray] | None = None
+        self.cut: tuple[int, ...] | None = None
         if self.design.points * self.stop.at_most > 2**32:
             raise InputError(f"the study has up to {self.design.points * self.stop.at_most} trials; allowed: up to 2³²")
 
@@ -158,8 +165,19 @@ class Study:
 
     def blocks(self) -> list[tuple[slice, ...]]:
         """Blocks of points, each kept as a whole; a study of one point has one."""
-        least = self.stop.decided_together(self.design.shape)
-        return blocks(self.design.shape, max(least, BLOCK_TRIALS // self.stop.at_most))
+        if self.cut is not None:
+            return cut_blocks(self.design.shape, self.cut)
+        least, trials = self.stop.decided_together(self.design.shape), self.stop.at_most
+        scene = self.design.scene
+        elements = sum(len(b.spheres) + len(b.rods) for b in scene.bodies)
+        work = trials * self.runner.steps * max(elements, 1) * (1 + len(scene.obstacles))
+        return blocks(self.design.shape, max(least, min(BLOCK_TRIALS // trials, BLOCK_WORK // work)))
+
+    def in_blocks(self, cut: tuple[int, ...]) -> Study:
+        """This study in blocks of so many points along each dimension; results do not depend on it."""
+        part = copy.copy(self)
+        part.cut = cut
+        return part
 
     def between(self, before: np.ndarray, after: np.ndarray) -> Study:
         """This study, of which the trials of one round are to be computed: (points) before it, and after."""

@@ -13,9 +13,14 @@ LIMIT = 118.66
 """Speed per power at which drag exceeds the trap's force, on the page [µm/s/mW]."""
 
 
+BLOCKS = {"capture": 16, "transport": 5, "delivery": 12, "robot_hold": 7, "escape": 8}
+"""Long trials of many bodies make small blocks: each is progress, is kept by a kill, and can be shared out."""
+
+
 @pytest.mark.parametrize("name", DRAWN)
 def test_they_load(name):
     study = load_study(ROOT / "studies" / f"{name}.toml")
+    assert len(study.blocks()) == BLOCKS[name]
     assert study.design.points > 1 and (ROOT / "docs" / "images" / f"study_{name}.png").is_file()
     assert not DRAWN[name] or DRAWN[name] in [o.name for o in study.observables]
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from otwarp.errors import InputError
+from otwarp.studies import study as studies
+from otwarp.studies.axes import grid, values
+from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
+from otwarp.studies.observables import trapped
+from otwarp.studies.results import table
+from otwarp.studies.stopping import trials
+from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 
 pytest.importorskip("zarr")
@@ -37,3 +44,20 @@ def test_a_power_beyond_the_stable_step(folder, kind):
         InputError, match=r"s\.toml: at trap_power = 900 mW: time step 0\.001 s is unstable: .* allowed"
     ):
         load_study(folder / "s.toml")
+
+
+def test_a_folder_keeps_the_blocks_that_it_was_made_with(folder, tmp_path, monkeypatch):
+    """Begun by a version that cut the study otherwise, it goes on in those blocks, to the bits of any others."""
+    axes = {"trap_power": values([0.3, 0.4, 0.5], unit="mW"), "start.x:/World/bead": grid(0.0, 0.3, 4, unit="µm")}
+    study = Study(folder / "well.usda", axes=axes, observables=[trapped(until=0.004)], stop=trials(16), seed=3)
+    whole = run_study(study, tmp_path / "whole", devices=["cpu"])
+    assert whole.asked()["blocks"] == len(study.blocks()) == 1
+    monkeypatch.setattr(studies, "BLOCK_WORK", 16 * study.runner.steps * 4)
+    small = run_study(study, tmp_path / "small", devices=["cpu"], shard=(2, 3))
+    assert small.finished() == [1] and small.cut() == (1, 4)
+    monkeypatch.undo()
+    said: list[tuple[int, int]] = []
+    run_study(study, tmp_path / "small", devices=["cpu"], progress=lambda done, of: said.append((done, of)))
+    assert said == [(1, 3), (2, 3), (3, 3)] and small.finished() == [0, 1, 2]
+    assert table(small).identical(table(whole))
+    assert run_study(study, tmp_path / "whole", devices=["cpu"]).finished() == [0]

@@ -50,7 +50,7 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     kept = ", where the same line goes on: finished blocks are kept"
     with parts(what, f"{what}s") as progress, with_room(folder, kept):
         store = run_study(study, folder, shard=share, progress=progress, **how)
-    done, blocks = len(store.finished()), len(study.blocks())
+    done, blocks = len(store.finished()), store.asked()["blocks"]
     if share is not None and share[0] > blocks:
         click.echo(f"shard {shard} has none of the {blocks} block{'s' if blocks > 1 else ''}: nothing to compute")
     click.echo(f"{done} of {blocks} blocks are done")

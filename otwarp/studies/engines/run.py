@@ -48,6 +48,7 @@ def run_study(
     if rounds and shard is not None:
         raise InputError(f"--shard is {shard[0]}/{shard[1]}; allowed for a study with a budget: none, all points share "
                          "it; --engine ray for several hosts")  # fmt: skip
+    study = _as_begun(study, Path(folder))
     store = prepare(study, Path(folder))
     say = progress or (lambda done, of: None)
     todo = blocks_of(study, store, shard)
@@ -81,6 +82,7 @@ def prepare(study: AnyStudy, folder: Path) -> Store:
         InputError: It holds another study, or cannot be written.
     """
     _need_zarr()
+    study = _as_begun(study, folder)
     if (folder / "study.json").exists():
         _check_scene(study, Store(folder))
     design, runner = study.design, study.runner
@@ -106,6 +108,14 @@ def prepare(study: AnyStudy, folder: Path) -> Store:
         shape,
         chunk,
     )
+
+
+def _as_begun(study: AnyStudy, folder: Path) -> AnyStudy:
+    """The study in the blocks of its folder, if that is there: another version, or step, may have cut it otherwise."""
+    if not (folder / "study.json").exists():
+        return study
+    cut = Store(folder).cut()
+    return study.in_blocks(cut) if len(cut) == len(study.design.shape) else study
 
 
 def _check_scene(study: AnyStudy, store: Store) -> None:
