@@ -15,17 +15,26 @@ import numpy as np
 import otwarp as ot
 from benchmarks.report import run, save_page
 from benchmarks.validation import put_on_page
-from otwarp.files import written
+from otwarp.files import save_picture
 from otwarp.optics import Particle, force, trap_properties
 from otwarp.simulation.packing.optics import beam_of
-from otwarp.studies import load_study, open_store, table
+from otwarp.studies import Store, load_study, open_store, table
 from otwarp.studies.figure import COLORS, draw
+from otwarp.studies.results import choices_of, taken
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "studies.md"
 BEGIN, END = "<!-- begin transport -->", "<!-- end transport -->"
-DRAWN = {"capture": "trapped", "robot_hold": "first_lost", "delivery": "outcome", "transport": ""}
+DRAWN = {
+    "capture": "trapped",
+    "robot_hold": "first_lost",
+    "delivery": "outcome",
+    "escape": "escape_rate",
+    "transport": "",
+}
 """Study, and what of it is drawn; that of transport stands beside the equation of drag."""
+WEAK = 0.36
+"""Trap power of the survival curves [mW]."""
 
 
 def drag_limits(scene: ot.Scene) -> tuple[float, float]:
@@ -88,8 +97,35 @@ def draw_transport(found: Any, limits: tuple[float, float], file: Path) -> None:
     axes.set_yticks([50, 100, 200, 500, 1000], ["50", "100", "200", "500", "1000"])
     axes.minorticks_off()
     axes.legend()
-    with written(file) as part:
-        figure.savefig(part, dpi=160)
+    save_picture(figure, file)
+
+
+def draw_places(store: Store, file: Path) -> None:
+    """Where the cell is at the end of each trial of the delivery, seen from above, by what became of it."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle, Rectangle
+
+    asked, scene = store.asked(), ot.Scene.load(store.scene)
+    names = choices_of(asked, next(o for o in asked["observables"] if o["name"] == "outcome"))
+    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    for o in scene.obstacles:
+        (x, y, _), size = o.position.at(0.0), o.size
+        if o.shape == "cylinder":
+            axes.add_patch(Circle((x, y), size[0], color="0.75"))
+        elif o.shape == "box":
+            box = (x - size[0], y - size[1]), 2.0 * size[0], 2.0 * size[1]
+            axes.add_patch(Rectangle(*box, color="0.75" if not o.position.animated else "0.9"))
+    with store.read() as raw:
+        x, y, end = (raw[n].values for n in ("place_x_of_trial", "place_y_of_trial", "end"))
+        there = taken(raw)
+    for n, name in enumerate(names):
+        mine = there & (end == (n + 1) % len(names))
+        label = f"{name.replace('_', ' ')}: {mine.sum()} trials"
+        axes.plot(x[mine], y[mine], "o", color=COLORS[n], markersize=3, alpha=0.5, label=label)
+    axes.set(xlabel="x [µm]", ylabel="y [µm]", aspect="equal", xlim=(-83, 83), ylim=(-44, 44))
+    axes.legend(fontsize=8, loc="lower right")
+    save_picture(figure, file)
 
 
 def compute(name: str, *, write: bool) -> None:
@@ -100,6 +136,12 @@ def compute(name: str, *, write: bool) -> None:
     picture = (ROOT / "docs" / "images" if write else folder.parent) / f"study_{name}.png"
     if name != "transport":
         print(draw(store, picture, name=DRAWN[name], level=0.9))
+        beside = {n: picture.with_name(f"study_{name}_{n}.png") for n in ("success", "places", "survival")}
+        if name == "delivery":
+            print(draw(store, beside["success"], name="delivered", level=0.9))
+            draw_places(store, beside["places"])
+        if name == "capture":
+            print(draw(store, beside["survival"], name="first_passage", survival=True, at={"trap_power": WEAK}))
         return
     found, limits = table(store), drag_limits(ot.Scene.load(ROOT / "scenes" / "transport.usda"))
     draw_transport(found, limits, picture)

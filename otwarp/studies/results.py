@@ -19,9 +19,10 @@ def table(store: Store) -> Any:
     Behind the name of a probability stand _low, _high (its interval) and _count. Behind that of a time: _events,
     _exposure [s], _rate [1/s] with _rate_low and _rate_high, events over exposure as of a constant rate (its upper end
     alone says something where nothing was seen), and _median [s] by the product limit, NaN where less than half were
-    seen. A number is the mean; behind it _error, the standard error, and _deviation. Trials with a fault, whose state
-    was no longer physical, count for nothing but `faults`. A search along an axis has `largest`,
-    with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
+    seen. A number is the mean; behind it _error, the standard error, and _deviation. Where a study asks which end came,
+    a number also has its mean over the trials that each end came to, `place_x_reached`, with its _error; NaN where none
+    did. Trials with a fault, whose state was no longer physical, count for nothing but `faults`. A search along an axis
+    has `largest`, with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
 
     Args:
         store: Of a study that is running or done, `open_store(folder)`.
@@ -66,6 +67,7 @@ def table(store: Store) -> Any:
                 out[f"{o['name']}_count"] = (dims, count, {"long_name": f"trials, {o['name']}"})
             else:
                 _time(out, o["name"], came, time, good, dims, level)
+        _by_end(out, raw, asked, good, dims)
     step = asked["time step"]
     if isinstance(step, dict):
         out["time_step"] = raw["time_step"]
@@ -129,16 +131,40 @@ def _time(
 
 def _number(out: Any, raw: Any, o: dict[str, Any], good: np.ndarray, dims: tuple[str, ...]) -> None:
     """Mean, standard error and deviation of a number over the trials."""
+    mean, error, deviation = _moments(raw, o, good)
+    unit = {"units": o["unit"]} if o["unit"] else {}
+    out[o["name"]] = (dims, mean, unit | {"long_name": f"mean, {o['name']}"})
+    out[f"{o['name']}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
+    out[f"{o['name']}_deviation"] = (dims, deviation, unit | {"long_name": "standard deviation of trials"})
+
+
+def _moments(raw: Any, o: dict[str, Any], good: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean of a number over some trials, its standard error, and the deviation of trials; NaN where there is none."""
     values = np.where(good, raw[f"{o['name']}_of_trial"].values, np.nan).astype(float)
     n = np.sum(good, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.nansum(values, axis=-1) / n
         deviation = np.sqrt(np.nansum((values - mean[..., None]) ** 2, axis=-1) / (n - 1))
-        error = deviation / np.sqrt(n)
-    unit = {"units": o["unit"]} if o["unit"] else {}
-    out[o["name"]] = (dims, mean, unit | {"long_name": f"mean, {o['name']}"})
-    out[f"{o['name']}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
-    out[f"{o['name']}_deviation"] = (dims, deviation, unit | {"long_name": "standard deviation of trials"})
+        return mean, deviation / np.sqrt(n), deviation
+
+
+def _by_end(out: Any, raw: Any, asked: dict[str, Any], good: np.ndarray, dims: tuple[str, ...]) -> None:
+    """Means of numbers over the trials that each end came to: where a cell is when it is lost, not when it arrives."""
+    which = next((o for o in asked["observables"] if o["kind"] == "choice" and not o["choices"]), None)
+    if which is None:
+        return
+    came = _which_end(raw, names := choices_of(asked, which))
+    for o in (o for o in asked["observables"] if o["kind"] == "number"):
+        unit = {"units": o["unit"]} if o["unit"] else {}
+        for place, name in enumerate(names):
+            mean, error, _ = _moments(raw, o, good & (came == place))
+            out[f"{o['name']}_{name}"] = (dims, mean, unit | {"long_name": f"mean, {o['name']}, where {name}"})
+            out[f"{o['name']}_{name}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
+
+
+def _which_end(raw: Any, names: tuple[str, ...]) -> np.ndarray:
+    """Which of the names each trial had, the last of which is none."""
+    return np.where(raw["end"].values == 0, len(names) - 1, raw["end"].values - 1)
 
 
 def choices_of(asked: dict[str, Any], o: dict[str, Any]) -> tuple[str, ...]:
@@ -149,10 +175,7 @@ def choices_of(asked: dict[str, Any], o: dict[str, Any]) -> tuple[str, ...]:
 def _choice(out: Any, raw: Any, o: dict[str, Any], names: tuple[str, ...], good: np.ndarray, level: float) -> None:
     """Of each thing that it may be its share of all trials, with its interval."""
     dims = raw["trials"].dims
-    if o["choices"]:
-        which = raw[f"{o['name']}_of_trial"].values
-    else:  # which end came
-        which = np.where(raw["end"].values == 0, len(names) - 1, raw["end"].values - 1)
+    which = raw[f"{o['name']}_of_trial"].values if o["choices"] else _which_end(raw, names)
     n = np.sum(good, axis=-1)
     for place, name in enumerate(names):
         count = np.sum(good & (which == place), axis=-1)

@@ -13,7 +13,7 @@ LIMIT = 118.66
 """Speed per power at which drag exceeds the trap's force, on the page [µm/s/mW]."""
 
 
-BLOCKS = {"capture": 16, "transport": 5, "delivery": 12, "robot_hold": 7, "escape": 8}
+BLOCKS = {"capture": 16, "transport": 5, "delivery": 60, "robot_hold": 7, "escape": 8}
 """Long trials of many bodies make small blocks: each is progress, is kept by a kill, and can be shared out."""
 
 

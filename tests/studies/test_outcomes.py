@@ -108,6 +108,17 @@ def test_functions_of_a_file(folder):
     with open_store(folder / "out").read() as raw:
         aside = raw["end"].values == 2
         assert aside.sum() > 20 and np.all(raw["place_x_of_trial"].values[aside] > 0.2)
+        x, end = raw["place_x_of_trial"].values.astype(float), raw["end"].values
+    for name, code in (("escaped", 1), ("aside", 2), ("none", 0)):  # where, by what became of a trial
+        for n in range(2):
+            mine = x[n][end[n] == code]
+            assert found[f"place_x_{name}"].values[n] == pytest.approx(
+                mine.mean() if len(mine) else np.nan, nan_ok=True
+            )
+            if len(mine) > 1:
+                error = mine.std(ddof=1) / np.sqrt(len(mine))
+                assert found[f"place_x_{name}_error"].values[n] == pytest.approx(error)
+    assert found["place_x_aside"].values[0] > 0.2 and found["place_x"].values[0] < found["place_x_aside"].values[0]
     said = json.loads((folder / "out" / "study.json").read_text())["observables"]
     assert len({o["sha256"] for o in said if "sha256" in o}) == 5
     (folder / "own2.py").write_text(OWN.replace("[2]", "[1]"))
