@@ -30,6 +30,7 @@ class AnyStudy(Protocol):
         scatter: What varies from trial to trial.
         horizon: How long a trial goes on at most [s].
         round: (points) trials before and after what is to be computed, in a round of spending a budget, or None.
+        text: Of the file that described it, or None.
     """
 
     design: Design
@@ -40,6 +41,7 @@ class AnyStudy(Protocol):
     scatter: tuple[tuple[Target, Scatter], ...]
     horizon: float
     round: tuple[np.ndarray, np.ndarray] | None
+    text: str | None
 
     @property
     def ends(self) -> tuple[End, ...]:
@@ -67,6 +69,10 @@ class AnyStudy(Protocol):
 
     def blocks(self) -> list[tuple[slice, ...]]:
         """Blocks of points, each kept as a whole."""
+        ...
+
+    def in_blocks(self, cut: tuple[int, ...]) -> AnyStudy:
+        """This study in blocks of so many points along each dimension; results do not depend on it."""
         ...
 
     def between(self, before: np.ndarray, after: np.ndarray) -> AnyStudy:

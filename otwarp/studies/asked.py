@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import inspect
 import platform
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp as wp
 
-from otwarp.kernels.core.functions import digest_of
+from otwarp.kernels.core.functions import digest_of, source_of
 from otwarp.scene.digest import scene_digest
 from otwarp.studies import store as stores
 from otwarp.studies.any_study import AnyStudy
@@ -18,10 +22,6 @@ from otwarp.studies.observables import Observable
 
 def asked_by(study: AnyStudy) -> dict[str, Any]:
     """All that its results follow from, as JSON: scene, axes, observables, rule, seed, step, versions."""
-    import warp
-
-    import otwarp
-
     design, options, runner = study.design, study.options, study.runner
     counts = study.step_counts
     settings = design.scene.settings
@@ -48,8 +48,42 @@ def asked_by(study: AnyStudy) -> dict[str, Any]:
             "fast math": options.fast_math,
             "forces": [f.body_force.name for f in options.forces],
         },
-        "versions": {"otwarp": otwarp.__version__, "warp": warp.__version__, "python": platform.python_version()},
+        "versions": stores.versions() | {"python": platform.python_version()},
     }
+
+
+def texts_of(study: AnyStudy) -> dict[str, str]:
+    """What its folder keeps beside, by file: the text of the study's own file, and of files with a user's functions.
+
+    Args:
+        study: Which.
+    """
+    found = {} if study.text is None else {"study.toml": study.text}
+    called = [o.function.function for o in study.observables if o.function is not None]
+    called += [o.end.predicate.function for o in study.observables if o.end is not None]
+    called += [f.body_force.function for f in study.options.forces]
+    order = getattr(study, "order", None)
+    if order is not None and order.function is not None:
+        called.append(order.function.function)
+    for function in (f.func if isinstance(f, wp.Function) else f for f in called):
+        if function is not None and function.__module__.partition(".")[0] != "otwarp":
+            name, text = _source_file(function)
+            number = next(n for n in range(len(found) + 1) if found.get(_numbered(name, n), text) == text)
+            found[_numbered(name, number)] = text
+    return found
+
+
+def _source_file(function: Callable[..., Any]) -> tuple[str, str]:
+    """Name and text of the file that a function is from; of one made elsewhere its own text."""
+    file = inspect.getsourcefile(function)
+    if file is not None and Path(file).is_file():
+        return Path(file).stem, Path(file).read_text(encoding="utf-8")
+    return function.__name__, source_of(function) + "\n"
+
+
+def _numbered(name: str, number: int) -> str:
+    """The file of a source, others of whose name may be there."""
+    return f"sources/{name}{f'_{number + 1}' if number else ''}.py"
 
 
 def _each(study: AnyStudy) -> dict[str, Any]:

@@ -55,7 +55,8 @@ def load_study(file: str | Path) -> Study:
     """
     path = Path(file)
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        said = tomllib.loads(text)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; allowed: a study in TOML") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -66,11 +67,12 @@ def load_study(file: str | Path) -> Study:
             study = EscapeStudy(**escape_arguments(arguments, said, _table(said, "escape")))
         else:
             study = Study(**arguments)
+        study.text = text
         assert study.step_counts.size  # a step that some point cannot take is the file's fault, too
         return study
     except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+        why = str(error)
+        raise InputError(why if why.startswith(str(path)) else f"{path}: {why}") from None
 
 
 def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:

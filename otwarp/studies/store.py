@@ -2,9 +2,10 @@
 
     out/capture/
         study.json     what was asked, with digests, versions and seed: written first, never changed
+        study.toml     the text of its file, if it had one; sources/ holds those of functions of one's own
         scene.usda     the scene, flattened
         results.zarr   zarr v3: coordinates, trials, outcomes; one block of points is one chunk of every array
-        done/000012    written when all chunks of block 12 are
+        done/000012    written when all chunks of block 12 are; says which versions computed it
 
 A block is written by one task, and depends on nothing but the study: it may be computed twice, by anyone, in any order.
 What is not marked as done is not there, whatever its chunks hold: a block may have been cut off between two arrays, or
@@ -31,6 +32,16 @@ from otwarp.studies.differences import difference, short
 
 VERSION = 1
 """Of the layout of the folder."""
+
+
+def versions() -> dict[str, str]:
+    """What must be alike for bits to be alike, on one kind of device."""
+    import warp
+
+    import otwarp
+
+    return {"otwarp": otwarp.__version__, "warp": warp.__version__, "numpy": np.__version__}
+
 
 FILL = {"i": -1, "f": np.nan, "U": "", "b": False}
 
@@ -189,7 +200,7 @@ class Store:
             OSError: As `write`.
         """
         with self._named_errors(), written(self.folder / "done" / f"{block:06d}") as part:
-            part.write_text("", encoding="utf-8")
+            part.write_text(json.dumps(versions()) + "\n", encoding="utf-8")
 
     def _put(self, name: str, where: tuple[slice, ...], values: np.ndarray) -> None:
         self._arrays[name][(*where, ...)] = values
@@ -257,6 +268,7 @@ def create(
     variables: Mapping[str, Variable],
     shape: Mapping[str, int],
     chunk: Mapping[str, int],
+    texts: Mapping[str, str],
 ) -> Store:
     """Make the folder of a study, or find the same study in it; many processes may do so at once.
 
@@ -266,6 +278,7 @@ def create(
         coordinates, values: What the dimensions mean.
         variables: Arrays of results.
         shape, chunk: Per dimension its length, and that of a block.
+        texts: Per file of the folder what it is to say beside, for people: nothing reads it.
 
     Raises:
         InputError: The folder holds another study, or cannot be written.
@@ -280,6 +293,9 @@ def create(
         (apart / "done").mkdir()
         scene(apart / store.scene.name)
         _create_arrays(apart / store.results.name, coordinates, values, variables, shape, chunk)
+        for name, text in texts.items():
+            (apart / name).parent.mkdir(exist_ok=True)
+            (apart / name).write_text(text, encoding="utf-8")
         text = json.dumps(asked, indent=1, ensure_ascii=False) + "\n"
         (apart / "study.json").write_text(text, encoding="utf-8")
     check_same(store, asked)  # somebody else's, if two made it at once
@@ -331,17 +347,32 @@ def check_same(store: Store, asked: Mapping[str, Any]) -> None:
         InputError: They differ; the message says in what.
     """
     there, here = (json.loads(json.dumps(said)) for said in (store.asked(), asked))
-    made, now = there.pop("versions", None), here.pop("versions", None)
     for said in (there, here):  # where the scene lies does not matter, what it says does
         said.get("scene", {}).pop("file", None)
+        said.pop("versions", None)
     found = difference(there, here)
     if found is not None:
         where, a, b = found
         raise InputError(f"{store.folder}: holds a study with another {where}: {a} there, {b} now; "
                          "allowed: the same study, or a new folder")  # fmt: skip
-    if made != now:
-        where, a, b = difference(made, now) or ("", "", "")
-        warnings.warn(
-            f"{store.folder}: was begun with another {where}: {a}, {b} now; blocks may differ in their last bits",
-            stacklevel=2,
-        )
+
+
+def check_versions(store: Store, *, allowed: bool) -> None:
+    """Refuse to compute blocks beside those of other versions, whose bits may differ; Python's own does not matter.
+
+    Args:
+        store: Of the study.
+        allowed: Whether to say so and go on; each block keeps which versions computed it.
+
+    Raises:
+        InputError: They differ, and it is not allowed.
+    """
+    made, now = store.asked().get("versions", {}), versions()
+    other = [name for name in now if name in made and made[name] != now[name]]  # older folders do not say NumPy's
+    if not other:
+        return
+    what = ", ".join(f"{name} {made[name]}, {now[name]} now" for name in other)
+    if not allowed:
+        raise InputError(f"{store.folder}: was begun with {what}; allowed: the same, a new folder, or --allow-version: "
+                         "blocks may then differ in their last bits from those that are there")  # fmt: skip
+    warnings.warn(f"{store.folder}: was begun with {what}; blocks may differ in their last bits", stacklevel=2)

@@ -57,6 +57,7 @@ class Study:
             None: the rule of each point decides.
         cut: Points of a block along each dimension, as a folder has them that was made before; None: as many as
             `BLOCK_TRIALS` and `BLOCK_WORK` allow.
+        text: Of the file that described it, which its folder keeps; None: there was none.
 
     Raises:
         InputError: Anything that is not allowed, in one line.
@@ -106,6 +107,7 @@ class Study:
         self._step_counts: np.ndarray | None = None
         self.round: tuple[np.ndarray, np.ndarray] | None = None
         self.cut: tuple[int, ...] | None = None
+        self.text: str | None = None
         if self.design.points * self.stop.at_most > 2**32:
             raise InputError(f"the study has up to {self.design.points * self.stop.at_most} trials; allowed: up to 2³²")
 
@@ -227,7 +229,7 @@ class Study:
 
         Args:
             folder: Gets the store; the same call goes on after whatever ended it.
-            how: As `otwarp.studies.run_study` takes it: `devices`, `shard`, `progress`.
+            how: As `otwarp.studies.run_study` takes it: `devices`, `shard`, `progress`, `allow_version`.
 
         Raises:
             InputError: Another study is in the folder, another process runs it, or xarray or zarr is not installed.

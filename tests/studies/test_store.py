@@ -25,11 +25,12 @@ from otwarp.studies.axes import grid, values
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import on_this_host
 from otwarp.studies.engines.run import prepare, run_study
+from otwarp.studies.file import load_study
 from otwarp.studies.observables import trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import progress, table
 from otwarp.studies.stopping import budget, trials
-from otwarp.studies.store import Store, open_store
+from otwarp.studies.store import Store, open_store, versions
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 
@@ -238,12 +239,50 @@ def test_a_changed_scene_is_refused_with_the_difference(scene, whole, tmp_path):
     other = bead_in_a_well(tmp_path / "other", stiffness=0.6)
     with pytest.raises(InputError, match=r"traps\[0\]\.radial\.stiffness is 0\.5 there, 0\.6 now"):
         run_study(study_of(other), whole.folder, devices=["cpu"])
+
+
+def test_another_version_is_refused_unless_it_is_allowed(scene, whole, tmp_path):
+    """Where there is something to compute; then each block says by which versions it was. Older folders say less."""
     said = json.loads((whole.folder / "study.json").read_text())
-    copied = tmp_path / "copied"
-    shutil.copytree(whole.folder, copied)
-    (copied / "study.json").write_text(json.dumps(said | {"versions": said["versions"] | {"warp": "0.1"}}))
-    with pytest.warns(UserWarning, match="blocks may differ in their last bits"):
-        run_study(study_of(scene), copied, devices=["cpu"])
+    assert said["versions"].keys() == {"otwarp", "warp", "numpy", "python"}
+    for name in ("otwarp", "warp", "numpy", "python"):
+        copied = tmp_path / name
+        shutil.copytree(whole.folder, copied)
+        (copied / "study.json").write_text(json.dumps(said | {"versions": said["versions"] | {name: "0.0.1"}}))
+        run_study(study_of(scene), copied, devices=["cpu"])  # all is there
+        (copied / "done" / "000001").write_text("")
+        (copied / "done" / "000002").unlink()
+        if name != "python":
+            with pytest.raises(InputError, match=rf"begun with {name} 0\.0\.1, .* now; allowed: .*--allow-version"):
+                run_study(study_of(scene), copied, devices=["cpu"])
+            assert open_store(copied).finished() == [0, 1]
+            with pytest.warns(UserWarning, match="blocks may differ in their last bits"):
+                run_study(study_of(scene), copied, devices=["cpu"], allow_version=True)
+        else:
+            run_study(study_of(scene), copied, devices=["cpu"])
+        assert json.loads((copied / "done" / "000002").read_text()) == versions()
+    (copied / "done" / "000002").unlink()
+    older = {k: v for k, v in said["versions"].items() if k != "numpy"}
+    (copied / "study.json").write_text(json.dumps(said | {"versions": older}))
+    assert same(run_study(study_of(scene), copied, devices=["cpu"]), whole)
+
+
+def test_a_folder_keeps_the_texts_that_it_was_made_from(tmp_path):
+    """The study's file and those of its functions: of two files of one name both, and nothing of otwarp's own."""
+    bead_in_a_well(tmp_path)
+    text = 'scene = "well.usda"\n[stop]\ntrials = 8\n[[observable]]\nkind = "trapped"\nuntil = "4 ms"\n'
+    for place, axis in (("a", 0), ("b", 2)):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "own.py").write_text(
+            "import otwarp as ot\n\n@ot.observable()\ndef at(now: ot.WorldNow) -> float:\n"
+            f"    return now.state.position[now.world, 0][{axis}]\n"
+        )
+        text += f'[[observable]]\nfile = "{place}/own.py"\nfunction = "at"\nname = "at_{place}"\n'
+    (tmp_path / "s.toml").write_text(text)
+    out = run_study(load_study(tmp_path / "s.toml"), tmp_path / "out", devices=["cpu"]).folder
+    assert (out / "study.toml").read_text() == text
+    kept = {p.name: p.read_text() for p in (out / "sources").iterdir()}
+    assert kept == {"own.py": (tmp_path / "a/own.py").read_text(), "own_2.py": (tmp_path / "b/own.py").read_text()}
 
 
 def test_a_folder_without_its_results(scene, whole, tmp_path):

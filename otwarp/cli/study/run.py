@@ -30,8 +30,9 @@ from otwarp.cli.types import FILE, OutputPath
 @click.option(
     "--address", metavar="HOST:PORT", help="Head of a Ray cluster, or auto; default: RAY_ADDRESS, or this host alone."
 )
+@click.option("--allow-version", is_flag=True, help="Go on with what another version of otwarp, Warp or NumPy began.")
 @device_option
-def run(file: Path, out: Path | None, shard: str | None, engine: str, address: str | None, device: str | None) -> None:
+def run(file: Path, out: Path | None, shard: str | None, engine: str, address: str | None, **how: Any) -> None:
     """Compute the study in FILE. The same line goes on after whatever ended it.
 
     Results do not depend on devices of one kind, shards, interruptions or the order of the work. With --engine ray the
@@ -42,14 +43,14 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     from otwarp.studies.file import load_study
 
     share = None if shard is None else parse_shard(shard)
-    how = _engine(engine, address, device, shard)
+    where = _engine(engine, address, how["device"], shard)
     study = load_study(file)
     folder = out or Path("out") / file.stem
     stop.begin()
     what = "block" if study.stop.budget is None else "trial"
     kept = ", where the same line goes on: finished blocks are kept"
     with parts(what, f"{what}s") as progress, with_room(folder, kept):
-        store = run_study(study, folder, shard=share, progress=progress, **how)
+        store = run_study(study, folder, shard=share, progress=progress, allow_version=how["allow_version"], **where)
     done, blocks = len(store.finished()), store.asked()["blocks"]
     if share is not None and share[0] > blocks:
         click.echo(f"shard {shard} has none of the {blocks} block{'s' if blocks > 1 else ''}: nothing to compute")

@@ -24,7 +24,7 @@ from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.local import Engine, Progress, compute_and_keep, tasks
 from otwarp.studies.engines.ray_internals import silent_workers, sockets_in
 from otwarp.studies.engines.sent import packed, unpacked
-from otwarp.studies.store import Store
+from otwarp.studies.store import Store, versions
 
 RETRIES = 20
 """Times that a task may lose its worker."""
@@ -194,16 +194,6 @@ def _result(ray: Any, task: Any) -> None:
 def _first_line(error: BaseException) -> str:
     line = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
     return line.partition(". ")[0].removesuffix(".")
-
-
-def versions() -> dict[str, str]:
-    """What workers must have alike for their bits to be alike."""
-    import numpy
-    import warp
-
-    import otwarp
-
-    return {"otwarp": otwarp.__version__, "warp": warp.__version__, "numpy": numpy.__version__}
 
 
 @functools.lru_cache(maxsize=1)

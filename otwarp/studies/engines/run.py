@@ -14,10 +14,11 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene, export_flattened
 from otwarp.scene.digest import scene_digest
 from otwarp.studies.any_study import AnyStudy
+from otwarp.studies.asked import texts_of
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import Engine, blocks_of, on_this_host
 from otwarp.studies.engines.rounds import spend
-from otwarp.studies.store import Store, Variable, create
+from otwarp.studies.store import Store, Variable, check_versions, create
 
 
 def run_study(
@@ -28,6 +29,7 @@ def run_study(
     shard: tuple[int, int] | None = None,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
+    allow_version: bool = False,
 ) -> Store:
     """Compute what is missing of a study; called again after whatever ended it, it goes on.
 
@@ -38,10 +40,11 @@ def run_study(
         shard: Which of how many shares, counted from 1: no two compute the same block.
         engine: Who computes, such as `otwarp.studies.engines.on_ray.ray_engine(…)`; None: this process on `devices`.
         progress: Called with blocks done and blocks in all; of a study with a budget, with trials and the budget.
+        allow_version: Whether to go on with what another version of otwarp, Warp or NumPy has begun.
 
     Raises:
-        InputError: Another study is in the folder, it cannot be written, another driver runs it, or an argument is out
-            of range.
+        InputError: Another study, or one of another version, is in the folder, it cannot be written, another driver
+            runs it, or an argument is out of range.
         OSError: The disk is full; what was finished is kept.
     """
     rounds = study.stop.budget is not None
@@ -55,6 +58,7 @@ def run_study(
     if not rounds:
         say(len(store.finished()), len(study.blocks()))
     if todo:
+        check_versions(store, allowed=allow_version)
         store.check_writable()
         compute = engine or on_this_host(devices or all_devices())
         with store.claimed() if shard is None else contextlib.nullcontext():
@@ -107,6 +111,7 @@ def prepare(study: AnyStudy, folder: Path) -> Store:
         variables,
         shape,
         chunk,
+        texts_of(study),
     )
 
 
