@@ -20,12 +20,9 @@ def table(store: Store) -> Any:
     _exposure [s], _rate [1/s] with _rate_low and _rate_high, events over exposure as of a constant rate (its upper end
     alone says something where nothing was seen), and _median [s] by the product limit, NaN where less than half were
     seen. A number is the mean; behind it _error, the standard error, and _deviation. Where a study asks which end came,
-    a number also has its mean over the trials that each end came to, as place_x_reached, with its _error; NaN where none
-    did. Trials with a fault, whose state was no longer physical, count for nothing but `faults`. A search along an axis
-    has `largest`, with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
-
-    Args:
-        store: Of a study that is running or done, `open_store(folder)`.
+    a number also has its mean over the trials that each end came to, as place_x_reached, with its _error; NaN where
+    none did. Trials with a fault, whose state was no longer physical, count for nothing but `faults`. A search along an
+    axis has `largest`, with _low and _high. Of a study of escapes, what `otwarp.studies.rare.results` says.
 
     Raises:
         InputError: xarray is not installed.
