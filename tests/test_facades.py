@@ -18,8 +18,8 @@ LAZY = ("otwarp", "otwarp.hydrodynamics", "otwarp.optics", "otwarp.analysis", "o
 
 PACKAGES = (*LAZY, "otwarp.scene")
 
-ROOMS = ("analysis", "render")
-"""Names that are those of packages or files, too."""
+ROOMS = ("analysis",)
+"""Names that are those of packages."""
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -19,7 +19,7 @@ from otwarp.perception.looker import Looker
 from otwarp.perception.photographer import LIVE
 from otwarp.perception.sources import network_of, piece_size, templates_of
 from otwarp.scene import Scene
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.recorded import Source, body_index
 from otwarp.vision.view import camera_of, image_size

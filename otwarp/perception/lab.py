@@ -24,7 +24,7 @@ from otwarp.perception.plant import Plant
 from otwarp.perception.simulated import SimulatedCamera
 from otwarp.scene import Scene
 from otwarp.teleop.page.protocol import receive, send
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 
 START_WITHIN = 120.0
 """Seconds in which the laboratory must run; the first time kernels are compiled."""

@@ -11,7 +11,7 @@ import numpy as np
 from otwarp.perception.camera import Piece, Region
 from otwarp.scene import Scene
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of
 

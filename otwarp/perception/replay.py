@@ -39,7 +39,7 @@ from otwarp.simulation.frame import capture_frame
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.operators import LocalScene
 from otwarp.teleop.recording.scenery import frame_of
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.tracking.pushing import PushLaw
 
 

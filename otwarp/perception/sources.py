@@ -16,7 +16,7 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.vision.networks.run import Estimator as Network
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.matching import Matcher
 from otwarp.vision.tracking.recorded import RecordedBody, in_camera

@@ -2,7 +2,7 @@
 
 Lengths are µm; light travels along +z, x points right and y up in an image, whose row 0 is the lowest. In comes a
 `Specimen` of spheres and capsules and a `Microscope`, out come intensities that are 1 where light is unhindered. Open
-`render` first; floor plan, each file importing only from those above it:
+`rendering` first; floor plan, each file importing only from those above it:
 
     microscope, sensor         optics and light; photoelectrons and grey levels
     specimen, grid, fourier    solids; where light is computed and looked at; arrays that FFTs and kernels share
@@ -11,7 +11,7 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     propagation                light through any solids, slice by slice
     harmonics, scattering      exact light of several spheres: vector spherical waves, and what passes between spheres
     pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
-    render                     all of these together: `expose` once, look in many planes
+    rendering                  all of these together: `expose` once, look in many planes
     frame                      which solids of a scene an image is computed of
     view, moment, pictures     a scene's camera and bodies; where they are at a time; what is recorded of it
     stack                      images on disk
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from otwarp.vision.microscope import Microscope as Microscope
     from otwarp.vision.moment import moments as moments
     from otwarp.vision.pictures import picture as picture
-    from otwarp.vision.render import Rendering as Rendering
-    from otwarp.vision.render import expose as expose
-    from otwarp.vision.render import render as render
+    from otwarp.vision.rendering import Rendering as Rendering
+    from otwarp.vision.rendering import expose as expose
+    from otwarp.vision.rendering import render as render
     from otwarp.vision.sensor import Sensor as Sensor
     from otwarp.vision.specimen import Specimen as Specimen
 
@@ -44,7 +44,7 @@ __getattr__, __dir__ = lazy_names(
         "microscope": ("Microscope",),
         "moment": ("moments",),
         "pictures": ("picture",),
-        "render": ("Rendering", "expose", "render"),
+        "rendering": ("Rendering", "expose", "render"),
         "sensor": ("Sensor",),
         "specimen": ("Specimen",),
     },

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.sampling import margin_needed, reaches
 from otwarp.vision.specimen import Specimen
 

@@ -11,7 +11,7 @@ from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.frame import framed
 from otwarp.vision.moment import Moments, check_body
-from otwarp.vision.render import Rendering, expose, warn_if_few
+from otwarp.vision.rendering import Rendering, expose, warn_if_few
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.view import camera_of, image_size, microscope_of, sensor_of, specimen_of
 

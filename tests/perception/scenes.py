@@ -19,7 +19,7 @@ from otwarp.perception.plant import Plant, PlantOptions, plant_scene
 from otwarp.perception.simulated import SimulatedCamera
 from otwarp.scene import Camera, Scene
 from otwarp.teleop.operators.servo import LinkedClock
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from tests.teleop.scenes import bead, three_beads, trap
 from tests.teleop.session.stage import Stage
 

@@ -14,7 +14,7 @@ from otwarp.vision.grid import Grid
 from otwarp.vision.illumination import illumination
 from otwarp.vision.image import images
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Rendering, expose, render
+from otwarp.vision.rendering import Rendering, expose, render
 from otwarp.vision.specimen import Specimen
 
 GRID = Grid(96, 96, 96, 96, 0.1)

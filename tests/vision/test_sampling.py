@@ -16,7 +16,7 @@ from otwarp.vision.illumination import Illumination, lattice
 from otwarp.vision.image import images
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import propagate
-from otwarp.vision.render import Rendering, expose, grid_for, render
+from otwarp.vision.rendering import Rendering, expose, grid_for, render
 from otwarp.vision.sampling import margin_needed, reaches
 from otwarp.vision.specimen import Specimen
 

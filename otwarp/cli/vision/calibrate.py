@@ -38,7 +38,7 @@ def calibrate(
     from otwarp.scene import Scene
     from otwarp.vision.calibration import Bench
     from otwarp.vision.calibration import calibrate as look
-    from otwarp.vision.render import Rendering
+    from otwarp.vision.rendering import Rendering
     from otwarp.vision.view import microscope_of, sensor_of
 
     seen = Scene.load(scene)

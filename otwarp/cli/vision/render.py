@@ -88,7 +88,7 @@ def render(
     """
     from otwarp.vision.moment import moments
     from otwarp.vision.pictures import picture
-    from otwarp.vision.render import Rendering
+    from otwarp.vision.rendering import Rendering
     from otwarp.vision.stack import check_ending, save_stack
 
     begun = clock()

@@ -13,7 +13,7 @@ from otwarp.errors import InputError
 
 if TYPE_CHECKING:
     from otwarp.vision.networks.run import Estimator
-    from otwarp.vision.render import Rendering
+    from otwarp.vision.rendering import Rendering
     from otwarp.vision.tracking.recorded import RecordedBody, Source
 
 
@@ -70,7 +70,7 @@ def track(
     from otwarp.cli.progress import parts
     from otwarp.device import pick_device
     from otwarp.vision.networks import load
-    from otwarp.vision.render import Rendering
+    from otwarp.vision.rendering import Rendering
     from otwarp.vision.tracking.figure import draw_track
     from otwarp.vision.tracking.recorded import RecordedBody, track_run
     from otwarp.vision.tracking.results import errors_of, rows_of, save_track

@@ -14,7 +14,7 @@ from scipy import optimize
 from otwarp.errors import InputError
 from otwarp.vision.calibration.measured import Measured
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Exposed
+from otwarp.vision.rendering import Exposed
 
 
 @dataclass(frozen=True)

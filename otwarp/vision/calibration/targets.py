@@ -10,7 +10,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Exposed, Rendering, expose
+from otwarp.vision.rendering import Exposed, Rendering, expose
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 

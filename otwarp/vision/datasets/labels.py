@@ -18,7 +18,7 @@ from otwarp.vision.datasets.domain import PARAMETERS, generator
 from otwarp.vision.datasets.spec import ZERNIKE, Spec
 from otwarp.vision.datasets.splits import split_labels
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import grid_for, warn_if_few
+from otwarp.vision.rendering import grid_for, warn_if_few
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 

@@ -12,7 +12,7 @@ from otwarp.vision.datasets.domain import PARAMETERS
 from otwarp.vision.datasets.labels import Labels
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.illumination import Illumination
-from otwarp.vision.render import Exposed, expose, grid_for, light_for
+from otwarp.vision.rendering import Exposed, expose, grid_for, light_for
 from otwarp.vision.sampling import reaches
 
 MOST_THREADS = 8

@@ -39,7 +39,7 @@ from otwarp.scene import Scene
 from otwarp.vision.datasets.domain import Range, domain_of, number, whole
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.view import microscope_of, sensor_of
 

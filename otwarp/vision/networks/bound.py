@@ -22,7 +22,7 @@ from otwarp.vision.datasets.shots import pose_intensities
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.networks.estimate import ANGLES
-from otwarp.vision.render import Rendering
+from otwarp.vision.rendering import Rendering
 from otwarp.vision.sensor import Sensor
 
 STEPS = {"x": 0.02, "y": 0.02, "depth": 0.02, "tilt": 0.5, "yaw": 0.5}

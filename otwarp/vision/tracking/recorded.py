@@ -18,7 +18,7 @@ from otwarp.simulation.packing.bodies import mobilities
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.frame import framed
 from otwarp.vision.networks.estimate import Estimate
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.consistency import squared_error
 from otwarp.vision.tracking.measurement import Measurement, of_estimate

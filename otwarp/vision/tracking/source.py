@@ -12,7 +12,7 @@ from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.networks.run import Estimator
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, mirror_probability, with_errors
 from otwarp.vision.tracking.recorded import RecordedBody, in_camera

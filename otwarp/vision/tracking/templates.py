@@ -14,7 +14,7 @@ from otwarp.scene import Scene
 from otwarp.scene.transforms import conjugate, rotate, rotation_matrix
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.rotations import exponential, product

@@ -21,7 +21,7 @@ from otwarp.vision.datasets.labels import labels_of
 from otwarp.vision.datasets.shots import pose_images, pose_intensities
 from otwarp.vision.datasets.store import Store
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.render import render
+from otwarp.vision.rendering import render
 from otwarp.vision.sensor import NOISE
 from tests.vision.datasets.small import TEXT, written
 

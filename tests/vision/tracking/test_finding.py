@@ -8,7 +8,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.render import Rendering, render
+from otwarp.vision.rendering import Rendering, render
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.finding import crop, find

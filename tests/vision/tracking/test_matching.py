@@ -10,7 +10,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.scene import Body, Camera, Scene, Sphere
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, with_errors
 from otwarp.vision.tracking.shape import Shape

@@ -242,7 +242,18 @@ def render(
     rendering: Rendering | None = None,
     fourier: Fourier | None = None,
 ) -> np.ndarray:
-    """(f, height, width) images of a specimen in focal planes [µm]: `expose`, and look.
+    """(f, height, width) images of a specimen in focal planes: `expose`, and look.
+
+    Args:
+        specimen: With the optical axis at x = y = 0, which is the middle of the image.
+        microscope: All of it.
+        width, height: Of the image, in pixels; a square where only one is given.
+        focus: (f) heights of the planes [µm].
+        rendering: How; None: as `Rendering` has it.
+        fourier: On what; None: a GPU if there is one.
+
+    Raises:
+        InputError: As `expose`.
 
     Warns:
         PlausibilityWarning: Rings or a margin that are too few for these planes.

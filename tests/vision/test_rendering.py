@@ -15,7 +15,7 @@ from otwarp.vision.illumination import illumination
 from otwarp.vision.image import _pixel_response, images
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import propagate
-from otwarp.vision.render import Rendering, expose, render
+from otwarp.vision.rendering import Rendering, expose, render
 from otwarp.vision.specimen import Specimen
 from tests.vision.mie import error, sphere_image
 
