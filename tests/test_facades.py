@@ -13,7 +13,15 @@ from typing import Any
 
 import pytest
 
-LAZY = ("otwarp", "otwarp.hydrodynamics", "otwarp.optics", "otwarp.analysis", "otwarp.studies", "otwarp.vision")
+LAZY = (
+    "otwarp",
+    "otwarp.hydrodynamics",
+    "otwarp.optics",
+    "otwarp.analysis",
+    "otwarp.operators",
+    "otwarp.studies",
+    "otwarp.vision",
+)
 """Those whose names are all loaded when first used."""
 
 PACKAGES = (*LAZY, "otwarp.scene")

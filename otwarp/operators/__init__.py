@@ -17,3 +17,28 @@ tables        the same line by line
 figure        the same as a picture
 kernels       operators and chains on the device
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from otwarp.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from otwarp.operators.chain import ChainBatch as ChainBatch
+    from otwarp.operators.folder import open_folder as open_folder
+    from otwarp.operators.folder import run_study as run_study
+    from otwarp.operators.population import Population as Population
+    from otwarp.operators.population import load_population as load_population
+    from otwarp.operators.study import OperatorStudy as OperatorStudy
+    from otwarp.operators.summary import summarise as summarise
+
+_NAMES = {
+    "chain": ("ChainBatch",),
+    "folder": ("open_folder", "run_study"),
+    "population": ("Population", "load_population"),
+    "study": ("OperatorStudy",),
+    "summary": ("summarise",),
+}
+
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)

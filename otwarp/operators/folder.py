@@ -82,7 +82,7 @@ class Folder:
 
 
 def open_folder(path: Path) -> Folder:
-    """A study that is there.
+    """A study that is there, at a path.
 
     Raises:
         InputError: It is none.

@@ -40,7 +40,7 @@ class Loop:
         seed: Key of all random numbers.
         device: Where; None for the best available.
         time_step: Of the physics [s], at most; the longest that fits into a servo period a whole number of times.
-        frame_rate: Pictures per second.
+        frame_rate: Pictures per second [1/s].
 
     Attributes:
         sim: The physics, with a trial of the operator's number in each world.

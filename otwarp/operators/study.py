@@ -41,7 +41,7 @@ class OperatorStudy:
         conditions: Names of `CONDITIONS`.
         sobol: Rows of Saltelli's points for the indices of the parameters, a power of 2; 0 for a plain population.
         chunk: Operators that run at once; results do not depend on it.
-        frame_rate: Pictures per second.
+        frame_rate: Pictures per second [1/s].
         time_step: Of the physics, at most [s].
         population: Who they are.
 
@@ -102,7 +102,7 @@ class OperatorStudy:
         return self.population.at(points[operators])
 
     def numbers(self, operators: np.ndarray) -> np.ndarray:
-        """(n) keys of their random numbers: each his own, but all of a row of Saltelli's points the same."""
+        """(n) keys of the random numbers of operators: each his own, but all of a row of Saltelli's points the same."""
         parameters = len(self.population.parameters)
         return (operators // (parameters + 2) if self.sobol else operators).astype(np.uint32)
 
@@ -121,7 +121,7 @@ class OperatorStudy:
         )
 
     def loop(self, operators: np.ndarray, device: str | None) -> Loop:
-        """The worlds of operators at their start, one condition after the other."""
+        """The worlds of operators (n) at their start, on a device, one condition after the other."""
         return Loop(
             self.task,
             self.persons(operators),

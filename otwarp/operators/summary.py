@@ -46,7 +46,7 @@ LITERATURE = {
 
 
 def summarise(folder: Folder) -> dict[str, Any]:
-    """All that a study tells so far, for JSON; numbers that do not exist are None.
+    """All that the study in a folder tells so far, for JSON; numbers that do not exist are None.
 
     Raises:
         InputError: Nothing is computed yet.

@@ -34,7 +34,7 @@ def comparison_lines(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def sobol_rows(found: dict[str, Any]) -> list[str]:
+def sobol_lines(found: dict[str, Any]) -> list[str]:
     """The largest total indices of each number that was asked, of a `summary.summarise` with Sobol indices."""
     lines = []
     for name, row in found.get("sobol", {}).get("indices", {}).items():

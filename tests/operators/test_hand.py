@@ -5,6 +5,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.operators.kernels.types import NOTHING, RESPONDS, YIELDS
+from otwarp.operators.population import load_population
 from otwarp.operators.task import SPACING
 from tests.operators.work import PERFECT, HandsAlone, loop_of, operators
 
@@ -123,6 +124,16 @@ def test_what_lags_behind_is_waited_for(device):
     HandsAlone(loop).step(3000)
     progress = loop.people.mind.progress.numpy()
     assert progress[0] > 2.0 and progress[1] < 0.5
+
+
+def test_moving_obstacles_are_waited_for_by_who_keeps_a_gap(device):
+    """On the author's path a cube comes near after some 5 s; nobody waits for pillars and walls, which stand still."""
+    values = operators(2, **PERFECT)
+    values[:, load_population().names.index("clearance")] = [1.0, -100.0]
+    loop = loop_of(values, device=device)
+    HandsAlone(loop).step(9000)
+    waited = loop.people.accounts()["waited"]
+    assert 100 < waited[0] < 5000 and waited[1] == 0
 
 
 def test_more_submovements_than_there_is_room_for_are_refused():

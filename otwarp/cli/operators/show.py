@@ -38,7 +38,7 @@ def _print(found: dict[str, Any]) -> None:
     from rich.table import Table
 
     from otwarp.operators.summary import FELT, MEASURES
-    from otwarp.operators.tables import comparison_lines, sobol_rows
+    from otwarp.operators.tables import comparison_lines, sobol_lines
 
     console = tables_console(100)
     console.print(f"{found['operators']:,} SIMULATED operators, {found['scene']}, {found['mode']} chain, "
@@ -58,5 +58,5 @@ def _print(found: dict[str, Any]) -> None:
     console.print(grid)
     for line in comparison_lines(found):
         console.print(line)
-    for row in sobol_rows(found):
+    for row in sobol_lines(found):
         console.print(row)

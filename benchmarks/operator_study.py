@@ -1,0 +1,132 @@
+"""`python -m benchmarks.operator_study [--write]`: what SIMULATED operators do at the shipped cell delivery.
+
+With and without haptics and with the arm alone; over the force gain; and which of their parameters matter. Results are
+kept in out/operator_study, where it goes on if it was interrupted. `--write` puts the tables between the markers of
+docs/operators.md, and the picture into docs/images.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report import positive, run, save_page
+from benchmarks.validation import put_on_page
+from otwarp.operators import statistics
+from otwarp.operators.figure import draw
+from otwarp.operators.folder import Folder, run_study
+from otwarp.operators.study import OperatorStudy
+from otwarp.operators.summary import FELT, MEASURES, summarise
+from otwarp.operators.tables import comparison_lines, ends, sobol_lines
+from otwarp.operators.task import REACHED
+from otwarp.scene import Scene
+
+ROOT = Path(__file__).parents[1]
+PAGE, PICTURE = ROOT / "docs" / "operators.md", ROOT / "docs" / "images" / "operators.png"
+BEGIN, END = "<!-- begin operators -->", "<!-- end operators -->"
+OUT = ROOT / "out" / "operator_study"
+GAINS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
+"""Force gains of the scan [N/pN]; that of the chain is 0.05."""
+SHOWN = ("contact_mean", "contact_peak", "contact_above", "distance_mean", "distance_peak", "force_mean", "force_peak",
+         "work_peak", "waited", "slowed", "progress")  # fmt: skip
+"""Numbers of the first table."""
+SEED = 1
+
+
+def study(**asked: Any) -> OperatorStudy:
+    """Simulated operators at the shipped delivery."""
+    return OperatorStudy(scene=Scene.load(ROOT / "scenes" / "cell_delivery.usda"), seed=SEED, **asked)
+
+
+def computed(name: str, asked: OperatorStudy, device: str) -> Folder:
+    """A study, run or gone on with."""
+
+    def say(done: int, count: int) -> None:
+        """Tell how far it is."""
+        print(f"{name}: chunk {done} of {count}", flush=True)
+
+    return run_study(asked, OUT / name, device=device, progress=say)
+
+
+def conditions_table(found: dict[str, Any]) -> str:
+    """What happened under each condition."""
+    names = list(found["success"])
+    count = found["operators"]
+    lines = [f"| {count:,} simulated operators | {' | '.join(names)} |", f"|---|{'---:|' * len(names)}"]
+    rates = (ends(found["success"][name], ".3f") for name in names)
+    lines.append(f"| delivered, with 95 % interval | {' | '.join(rates)} |")
+    for said in next(iter(found["outcomes"].values())):
+        counts = [found["outcomes"][name][said] for name in names]
+        if any(counts):
+            lines.append(f"| {said} | {' | '.join(map(str, counts))} |")
+    for key in SHOWN:
+        meaning, unit = {**MEASURES, **FELT}[key]
+        rows = [found["numbers"][name][key] for name in names]
+        cells = [f"{row['mean']:.3g} ± {row['deviation']:.2g}" for row in rows]
+        lines.append(f"| {meaning} [{unit}] | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def gains_table(main: Folder, operators: int, device: str) -> str:
+    """Deliveries and contact force over the force gain, of the same operators."""
+    base = main.read()
+    without = main.asked()["conditions"].index("without")
+    before = base["outcome"][without, :operators] == REACHED
+    lines = [
+        f"| force gain [N/pN] | delivered of {operators} | with − without | mean contact force [pN] | "
+        "peak force on a hand [N] |",
+        "|---:|---:|---:|---:|---:|",
+        f"| 0 | {ends(vars(statistics.rate(before)), '.3f')} | 0 | "
+        f"{base['contact_mean'][without, :operators].mean():.3g} | 0 |",
+    ]
+    for gain in GAINS:
+        found = computed(f"gain_{gain:g}", study(operators=operators, force_gain=gain, conditions=("with",)), device)
+        arrays = found.read()
+        made = arrays["outcome"][0] == REACHED
+        rate, difference = statistics.rate(made), statistics.risk_difference(made, before)
+        lines.append(
+            f"| {gain:g} | {ends(vars(rate), '.3f')} | {ends(vars(difference), '+.3f')} | "
+            f"{arrays['contact_mean'][0].mean():.3g} | {arrays['force_peak'][0].mean():.2g} |"
+        )
+    return "\n".join(lines)
+
+
+def report(device: str, operators: int, scanned: int, rows: int) -> str:
+    """All tables of the page."""
+    main = computed("main", study(operators=operators, conditions=("without", "with", "no response")), device)
+    found = summarise(main)
+    parts = [
+        f"{found['operators']:,} simulated operators, seed {SEED}, population {found['population sha256'][:12]}, "
+        f"motion gain {found['motion gain']:.0f} µm/m, force gain {found['force gain']:g} N/pN; mean ± deviation:",
+        conditions_table(found),
+        "\n".join(f"- {line.strip()}" for line in comparison_lines(found)),
+        f"The first {scanned} of them over the force gain:",
+        gains_table(main, scanned, device),
+    ]
+    if rows:
+        sobol = summarise(computed("sobol", study(sobol=rows), device))
+        parts.append(f"Largest Sobol indices of {sobol['sobol']['rows']} rows of Saltelli's points, "
+                     f"{sobol['operators']:,} simulated operators (± standard error):")  # fmt: skip
+        parts.append("\n".join(f"- {line}" for line in sobol_lines(sobol)))
+    return "\n\n".join(parts)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="What simulated operators do at the shipped cell delivery.")
+    parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
+    parser.add_argument("--operators", type=positive, default=400, help="of the first table (default: 400)")
+    parser.add_argument("--scanned", type=positive, default=96, help="of the scan of force gains (default: 96)")
+    parser.add_argument("--rows", type=int, default=16, help="of Saltelli's points, a power of 2, or 0 (default: 16)")
+    parser.add_argument("--write", action="store_true", help="write docs/operators.md and docs/images/operators.png")
+    given = parser.parse_args()
+    text = report(given.device, given.operators, min(given.scanned, given.operators), given.rows)
+    print(text)
+    draw(Folder(OUT / "main"), PICTURE if given.write else OUT.with_suffix(".png"))
+    if given.write:
+        save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN, END))
+
+
+if __name__ == "__main__":
+    run(main)
