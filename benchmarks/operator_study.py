@@ -26,6 +26,8 @@ ROOT = Path(__file__).parents[1]
 PAGE, PICTURE = ROOT / "docs" / "operators.md", ROOT / "docs" / "images" / "operators.png"
 BEGIN, END = "<!-- begin operators -->", "<!-- end operators -->"
 OUT = ROOT / "out" / "operator_study"
+PRESSED = (0.25, 0.5, 0.75, 1.0, 1.5)
+"""Micrometres that hands aim farther towards the cell than the author's path, in another scan."""
 GAINS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 """Force gains of the scan [N/pN]; that of the chain is 0.05."""
 SHOWN = ("contact_mean", "contact_peak", "contact_above", "distance_mean", "distance_peak", "force_mean", "force_peak",
@@ -92,6 +94,25 @@ def gains_table(main: Folder, operators: int, device: str) -> str:
     return "\n".join(lines)
 
 
+def pressed_table(main: Folder, operators: int, device: str) -> str:
+    """Deliveries and contact force by how far the hands press, of the same operators with and without haptics."""
+    lines = [
+        f"| farther in by [µm] | delivered of {operators} without | with | with − without | "
+        "mean contact force without, with [pN] |",
+        "|---:|---:|---:|---:|---:|",
+    ]
+    for press in (0.0, *PRESSED):
+        asked = study(operators=operators, press=press)
+        found = computed(f"press_{press:g}", asked, device) if press else main
+        arrays = found.read()
+        made = arrays["outcome"][:2, :operators] == REACHED
+        rates = [ends(vars(statistics.rate(row)), ".3f") for row in made]
+        difference = ends(vars(statistics.risk_difference(made[1], made[0])), "+.3f")
+        contact = arrays["contact_mean"][:2, :operators].mean(axis=1)
+        lines.append(f"| {press:g} | {rates[0]} | {rates[1]} | {difference} | {contact[0]:.3g}, {contact[1]:.3g} |")
+    return "\n".join(lines)
+
+
 def report(device: str, operators: int, scanned: int, rows: int) -> str:
     """All tables of the page."""
     main = computed("main", study(operators=operators, conditions=("without", "with", "no response")), device)
@@ -103,6 +124,9 @@ def report(device: str, operators: int, scanned: int, rows: int) -> str:
         "\n".join(f"- {line.strip()}" for line in comparison_lines(found)),
         f"The first {scanned} of them over the force gain:",
         gains_table(main, scanned, device),
+        "The same over how much farther towards the cell every hand aims, with haptics and without (asked after the "
+        "first table was known):",
+        pressed_table(main, scanned, device),
     ]
     if rows:
         sobol = summarise(computed("sobol", study(sobol=rows), device))

@@ -23,6 +23,8 @@ CONDITIONS = {"without": NOTHING, "with": RESPONDS, "no response": YIELDS}
 """Conditions by name: no haptics; haptics; haptics without the delayed response, the arm only yielding."""
 LOOK = 0.25
 """Seconds between looks whether anybody is still at work."""
+MOST_PRESSED = 100.0
+"""Farthest that a hand may be asked to go beyond its path [µm]."""
 CHUNK_CPU, CHUNK_GPU = 32, 2048
 """Operators that run at once where nothing else is asked for."""
 
@@ -38,6 +40,7 @@ class OperatorStudy:
         mode: Haptic chain, `stable` or `paper`.
         force_gain, motion_gain: Of both hands [N/pN, µm/m]; None for the chain's, and the workspace's.
         duration: After which a trial is given up [s]; None for the population's patience.
+        press: By how much farther towards the cell every hand aims than the scene's author [µm].
         conditions: Names of `CONDITIONS`.
         sobol: Rows of Saltelli's points for the indices of the parameters, a power of 2; 0 for a plain population.
         chunk: Operators that run at once; results do not depend on it.
@@ -56,6 +59,7 @@ class OperatorStudy:
     force_gain: float | None = None
     motion_gain: float | None = None
     duration: float | None = None
+    press: float = 0.0
     conditions: tuple[str, ...] = ("without", "with")
     sobol: int = 0
     chunk: int = CHUNK_CPU
@@ -70,14 +74,23 @@ class OperatorStudy:
         for name, value, low in (("operators", self.operators, 1), ("chunk", self.chunk, 1), ("sobol", self.sobol, 0)):
             if int(value) != value or value < low:
                 raise InputError(f"{name} is {value!r}; allowed: a whole number, {low} or more")
+        if not abs(self.press) <= MOST_PRESSED:
+            raise InputError(f"press is {self.press!r}; allowed: ±{MOST_PRESSED:g} µm")
         if self.sobol:
             statistics.saltelli(self.sobol, 1, 0)  # refuses what is no power of 2
 
     @cached_property
     def task(self) -> Task:
         """What they are asked to do."""
-        gains = {"motion_gain": self.motion_gain, "force_gain": self.force_gain}
-        return task_of(self.scene, self.population, mode=self.mode, duration=self.duration, **gains)
+        return task_of(
+            self.scene,
+            self.population,
+            mode=self.mode,
+            motion_gain=self.motion_gain,
+            force_gain=self.force_gain,
+            duration=self.duration,
+            press=self.press,
+        )
 
     @property
     def count(self) -> int:
@@ -160,6 +173,7 @@ class OperatorStudy:
             "force gain": hand.force_gain,
             "motion gain": hand.motion_gain,
             "duration": self.task.duration,
+            "press": self.press,
             "frame rate": self.frame_rate,
             "time step": self.time_step,
             "versions": {"otwarp": otwarp.__version__, "warp": warp.__version__, "python": platform.python_version()},

@@ -18,6 +18,8 @@ DEVICE = "simulated operator"
 """What stands for the device of a hand."""
 SPACING = 0.01
 """Seconds between the samples of a path."""
+PRESSED = 0.5
+"""Seconds of the author's time within which a hand has gone its additional way towards the cell."""
 REACHED, ESCAPED, LEFT_BEHIND, TIMED_OUT = 1, 2, 3, 4
 """Codes of what ended a trial, in the order of `Task.ends`."""
 OUTCOMES = {
@@ -82,6 +84,7 @@ def task_of(
     motion_gain: float | None = None,
     force_gain: float | None = None,
     duration: float | None = None,
+    press: float = 0.0,
 ) -> Task:
     """The task that a scene sets.
 
@@ -92,6 +95,7 @@ def task_of(
         motion_gain: [µm/m]; None for the smallest that brings the path into the device's workspace.
         force_gain: [N/pN]; None for the chain's own.
         duration: After which a trial is given up [s]; None for so many times the author's.
+        press: By how much farther towards the cell every hand takes its traps than their author [µm].
 
     Raises:
         InputError: The scene sets no such task, or an argument is out of range.
@@ -108,6 +112,8 @@ def task_of(
     planned = {hand: DEVICE for hand in hands}
     plans = plan_hands(scene, planned, mode=mode, motion_gain=motion_gain, force_gain=force_gain)
     path = np.stack([_path(scene, plan) for plan in plans])
+    if press:
+        path = path + press * np.stack([_inwards(scene, plan, path.shape[1]) for plan in plans])
     if motion_gain is None:
         gain = _motion_gain(path, plans, population)
         plans = plan_hands(scene, planned, mode=mode, motion_gain=gain, force_gain=force_gain)
@@ -133,6 +139,19 @@ def _path(scene: Scene, plan: HandPlan) -> np.ndarray:
         where = scene.file or scene.root
         raise InputError(f"{where}: the traps of the {plan.name} hand stand still; allowed: traps that follow a path")
     return way
+
+
+def _inwards(scene: Scene, plan: HandPlan, samples: int) -> np.ndarray:
+    """(K, 3) unit way of a hand from its traps towards the goal's cell, gone after the first `PRESSED` seconds."""
+    assert scene.goal is not None
+    cell = next(np.array(b.position) for b in scene.bodies if b.prim == scene.goal.cell)
+    way = cell - np.mean([scene.traps[t].position.at(0.0) for t in plan.config.traps], axis=0)
+    way[2] = 0.0  # along the floor
+    length = float(np.linalg.norm(way))
+    if length == 0.0:
+        where = scene.file or scene.root
+        raise InputError(f"{where}: the traps of the {plan.name} hand are at the cell; allowed: press = 0")
+    return np.minimum(np.arange(samples) * SPACING / PRESSED, 1.0)[:, None] * way / length
 
 
 def _motion_gain(path: np.ndarray, plans: tuple[HandPlan, ...], population: Population) -> float:

@@ -121,6 +121,15 @@ def test_sobol_points_share_the_random_numbers_of_their_row():
     np.testing.assert_array_equal(changed, np.broadcast_to(np.eye(width - 2, dtype=bool), changed.shape))
 
 
+def test_pressing_brings_the_hands_closer_together_and_changes_nothing_else():
+    population = study().population
+    plain, pressed = task_of(scene(), population), task_of(scene(), population, press=0.5)
+    shift = pressed.path - plain.path
+    np.testing.assert_allclose(shift[:, 50:], np.broadcast_to([[[0.5, 0, 0]], [[-0.5, 0, 0]]], shift[:, 50:].shape))
+    np.testing.assert_array_equal(shift[:, 0], 0.0)
+    np.testing.assert_array_equal(task_of(scene(), population, press=0.0).path, plain.path)
+
+
 def test_the_motion_gain_brings_the_path_into_the_workspace():
     task = task_of(scene(), study().population)
     on_device = task.path[0] @ np.array(task.plans[0].config.axis_map) / task.motion_gain
@@ -133,6 +142,7 @@ def test_the_motion_gain_brings_the_path_into_the_workspace():
     [
         (lambda: study(conditions=("blind",)), "conditions"),
         (lambda: study(operators=0), "operators"),
+        (lambda: study(press=float("nan")), "press"),
         (lambda: study(sobol=3), "power of 2"),
         (lambda: study(scene=Scene.load("scenes/single_bead.usda")).task, "goal"),
         (lambda: study(force_gain=-1.0).task, "force_gain"),

@@ -25,6 +25,13 @@ from otwarp.cli.types import COUNT, SECONDS, Number, OutputPath
 @click.option("--motion-gain", type=Number(0.0, 1e9, above=True, unit="µm/m"),
               help="Of both hands; default: the least that brings the path into the device's workspace.")  # fmt: skip
 @click.option("--duration", type=SECONDS, help="When a trial is given up; default: 3 times the author's path.")
+@click.option(
+    "--press",
+    type=Number(-100.0, 100.0, unit="µm"),
+    default=0.0,
+    show_default=True,
+    help="How much farther towards the cell every hand aims than the author's path, with haptics and without.",
+)
 @click.option("--time-step", type=SECONDS, default=5e-4, show_default=True, help="Of the physics, at most.")
 @click.option("--frame-rate", type=Number(1.0, 20_000.0, unit="Hz"), default=120.0, show_default=True,
               help="Pictures per second, for eyes and servo.")  # fmt: skip
@@ -41,6 +48,7 @@ def run(
     force_gain: float | None,
     motion_gain: float | None,
     duration: float | None,
+    press: float,
     time_step: float,
     frame_rate: float,
     chunk: int | None,
@@ -51,21 +59,24 @@ def run(
 
     The same line goes on after whatever ended it: chunks that are whole are kept.
     """
+    from otwarp.scene import Scene
+
+    loaded = Scene.load(scene)  # before Warp is, which takes longer
     from otwarp.device import pick_device
     from otwarp.operators.folder import Folder, run_study
     from otwarp.operators.study import CHUNK_CPU, CHUNK_GPU, OperatorStudy
-    from otwarp.scene import Scene
 
     where = str(pick_device(device))
     there = Folder(out).asked()["chunk"] if chunk is None and (out / "study.json").exists() else None
     study = OperatorStudy(
-        scene=Scene.load(scene),
+        scene=loaded,
         operators=operators,
         seed=seed,
         mode=mode,
         force_gain=force_gain,
         motion_gain=motion_gain,
         duration=duration,
+        press=press,
         conditions=("without", "with", "no response") if no_response else ("without", "with"),
         sobol=sobol or 0,
         chunk=chunk or there or (CHUNK_GPU if where.startswith("cuda") else CHUNK_CPU),
