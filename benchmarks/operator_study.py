@@ -113,6 +113,17 @@ def pressed_table(main: Folder, operators: int, device: str) -> str:
     return "\n".join(lines)
 
 
+def brief(lines: list[str]) -> list[str]:
+    """Lines of a comparison: measures of haptics against none, of the other comparisons success alone."""
+    out, full = [], True
+    for line in lines:
+        if line.startswith("success"):
+            full = line.startswith("success, with − without")
+        if full or not line.startswith("  "):
+            out.append(line)
+    return out
+
+
 def report(device: str, operators: int, scanned: int, rows: int) -> str:
     """All tables of the page."""
     main = computed("main", study(operators=operators, conditions=("without", "with", "no response")), device)
@@ -121,7 +132,7 @@ def report(device: str, operators: int, scanned: int, rows: int) -> str:
         f"{found['operators']:,} simulated operators, seed {SEED}, population {found['population sha256'][:12]}, "
         f"motion gain {found['motion gain']:.0f} µm/m, force gain {found['force gain']:g} N/pN; mean ± deviation:",
         conditions_table(found),
-        "\n".join(f"- {line.strip()}" for line in comparison_lines(found)),
+        "\n".join(f"- {line.strip()}" for line in brief(comparison_lines(found))),
         f"The first {scanned} of them over the force gain:",
         gains_table(main, scanned, device),
         "The same over how much farther towards the cell every hand aims, with haptics and without (asked after the "
@@ -132,7 +143,7 @@ def report(device: str, operators: int, scanned: int, rows: int) -> str:
         sobol = summarise(computed("sobol", study(sobol=rows), device))
         parts.append(f"Largest Sobol indices of {sobol['sobol']['rows']} rows of Saltelli's points, "
                      f"{sobol['operators']:,} simulated operators (± standard error):")  # fmt: skip
-        parts.append("\n".join(f"- {line}" for line in sobol_lines(sobol)))
+        parts.append("\n".join(f"- {line}" for line in sobol_lines(sobol, most=2)))
     return "\n\n".join(parts)
 
 

@@ -34,12 +34,12 @@ def comparison_lines(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def sobol_lines(found: dict[str, Any]) -> list[str]:
-    """The largest total indices of each number that was asked, of a `summary.summarise` with Sobol indices."""
+def sobol_lines(found: dict[str, Any], most: int = MOST) -> list[str]:
+    """The `most` largest total indices of each number that was asked, of a `summary.summarise` with Sobol indices."""
     lines = []
     for name, row in found.get("sobol", {}).get("indices", {}).items():
         totals = [(t if t is not None else 0.0, n) for n, t in enumerate(row["total"])]
-        for total, n in sorted(totals, reverse=True)[:MOST]:
+        for total, n in sorted(totals, reverse=True)[:most]:
             first = row["first"][n] or 0.0
             errors = row["first_error"][n] or 0.0, row["total_error"][n] or 0.0
             lines.append(
