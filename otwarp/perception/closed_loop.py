@@ -18,6 +18,9 @@ from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.perception import BodyNow, PerceptionNow, PerceptionTurn
 from otwarp.vision.tracking.commands import Commands
 
+STRAIGHT = 2e-3
+"""How far commands may be off the straight lines that trackers have of them [µm], a tenth of thermal motion."""
+
 SHOWN_EVERY = 0.2
 """Seconds between two images that are kept for the page."""
 
@@ -91,7 +94,7 @@ class ClosedLoop:
         """
         entered = self._clock.now()
         self._holds = np.array([body for body, _ in sim.model.held], dtype=int)
-        self._commands.reach(now, position=position, power=power)
+        self._commands.reach(now, position=position, power=power, tolerance=STRAIGHT)
         self._told, self._turns = (now, position, power), self._turns + 1
         self._looker.command(now, position, power)
         self._looks = tuple(self._new_looks(now))

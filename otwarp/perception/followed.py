@@ -101,7 +101,7 @@ class FollowedBody:
         self.why = "not seen yet"
         self.accepted = self.refused = 0
         self.carried = np.zeros(3)
-        self._last = -math.inf
+        self._last, self._worst = -math.inf, math.inf
         self._said = ""
         self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
 
@@ -157,9 +157,9 @@ class FollowedBody:
         if not (np.all(np.isfinite(self.pose.covariance)) and np.all(np.isfinite(self.pose.position))):
             self.restart()
             return "the estimate is not finite"
+        worst = self._worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
         if now - self._last > self._rule.after:
             return f"no measurement for {now - self._last:.2f} s{': ' + self._said if self._said else ''}"
-        worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
         if worst > self._rule.uncertain:
             return f"uncertain by {worst:.2g} µm, allowed up to {self._rule.uncertain:g} µm"
         return ""
@@ -205,8 +205,8 @@ class FollowedBody:
 
     def wanted(self) -> Wanted:
         """Where to look for it."""
-        # at first the laboratory is taken to be as the scene says; what was lost is sought anew
-        known = self.seen or self.accepted == 0
+        # at first the laboratory is taken to be as the scene says; what may be anywhere is sought
+        known = self.accepted == 0 or self._worst <= self._rule.uncertain
         place, turn = self._body.start
         place = place + self.carried
         if self.pose is not None:

@@ -1,6 +1,6 @@
 """`LabCamera`: a simulated laboratory in a process of its own, and its microscope as a camera.
 
-The plant goes on from command to command, whatever rendering takes; a frame is rendered when the one before was taken,
+The plant goes on from command to command, whatever rendering takes; a frame is rendered when somebody waits for it,
 from the latest exposure, only around the bodies that are looked for. So frames come at the rate that the machine
 carries.
 """
@@ -28,6 +28,9 @@ from otwarp.vision.rendering import Rendering
 
 START_WITHIN = 120.0
 """Seconds in which the laboratory must run; the first time kernels are compiled."""
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that bound the threads of libraries, where the user has not set them."""
 
 LOOK_AROUND = 5e-4
 """Seconds between two looks at the commands."""
@@ -97,13 +100,15 @@ class LabCamera:
         frame, self._frame = self._frame, None
         if frame is not None:
             self._asked = False
+            return frame
+        # asked for when somebody is there to look at it: one that was rendered ahead would be old by then
         if not self._asked and self._regions:
             self._asked = True
             try:
                 send(self._pipe("stdin"), self._regions)
             except (OSError, ValueError):
                 raise CameraLost(f"camera {self._order.name}: its laboratory has ended") from None
-        return frame
+        return None
 
     def close(self) -> None:
         """See `Camera`."""
@@ -208,7 +213,8 @@ def child_process(module: str) -> subprocess.Popen[bytes]:
     """A fresh interpreter that runs `child` of a module, with pipes to it."""
     paths = os.pathsep.join(path for path in sys.path if path)
     command = [sys.executable, "-c", f"from {module} import child; child()"]
-    environment = os.environ | {"PYTHONPATH": paths}
+    # small matrices and several processes: threads of a library would wait for each other longer than they work
+    environment = {name: "1" for name in ONE_THREAD} | os.environ | {"PYTHONPATH": paths}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
 
 

@@ -24,8 +24,8 @@ def command_layout(traps: int) -> RecordLayout:
 
 
 def wanted_layout(bodies: int) -> RecordLayout:
-    """What is wanted of each body."""
-    return RecordLayout(b"wanted", f"{_BODY * bodies}d")
+    """When it was said, and what is wanted of each body."""
+    return RecordLayout(b"wanted", f"{1 + _BODY * bodies}d")
 
 
 class CommandWriter:
@@ -86,9 +86,9 @@ class CommandReader:
         self._box.close()
 
 
-def packed(wanted: Sequence[Wanted]) -> tuple[float, ...]:
-    """For the box of what is wanted."""
-    row: list[float] = []
+def packed(time: float, wanted: Sequence[Wanted]) -> tuple[float, ...]:
+    """For the box of what is wanted, at a time of the session's clock [s]."""
+    row: list[float] = [time]
     for one in wanted:
         r, guess = one.region, one.guess
         row += [one.body, r.left, r.low, r.width, r.height, float(guess is not None)]
@@ -96,12 +96,12 @@ def packed(wanted: Sequence[Wanted]) -> tuple[float, ...]:
     return tuple(row)
 
 
-def unpacked(row: Sequence[float]) -> tuple[Wanted, ...]:
+def unpacked(row: Sequence[float]) -> tuple[float, tuple[Wanted, ...]]:
     """Back from the box."""
     found = []
-    for n in range(0, len(row), _BODY):
+    for n in range(1, len(row), _BODY):
         body, left, low, width, height, known = (int(v) for v in row[n : n + 6])
         found.append(
             Wanted(body, Region(left, low, width, height), np.array(row[n + 6 : n + _BODY]) if known else None)
         )
-    return tuple(found)
+    return row[0], tuple(found)

@@ -111,7 +111,7 @@ class Plant:
     """
 
     def __init__(self, scene: Scene, *, start: float = 0.0, seed: int = 1, device: str | None = None):
-        self.sim = Simulation(scene, seed=seed, device=device)
+        self.sim = Simulation(scene, seed=seed, device=device, threads=1)
         self._start = start
         self._again: dict[str, Any] = {"seed": seed, "device": device}
         traps = scene.traps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -29,6 +30,9 @@ from otwarp.teleop.page.protocol import receive, send
 
 LOOK_AROUND = 3e-4
 """Seconds between two looks at the camera."""
+
+FOLLOW_EVERY, KEPT = 4e-3, 600
+"""Seconds between two looks at what is wanted, and how many of these are kept: 5 s of a loop with 120 turns."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,7 +155,7 @@ class ProcessLooker:
 
     def want(self, wanted: Sequence[Wanted]) -> None:
         """See `Looker`."""
-        self._wanted.write(packed(wanted))
+        self._wanted.write(packed(time.perf_counter(), wanted))
 
     def looks(self, now: float) -> list[Look]:
         """See `Looker`."""
@@ -223,23 +227,48 @@ def child() -> None:
     os._exit(0)
 
 
+class Expected:
+    """Where bodies were expected in the last seconds: a frame that is late is looked at with what was expected then.
+
+    Args:
+        box: Of what is wanted.
+    """
+
+    def __init__(self, box: Mailbox[Any]):
+        self._box = box
+        self._past: deque[tuple[float, tuple[Wanted, ...]]] = deque(maxlen=KEPT)
+
+    def follow(self, ended: threading.Event) -> None:
+        """Thread: keep what the session says, until the end."""
+        while not ended.wait(FOLLOW_EVERY):
+            told = self._box.read()
+            if told is not None:
+                self._past.append(unpacked(told))
+
+    def at(self, when: float) -> tuple[Wanted, ...]:
+        """What was wanted at a time [s], or first; nothing before anything was."""
+        past = list(self._past)
+        before = [wanted for time, wanted in past if time <= when]
+        return before[-1] if before else past[0][1] if past else ()
+
+
 def _serve(camera: Camera, estimator: Estimator, box: Mailbox[Any], ended: threading.Event, sink: BinaryIO) -> None:
     """Look at the latest frame, again and again."""
-    wanted: tuple[Wanted, ...] = ()
+    wanted = Expected(box)
+    threading.Thread(target=wanted.follow, args=(ended,), daemon=True, name="wanted").start()
     while not ended.is_set():
-        told = box.read()
-        if told is not None:
-            wanted = unpacked(told)
-            camera.aim([w.region for w in wanted])
+        latest = wanted.at(math.inf)
+        if latest:
+            camera.aim([w.region for w in latest])
         try:
-            frame = camera.read(time.perf_counter()) if wanted else None
+            frame = camera.read(time.perf_counter()) if latest else None
         except CameraLost as error:
             send(sink, str(error))
             return
         if frame is None:
             time.sleep(LOOK_AROUND)
         else:
-            send(sink, estimator.look(frame, wanted, time.perf_counter()))
+            send(sink, estimator.look(frame, wanted.at(frame.time), time.perf_counter()))
 
 
 def _tell(sink: BinaryIO, word: object) -> None:

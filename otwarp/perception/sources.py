@@ -32,6 +32,9 @@ FRINGES = 1.0
 DEPTHS, TILTS = 1.5, math.radians(12.0)
 """How far templates go above and below where a scene starts a body [µm], and to both sides of its tilt there [rad]."""
 
+BALLS = 2.0
+"""By how much templates of a ball go farther."""
+
 VERSION = 1
 """Of templates on disk: raise it with any change of what they are."""
 
@@ -76,6 +79,8 @@ def templates_of(
         InputError: Too many templates.
     """
     body, shape = scene.bodies[index], Shape.of(scene, scene.bodies[index].name, np.zeros(3))
+    if not np.any(shape.axis):
+        depths *= BALLS  # one tilt: deeper templates cost little, and what no trap holds goes far
     about = _described(scene, index, shape, {"size": size, "depths": depths, "tilts": tilts}, rendering)
     if (kept := _kept(scene, about)) is not None:
         return kept

@@ -9,6 +9,9 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 
+MOST_PASSED = 60
+"""Samples that a straight line of commands stands for, at most."""
+
 
 class Commands:
     """Positions [µm] and powers [mW] of T traps as one vector (4 T) of time: all x, y, z, then all powers.
@@ -21,6 +24,7 @@ class Commands:
     def __init__(self, times: np.ndarray, values: np.ndarray):
         self.times: list[float] = [float(t) for t in times]
         self.values: list[np.ndarray] = [np.asarray(v, dtype=float) for v in values]
+        self._passed: list[tuple[float, np.ndarray]] = []  # samples since the last but one, which its line goes by
         if any(b < a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise InputError("times of commands go backwards; allowed: samples in their order")
 
@@ -84,27 +88,45 @@ class Commands:
         new = self._told(self.at(time), position, power)
         before = self.before(time)
         keep = bisect_left(self.times, time)
+        self._passed.clear()
         self.times = [*self.times[:keep], time, time]
         self.values = [*self.values[:keep], before, new]
 
-    def reach(self, time: float, *, position: np.ndarray | None = None, power: np.ndarray | None = None) -> None:
+    def reach(
+        self,
+        time: float,
+        *,
+        position: np.ndarray | None = None,
+        power: np.ndarray | None = None,
+        tolerance: float = 0.0,
+    ) -> None:
         """Traps get there at a time, in a straight line from the sample before; later samples are forgotten.
+
+        Samples on a straight line are kept as its ends: every one that is kept costs whoever leads a body along.
 
         Args:
             time: After the first sample [s].
             position: (T, 3) [µm]; None: as in the sample before.
             power: (T) [mW], likewise.
+            tolerance: By how much samples that are left out may be off the line [µm, mW].
 
         Raises:
             InputError: Another shape, or a number that is not finite.
         """
         keep = bisect_left(self.times, time)
         new = self._told(self.values[max(keep - 1, 0)], position, power)
-        del self.times[keep:], self.values[keep:]
-        # what stands still needs no samples between its first and its last
-        if keep > 1 and np.array_equal(self.values[-1], new) and np.array_equal(self.values[-2], new):
-            self.times[-1] = time
-            return
+        if keep < len(self.times):
+            del self.times[keep:], self.values[keep:]
+            self._passed.clear()
+        if self._passed and len(self._passed) < MOST_PASSED and len(self.times) > 1:
+            start, span = self.times[-2], time - self.times[-2]
+            share = (np.array([t for t, _ in self._passed]) - start)[:, None] / span
+            line = self.values[-2] + share * (new - self.values[-2])
+            if np.all(np.abs(line - np.array([v for _, v in self._passed])) <= tolerance):
+                self._passed.append((time, new))
+                self.times[-1], self.values[-1] = time, new
+                return
+        self._passed = [(time, new)]
         self.times.append(time)
         self.values.append(new)
 

@@ -189,3 +189,23 @@ def test_what_is_not_measured_does_not_count(bead: MobileBody) -> None:
         two.add(dataclasses.replace(seen, covariance=flat, position=seen.position * [1.0, 1.0, 0.0]))
         assert update.degrees == 2 or n == 0
     np.testing.assert_array_equal(one.predict(0.2).position, two.predict(0.2).position)
+
+
+@pytest.mark.quick
+def test_commands_on_a_line_are_kept_as_its_ends() -> None:
+    """A circle in steps of 1/120 s is a few straight lines, none of them off by more than was allowed."""
+    told = Commands(np.zeros(1), np.array([[1.0, 0.0, 0.0, 5.0]]))
+    times = np.arange(1, 241) / 120.0
+    places = np.stack([np.cos(times), np.sin(times), np.zeros(240)], axis=1)
+    for time, place in zip(times, places, strict=True):
+        told.reach(time, position=place[None], tolerance=2e-3)
+        assert np.array_equal(told.at(time)[:3], place)
+    off = np.abs(np.array([told.at(t)[:3] for t in times]) - places).max()
+    assert off <= 2e-3 and 8 <= len(told.times) < 40
+    for time in 2.0 + times[:100]:
+        told.reach(time, position=places[-1:])
+    assert len(told.times) < 45 and told.times[-1] == 2.0 + times[99]
+    told.reach(1.0, position=places[:1])  # what was told for later is forgotten
+    assert told.times[-1] == 1.0 and np.array_equal(told.at(5.0)[:3], places[0])
+    told.forget(0.5)
+    assert told.times[0] <= 0.5 and np.allclose(told.at(0.5)[:3], places[59], atol=2e-3)
