@@ -40,6 +40,7 @@ THOROUGH = (
     "kernels/drivers/test_world_moves.py",
     "kernels/drivers/test_world_phases.py",
     "kernels/test_step.py",
+    "operators/test_delivery.py",
     "operators/test_killed.py",
     "optics/test_table.py",
     "scenes/test_physics.py",

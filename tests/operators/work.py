@@ -18,8 +18,8 @@ def scene():
 
 
 def study(**changes):
-    """Three operators whose trials are given up after 0.4 s."""
-    asked = {"scene": scene(), "operators": 3, "duration": 0.4, "seed": 11, "chunk": 3}
+    """Three operators whose trials are given up after 0.2 s."""
+    asked = {"scene": scene(), "operators": 3, "duration": 0.2, "seed": 11, "chunk": 3}
     return OperatorStudy(**{**asked, **changes})
 
 
