@@ -21,5 +21,5 @@ def test_a_small_study_is_beside_the_papers(tmp_path: Path, device: str):
     assert rows["Hedges' g of success"].paper.number == pytest.approx(1.18, abs=0.03)
     assert all("imulated" in row.remark for row in found.comparisons if "success," in row.what)
     assert found.numbers["simulated"] is True
-    assert found.numbers["operators"] == 48 and (tmp_path / "user_study.png").is_file()
+    assert found.numbers["operators"] == 96 and (tmp_path / "user_study.png").is_file()
     assert "SIMULATED" in found.figures[0].caption and "SIMULATED" in found.definition

@@ -47,7 +47,7 @@ def run(request: Request) -> Result:
     where = str(pick_device(request.device))
     study = OperatorStudy(
         scene=request.scene("cell_delivery"),
-        operators=request.choose(48, 2000),
+        operators=request.choose(96, 2000),
         seed=request.seed,
         conditions=("without", "with", "no response"),
         chunk=CHUNK_GPU if where.startswith("cuda") else min(CHUNK_CPU, 16),
