@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,15 +79,26 @@ def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def write_small(source: Path, path: Path, *, width: int = 1000, colours: int = 128) -> None:
-    """A picture as small as a page of documents needs: so wide [pixels], of so many colours."""
+SMALL = ((1000, 128), (800, 48), (600, 32))
+"""Widths [pixels] and numbers of colours of small pictures, the first that is small enough is taken."""
+SMALL_BYTES = 100_000
+
+
+def write_small(source: Path, path: Path) -> None:
+    """A picture as small as a page of documents needs: some `SMALL_BYTES`, in few colours."""
     from PIL import Image
 
     with Image.open(source) as picture:
-        plain = picture.convert("RGB")
+        whole = picture.convert("RGB")
+    file = io.BytesIO()
+    for width, colours in SMALL:
+        plain = whole
         if plain.width > width:
             plain = plain.resize((width, round(plain.height * width / plain.width)), Image.Resampling.LANCZOS)
-        with written(path) as part:
-            plain.quantize(colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
-                part, format="PNG", optimize=True
-            )
+        few = plain.quantize(colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        file = io.BytesIO()
+        few.save(file, format="PNG", optimize=True)
+        if file.tell() <= SMALL_BYTES:
+            break
+    with written(path) as part:
+        part.write_bytes(file.getvalue())

@@ -33,10 +33,9 @@ over runs. A trial is a success when the cell is delivered, no trap having lost 
 
 DIFFERENCE = """The paper's trials are steered by people for one and a half to two and a half minutes, with approach,
 search and mistakes in them; the authored path takes 13 s and has none. So ours has the smaller spread, and its mean
-is the preload of 2.2 pN with which the traps squeeze the cell, close to the 2.57 pN of the paper's haptic trials: the
-scene was authored with that force in mind, and this agreement is no evidence. What it shows is that such a delivery
-is possible within the warning lines, and what the figures look like. What people add is the matter of the item on the
-user study."""
+is that of the preload, 2.2 pN, with which the traps of this scene squeeze the cell: a number of the scene, so that
+its being close to 2.57 pN is no evidence. What it shows is that such a delivery is possible within the warning lines,
+and what the figures look like. What people add is the matter of the item on the user study."""
 
 INCOMPARABLE = (
     "Trajectories: the paper's are shown and not published as data; the layout of its scene is known from pictures "

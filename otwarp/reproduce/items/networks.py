@@ -142,6 +142,7 @@ def _comparisons(plan: Plan, trained: Trained) -> tuple[Comparison, ...]:
             there = (net, "random", "right") in trained
             ours = _scores(trained[net, "random", "right"], key) if there else Value(text="not in a quick report")
             remark = f"no leak: {_scores(trained[net, 'focus_blocks', 'right'], key).said()}" if there else ""
+            remark = f"reduced set; {remark}" if there and plan.reduced else remark
             chosen = there and net == "resnet18" and key != "f1"
             out.append(Comparison(what=f"{TITLES[net]}, {title}", paper=Value(number=theirs, text=text), grade="S",
                                   ours=ours, remark=remark, key=chosen))  # fmt: skip
@@ -197,5 +198,7 @@ def _draw(path: Path, plan: Plan, trained: Trained) -> None:
             one.set_xticks(range(len(names)), [TITLES[name] for name in names])
             one.set_ylabel("accuracy of tilts" if column == 0 else "error of depth (share of the sweep)")
             letter(one, which)
+        if plan.reduced:
+            letter(axes[0], "a", "ours: a reduced set, 64 pixels")
         axes[0].legend(loc="upper left", bbox_to_anchor=(0.0, 1.02), ncols=1)
         axes[0].set_ylim(0.0, 1.45)
