@@ -101,7 +101,7 @@ class FollowedBody:
         self.why = "not seen yet"
         self.accepted = self.refused = 0
         self.carried = np.zeros(3)
-        self._last, self._worst = -math.inf, math.inf
+        self._last = -math.inf
         self._said = ""
         self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
 
@@ -157,7 +157,7 @@ class FollowedBody:
         if not (np.all(np.isfinite(self.pose.covariance)) and np.all(np.isfinite(self.pose.position))):
             self.restart()
             return "the estimate is not finite"
-        worst = self._worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
+        worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
         if now - self._last > self._rule.after:
             return f"no measurement for {now - self._last:.2f} s{': ' + self._said if self._said else ''}"
         if worst > self._rule.uncertain:
@@ -205,8 +205,7 @@ class FollowedBody:
 
     def wanted(self) -> Wanted:
         """Where to look for it."""
-        # at first the laboratory is taken to be as the scene says; what may be anywhere is sought
-        known = self.accepted == 0 or self._worst <= self._rule.uncertain
+        # at first the laboratory is taken to be as the scene says; a source that finds nothing there seeks anew
         place, turn = self._body.start
         place = place + self.carried
         if self.pose is not None:
@@ -218,8 +217,6 @@ class FollowedBody:
         column, row = min(max(column, 0), self._size[0] - 1), min(max(row, 0), self._size[1] - 1)
         wide, high = self._piece
         region = Region(column - wide // 2, row - high // 2, wide, high)
-        if not known:
-            return Wanted(self.index, region, None)
         axis = frame @ self.shape.axis
         tilt, yaw = math.asin(float(np.clip(axis[2], -1.0, 1.0))), math.atan2(axis[1], axis[0])
         x, y = at[0] - (column - self._size[0] // 2) * pixel, at[1] - (row - self._size[1] // 2) * pixel
