@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import (
     budget,
+    closed_loop,
     contact,
     crowd,
     escape,
@@ -45,6 +46,7 @@ BENCHMARKS = {
     "vision": vision.measure,
     "vision_networks": vision_networks.measure,
     "vision_tracking": vision_tracking.measure,
+    "closed_loop": closed_loop.measure,
     "stability": stability.measure,
     "budget": budget.measure,
     "haptics": haptics.measure,

@@ -1,4 +1,4 @@
-"""A twin that is fed by images: what late images leave of the truth and of a force, and how long light takes to a state.
+"""A twin that is fed by images: how long light takes to a state, and what late images leave of the truth and a force.
 
 Errors and felt forces are those of a virtual clock, the same on every machine. Latencies are measured in real time, by
 the processes of a session, with images from memory at 100 a second: rendering is the laboratory's and has its own row.
@@ -50,6 +50,9 @@ LATE = ((0.0, 100.0), (0.01, 100.0), (0.03, 100.0), (0.1, 100.0), (0.3, 100.0), 
 THICKER = 10.0
 """Viscosity of the plant over the twin's, where there is a drag of which only images tell."""
 
+BLOCK = 0.3
+"""Seconds whose means count as independent."""
+
 SETTLED, SECONDS = 0.8, 3.8
 """When what counts begins, and ends [s]."""
 
@@ -95,7 +98,7 @@ def seen_bead() -> Scene:
     return replace(bead_in_trap(brownian=True), camera=CAMERA)
 
 
-def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) -> tuple[float, float]:
+def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) -> tuple[float, float, float]:
     """A hand that moves a bead's trap evenly while its twin is fed by images.
 
     Args:
@@ -105,7 +108,8 @@ def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) 
         push: As of `LostRule`.
 
     Returns:
-        Root mean square distance of twin and plant across the motion [µm], and the mean force felt [pN].
+        Root mean square distance of twin and plant across the motion [µm], the mean force felt and its standard error
+        by the scatter of the means of `BLOCK` seconds [pN].
     """
     scene, clock = seen_bead(), LinkedClock()
     options = SeeingOptions(piece=PIECE, device="cpu")
@@ -135,7 +139,9 @@ def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) 
     finally:
         loop.close()
     felt = [-now.force[0] / FORCE_GAIN for now in servos[0].forces[0] if SETTLED < now.time < SECONDS - 0.05]
-    return float(np.sqrt(np.mean(np.square(off)))), float(np.mean(felt))
+    count = round((SECONDS - SETTLED) / BLOCK)
+    means = np.array([np.mean(part) for part in np.array_split(np.array(felt), count)])
+    return float(np.sqrt(np.mean(np.square(off)))), float(means.mean()), float(means.std(ddof=1) / np.sqrt(count))
 
 
 def errors() -> tuple[Table, dict[str, Any]]:
@@ -144,10 +150,11 @@ def errors() -> tuple[Table, dict[str, Any]]:
     for delay, rate in LATE:
         row, found = [f"{1e3 * delay:g}", f"{rate:g}"], {}
         for name, push in (("with", PushLaw()), ("without", None)):
-            off, known = followed(delay, rate, 1.0, push)
-            _, more = followed(delay, rate, THICKER, push)
-            share = (more - known) / ((THICKER - 1.0) * drag)
-            row += [f"{1e3 * off:.0f}", f"{known / drag:.1f}", f"{share:.2f}"]
+            off, known, error = followed(delay, rate, 1.0, push)
+            _, more, other = followed(delay, rate, THICKER, push)
+            whole = (THICKER - 1.0) * drag
+            share, scatter = (more - known) / whole, float(np.hypot(error, other)) / whole
+            row += [f"{1e3 * off:.0f}", f"{known / drag:.1f} ± {error / drag:.1f}", f"{share:.2f} ± {scatter:.2f}"]
             found[name] = {"off": off, "known": known / drag, "unknown": share}
         rows.append(tuple(row))
         data[f"{delay:g}, {rate:g}"] = found
@@ -155,13 +162,14 @@ def errors() -> tuple[Table, dict[str, Any]]:
             "known drag, no push", "unknown drag, no push")  # fmt: skip
     thermal = 1e3 * np.sqrt(4.114e-3 / STIFFNESS)
     note = (
-        f"A bead of {RADIUS:g} µm that a hand moves at {SPEED:g} µm/s; its place in the trap scatters by {thermal:.0f} nm. "
+        f"A bead of {RADIUS:g} µm that a hand moves at {SPEED:g} µm/s; in its trap it scatters by {thermal:.0f} nm. "
         "*Off*: root mean square distance of twin and plant across the motion. *Known drag*: mean force felt over the "
         f"drag {drag:.3f} pN; *unknown drag*: what is felt more, over what there is more, where the plant's liquid is "
-        f"{THICKER:g} times as viscous as the twin's. Over {SECONDS - SETTLED:g} s a mean scatters by 0.3 of the drag, an "
-        "unknown share by 0.05."
+        f"{THICKER:g} times as viscous as the twin's. Of {SECONDS - SETTLED:g} s each, ± standard errors by the scatter "
+        f"of means of {BLOCK:g} s. *No push*: trackers that know of no other forces than the twin's."
     )
-    return Table("What late images leave of the truth, and of a force", head, rows, note), data
+    title = "What late images leave of the truth, and of a force"
+    return Table(title=title, head=head, rows=rows, note=note), data
 
 
 def images(scene: Scene, folder: Path, count: int = 25) -> tuple[Path, float]:
@@ -237,12 +245,13 @@ def latencies() -> tuple[Table, dict[str, Any]]:
     table_rows.append(("measurements taken", *(taken[label] for label in eyes)))
     note = (
         f"p50 / p99 [ms] of {REAL:g} s, one robot of {SCENE}, pieces of 96 × 96 pixels, images from memory at 100/s. "
-        f"Rendering a piece, which is the laboratory's, takes {1e3 * rendering:.0f} ms (median). The servo adds up to a "
-        "cycle of 1 ms until the force is sent; a device adds its own."
+        f"Rendering a piece, which is the laboratory's, takes {1e3 * rendering:.0f} ms (median). The servo adds up to "
+        "a cycle of 1 ms until the force is sent; a device adds its own."
     )
     if len(eyes) == 1:
         note += " The small network needs torch, which was not there."
-    return Table("From light to state, on a CPU", ("stage", *eyes), table_rows, note), data | {"rendering": rendering}
+    table = Table(title="From light to state, on a CPU", head=("stage", *eyes), rows=table_rows, note=note)
+    return table, data | {"rendering": rendering}
 
 
 def measure(device: str = "cpu", *, rounds: int = 1) -> Section:
