@@ -165,8 +165,8 @@ def errors() -> tuple[Table, dict[str, Any]]:
         f"A bead of {RADIUS:g} µm that a hand moves at {SPEED:g} µm/s; in its trap it scatters by {thermal:.0f} nm. "
         "*Off*: root mean square distance of twin and plant across the motion. *Known drag*: mean force felt over the "
         f"drag {drag:.3f} pN; *unknown drag*: what is felt more, over what there is more, where the plant's liquid is "
-        f"{THICKER:g} times as viscous as the twin's. Of {SECONDS - SETTLED:g} s each, ± standard errors by the scatter "
-        f"of means of {BLOCK:g} s. *No push*: trackers that know of no other forces than the twin's."
+        f"{THICKER:g} times as viscous as the twin's. Of {SECONDS - SETTLED:g} s each, ± standard errors by the "
+        f"scatter of means of {BLOCK:g} s. *No push*: trackers that know of no other forces than the twin's."
     )
     title = "What late images leave of the truth, and of a force"
     return Table(title=title, head=head, rows=rows, note=note), data

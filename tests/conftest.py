@@ -43,6 +43,7 @@ THOROUGH = (
     "operators/test_delivery.py",
     "operators/test_killed.py",
     "optics/test_table.py",
+    "perception/test_process.py",
     "scenes/test_physics.py",
     "simulation/test_body_space.py",
     "simulation/test_contact_chains.py",
