@@ -98,6 +98,7 @@ INNER: dict[str, set[str]] = {
     "vision.tracking": {"vision", "vision.datasets", "vision.networks"},
     "operators": {"operators.kernels"},
     "operators.kernels": set(),
+    "operators.perception": {"operators", "operators.kernels"},
     "ros": set(),
     "studies": {"studies.rare", "studies.engines"},
     "studies.rare": {"studies", "studies.engines"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,44 @@ class OutputPath(click.ParamType):
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """What is there is completed by the shell."""
         return [CompletionItem(incomplete, type="dir" if self.folder else "file")]
+
+
+class Values(click.ParamType):
+    """Numbers in a range, ascending: `0:500:50` for those from 0 to 500 in steps of 50, `0,20,100`, or one.
+
+    Args:
+        each: What each of them may be.
+    """
+
+    name = "numbers"
+
+    MOST = 1000
+    """Numbers at most."""
+
+    def __init__(self, each: Number) -> None:
+        self.each = each
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Read them.
+
+        Raises:
+            InputError: None, too many, out of range, or not ascending.
+        """
+        if isinstance(value, tuple):
+            return value
+        text = str(value)
+        allowed = f"START:END:STEP or numbers with commas between, ascending, at most {self.MOST}"
+        parts = text.split(":" if ":" in text else ",")
+        numbers = [float(self.each.convert(part, param, ctx)) for part in parts]
+        if ":" in text:
+            if len(numbers) != 3 or numbers[2] <= 0.0 or (numbers[1] - numbers[0]) / numbers[2] >= self.MOST:
+                raise InputError(f"{name_of(param)} is {text}; allowed: {allowed}")
+            first, last, step = numbers
+            numbers = [round(first + n * step, 12) for n in range(math.floor((last - first) / step + 1e-9) + 1)]
+        ascending = all(a < b for a, b in itertools.pairwise(numbers))
+        if not 0 < len(numbers) <= self.MOST or not ascending:
+            raise InputError(f"{name_of(param)} is {text}; allowed: {allowed}")
+        return tuple(numbers)
 
 
 UNIT = Number(0.0, 1e6, above=True)

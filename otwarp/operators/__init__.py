@@ -15,6 +15,7 @@ statistics    paired rates, standardised differences, small studies, Sobol indic
 summary       what a study has found, beside the paper and meta-analyses
 tables        the same line by line
 figure        the same as a picture
+perception    late and wrong estimates of where robots are: what they do to force and delivery
 kernels       operators and chains on the device
 """
 

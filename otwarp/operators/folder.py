@@ -14,14 +14,40 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import check_place, claimed, made_apart, written
-from otwarp.operators.study import OperatorStudy
+from otwarp.operators.population import Population
 from otwarp.studies.differences import difference
+
+
+class Computed(Protocol):
+    """A study in chunks: `otwarp.operators.study.OperatorStudy`, `otwarp.operators.perception.sweep.Sweep`."""
+
+    @property
+    def population(self) -> Population:
+        """Who the operators are."""
+        ...
+
+    @property
+    def chunks(self) -> int:
+        """How many there are."""
+        ...
+
+    def asked(self) -> dict[str, Any]:
+        """All that the results follow from, as JSON."""
+        ...
+
+    def members(self, chunk: int) -> np.ndarray:
+        """(n) numbers of the operators of a chunk's trials."""
+        ...
+
+    def run_chunk(self, chunk: int, *, device: str | None = None) -> dict[str, np.ndarray]:
+        """Arrays (…, n) of the trials of a chunk, by name."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -43,7 +69,7 @@ class Folder:
                 raise KeyError("simulated")
         except (OSError, ValueError, KeyError, TypeError) as error:
             why = getattr(error, "strerror", None) or "no study of simulated operators"
-            raise InputError(f"{file}: {why}; allowed: a folder that otwarp operators run has made") from None
+            raise InputError(f"{file}: {why}; allowed: a folder that otwarp operators run or sweep has made") from None
         return said
 
     def done(self, chunk: int) -> bool:
@@ -92,7 +118,7 @@ def open_folder(path: Path) -> Folder:
     return folder
 
 
-def create(path: Path, study: OperatorStudy) -> Folder:
+def create(path: Path, study: Computed) -> Folder:
     """Make the folder of a study, or find the same study in it.
 
     Raises:
@@ -135,7 +161,7 @@ def check_same(folder: Folder, asked: dict[str, Any]) -> None:
 
 
 def run_study(
-    study: OperatorStudy,
+    study: Computed,
     path: Path,
     *,
     device: str | None = None,

@@ -82,15 +82,15 @@ class Loop:
         given = np.where(persons["feels"][:, None] == NOTHING, 0.0, gains)
         self.chain.force_gain.assign(given)
         self._take_traps()
-        self.twin = self._twin(local)
+        self.prepare(local)
         self.operate = hand_kernel(moving_shapes(task) if model.features.obstacles else ())
         self.ticks, self._frames = 0, 0
-        self._load()
-        self.turn = self.sim.capture(steps, before=self._act, after=self.keep_account)
+        self.load()
+        self.turn = self.sim.capture(steps, before=self.act, after=self.keep_account)
         self.publish()
         self.chain.arm()
 
-    def _load(self) -> None:
+    def load(self) -> None:
         """Compile and load what a graph captures."""
         for kernel in (self.operate, account.command, account.account_for, seen.see):
             wp.load_module(kernel.module, device=self.sim.model.device)
@@ -103,12 +103,16 @@ class Loop:
         sim.control.set(trap_position=start, follow=follow)
         sim.control.widen("trap_position")
 
-    def _twin(self, local: LocalScene) -> Any:
-        """What the chain gets of the state; its spheres in the order of the chain's."""
+    def prepare(self, local: LocalScene) -> None:
+        """Make what a picture is taken with, of what the hands can feel: here the chain gets all of it, at once."""
+        self.twin = self.twin_of(self.chain)
+
+    def twin_of(self, chain: ChainBatch) -> Any:
+        """What these chains get of the state; its spheres in the order of theirs."""
         body = self.sim.model.data.body
         first = body.trapped_start.numpy()
         data = TwinData()
-        data.sphere, data.trap, data.power = self.chain.sphere, self.chain.trap, self.chain.power
+        data.sphere, data.trap, data.power = chain.sphere, chain.trap, chain.power
         device = self.sim.model.device
         owner = np.repeat(np.arange(len(first) - 1), np.diff(first)).astype(np.int32)
         data.body = wp.array(owner, dtype=wp.int32, device=device)
@@ -119,7 +123,7 @@ class Loop:
         """Launch a kernel on the device of the simulation."""
         wp.launch(kernel, dim=dim, inputs=inputs, device=self.sim.model.device)
 
-    def _act(self) -> None:
+    def act(self) -> None:
         """One servo period up to the traps."""
         self.move_hands()
         self.chain.step()

@@ -127,6 +127,27 @@ def hedges_g(with_: ArrayLike, without: ArrayLike, *, less_is_better: bool = Tru
     return Estimate(factor * d, factor * (d - half), factor * (d + half))
 
 
+def mean_difference(one: ArrayLike, other: ArrayLike, level: float = 0.95) -> Estimate:
+    """Mean difference of pairs, one − other, with Student's interval; of a single pair without one.
+
+    Args:
+        one, other: (n) numbers of the same operators.
+        level: Of the interval.
+
+    Raises:
+        InputError: As `risk_difference`.
+    """
+    from scipy.special import stdtrit
+
+    x, y = _pairs(one, other, float)
+    check_level(level)
+    apart, n = x - y, len(x)
+    if n < 2:
+        return Estimate(float(apart.mean()), math.nan, math.nan)
+    half = float(stdtrit(n - 1, 0.5 + 0.5 * level)) * apart.std(ddof=1) / math.sqrt(n)
+    return Estimate(float(apart.mean()), float(apart.mean() - half), float(apart.mean() + half))
+
+
 def small_sample(freedom: float) -> float:
     """Hedges' factor J = 1 − 3/(4·df − 1), which takes the bias of small samples off a standardised difference."""
     return 1.0 - 3.0 / (4.0 * freedom - 1.0)

@@ -40,6 +40,7 @@ NEEDED = {
     "study show": ["absent"],
     "study export": ["absent"],
     "operators run": [str(Path(HANDS).parent / "cell_delivery.usda")],
+    "operators sweep": [str(Path(HANDS).parent / "cell_delivery.usda")],
     "operators show": ["absent"],
     "vision render": [BEAD, "--size", "16x16"],
     "vision train": ["absent"],

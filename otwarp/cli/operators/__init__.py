@@ -1,6 +1,7 @@
 """`otwarp operators`: simulated operators at a scene's task; one module for every command.
 
-`run` computes a study, `show` says what it has found: a command each, which asks `otwarp.operators` (open `run` first).
+`run` computes a study, `sweep` one over delays and errors of perception, `show` says what either has found: a command
+each, which asks `otwarp.operators` (open `run` first); `show_sweep` prints a sweep.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
     "run": "Let simulated operators do a scene's task, with and without haptics.",
+    "sweep": "The same over delays and errors of perception: what they do to force and delivery.",
     "show": "Print or draw what simulated operators have done.",
 }
 """Commands and their one-line help; each lives in the module of its name and is imported when called."""

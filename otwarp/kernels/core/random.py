@@ -28,6 +28,8 @@ class Stream(enum.IntEnum):
     """Where a body comes in at the inlet; counts tries in place of steps."""
     OPERATOR = 5
     """Motor noise of a simulated operator; counts servo periods, operators and what moves in place of bodies."""
+    PERCEPTION = 6
+    """Errors of pictures that a simulated operator is given; counts pictures, operators and robots."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)

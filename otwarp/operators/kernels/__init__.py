@@ -7,7 +7,10 @@ What an operator does, one thread for each world and servo period:
     courses       minimum-jerk courses of submovements, paths between their samples
     arm           the passive arm at the device, exact over a period
     ahead         whether a moving obstacle is about to be in the way
-    seen          what of the simulation's state chain and eyes get: the one place to change it
+    seen          what of the simulation's state chain and eyes get, if all of it
+    perception    and what of it, how late and how wrong, if not
+    fidelity      how true a force is, against that of a perfect twin
+    probing       hands that do no task: moved in sines, or held still
     account       traps as commanded; what is kept of a trial
 
 The arithmetic of `otwarp.haptics.chain`, operation by operation:

@@ -1,0 +1,152 @@
+"""Maps of a sweep of SIMULATED operators over two axes, or curves over one; they say that they are simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from otwarp.errors import InputError
+from otwarp.files import save_picture
+from otwarp.operators.figure import COLORS
+from otwarp.operators.perception.summary import COMPARED, Maps
+
+PANELS = {
+    "success": "deliveries, share of simulated trials",
+    "contact_mean": "mean contact force on the cell [pN]",
+    "force_rmse_pn": "force error, root mean square [pN]",
+    "phase_1hz": "phase of the force at 1 Hz [°]",
+}
+"""What is drawn, and what stands beside it."""
+LABELS = {
+    "delay": ("delay [ms]", 1e3),
+    "depth_error": ("depth error [µm]", 1.0),
+    "tilt_error": ("tilt error [°]", 1.0),
+    "frame_rate": ("pictures per second", 1.0),
+}
+"""Labels of axes, and what their values are multiplied by."""
+PAPER_NETWORKS = {"VGG16": 0.1194, "ResNet18": 0.0288, "ResNet50": 0.0413}
+"""Depth errors of the paper's networks, root mean squares normalised to each pose's sweep."""
+DEPTH_RANGE = 20.0
+"""Length of such a sweep [µm]: assumed, the paper does not say it; related work sweeps ±10 µm."""
+LINES: dict[str, tuple[str, Literal["-", "--"]]] = {
+    "perfect": ("beyond: worse than no error", "-"),
+    "without": ("beyond: worse than no haptics", "--"),
+}
+"""Contours, with meaning and style; by intervals of 95 %."""
+
+
+def draw_maps(
+    found: Maps, file: Path, *, networks: Mapping[str, float] | None = None, depth_range: float = DEPTH_RANGE
+) -> Path:
+    """Draw `PANELS` over the first two axes that have more than one value, or over one.
+
+    Args:
+        found: The sweep.
+        file: Gets the picture, PNG, SVG or PDF by its ending.
+        networks: Depth errors of networks by name [µm], drawn beside the paper's.
+        depth_range: By which the paper's, which are normalised, are multiplied [µm].
+
+    Raises:
+        InputError: Another ending, or no axis with more than one value.
+    """
+    if file.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError(f"--plot is {file}; allowed: a file that ends with .png, .svg or .pdf")
+    wide = [name for name, values in found.axes.items() if len(values) > 1]
+    if not wide:
+        raise InputError("--plot of a single cell; allowed: a sweep over one axis or more, or no --plot")
+    from matplotlib.figure import Figure
+
+    panels = [name for name in PANELS if name in found.maps]
+    figure = Figure(figsize=(11.6, 8.6), layout="constrained")
+    axes = figure.subplots(2, 2).ravel()
+    for axis in axes[len(panels) :]:
+        axis.set_axis_off()
+    for axis, name in zip(axes, panels, strict=False):
+        if len(wide) == 1:
+            _curve(axis, found, name, wide[0])
+        else:
+            _map(axis, found, name, wide[0], wide[1])
+            if wide[1] == "depth_error":
+                _mark_networks(axis, found, networks or {}, depth_range, last=axis is axes[len(panels) - 1])
+    rest = {n: v[len(v) // 2] for n, v in found.axes.items() if n not in wide[:2] and (len(v) > 1 or n == "frame_rate")}
+    said = "".join(f", {LABELS[n][0]} {v * LABELS[n][1]:g}" for n, v in rest.items())
+    figure.suptitle(f"{found.operators:,} simulated operators in every cell, the same in all{said}", fontsize=10)
+    save_picture(figure, file)
+    return file
+
+
+def _plane(found: Maps, name: str, wide: list[str]) -> np.ndarray:
+    """Values over some axes, the other ones at the middle of theirs."""
+    at = tuple(slice(None) if n in wide else len(v) // 2 for n, v in found.axes.items())
+    return found.maps[name][at]
+
+
+def _ticks(found: Maps, name: str) -> tuple[list[int], list[str]]:
+    values = found.axes[name] * LABELS[name][1]
+    return list(range(len(values))), [f"{v:g}" for v in values]
+
+
+def _map(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
+    """A number over two axes, with the contours of what it is compared with."""
+    plane = _plane(found, name, [across, up]).T
+    drawn = axis.imshow(plane, origin="lower", aspect="auto", cmap="viridis", interpolation="nearest")
+    axis.figure.colorbar(drawn, ax=axis, label=PANELS[name] + ", simulated")
+    axis.set_xticks(*_ticks(found, across))
+    axis.set_yticks(*_ticks(found, up))
+    axis.set(xlabel=LABELS[across][0], ylabel=LABELS[up][0])
+    if name in COMPARED:
+        _contours(axis, found, name, across, up)
+
+
+def _contours(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
+    """Lines beyond which a cell is worse than another; where they would be empty, the legend says of what."""
+    from matplotlib.lines import Line2D
+
+    sign, handles = COMPARED[name][1], []
+    for (other, (meaning, style)), color in zip(LINES.items(), ("white", COLORS[1]), strict=True):
+        end = "_high" if sign > 0.0 else "_low"
+        bound = sign * _plane(found, f"{name}_minus_{other}{end}", [across, up]).T
+        worse = bound < 0.0
+        if worse.any() and not worse.all() and min(bound.shape) > 1:
+            axis.contour(bound, levels=[0.0], colors=[color], linestyles=style)
+        where = "" if worse.any() and not worse.all() else " (everywhere)" if worse.all() else " (nowhere)"
+        handles.append(Line2D([], [], color=color, linestyle=style, label=meaning + where))
+    axis.legend(handles=handles, fontsize=7, loc="upper right", facecolor="0.35", labelcolor="white", framealpha=0.8)
+
+
+def _mark_networks(axis: Any, found: Maps, networks: Mapping[str, float], depth_range: float, *, last: bool) -> None:
+    """Depth errors of networks as lines across a map; those above it are named below the last one."""
+    values = found.axes["depth_error"]
+    all_of = {f"{n} (paper)": e * depth_range for n, e in PAPER_NETWORKS.items()} | dict(networks)
+    beyond = []
+    for name, error in sorted(all_of.items(), key=lambda row: row[1]):
+        if not values[0] <= error <= values[-1]:
+            beyond.append(f"{name} {error:.2g} µm")
+            continue
+        place = float(np.interp(error, values, np.arange(len(values))))
+        axis.axhline(place, color=COLORS[3], lw=0.9, ls=":")
+        axis.text(0.01, place, f"{name}, {error:.2g}", color="white", fontsize=6.5, va="bottom",
+                  transform=axis.get_yaxis_transform())  # fmt: skip
+    if last:
+        said = f"Networks: the paper's depth errors times an assumed range of {depth_range:g} µm"
+        said += f"; beyond the map: {', '.join(beyond)}" if beyond else ""
+        axis.figure.supxlabel(said, fontsize=8)
+
+
+def _curve(axis: Any, found: Maps, name: str, across: str) -> None:
+    """A number over one axis, beside perfect perception and no haptics."""
+    row = _plane(found, name, [across])
+    x = found.axes[across] * LABELS[across][1]
+    axis.plot(x, row, "o-", color=COLORS[0], ms=3, label="with these errors")
+    if f"{name}_low" in found.maps:
+        ends = (_plane(found, f"{name}{end}", [across]) for end in ("_low", "_high"))
+        axis.fill_between(x, *ends, color=COLORS[0], alpha=0.2, lw=0)
+    for (other, said), color in zip((("perfect", "no error"), ("without", "no haptics")), COLORS[1:], strict=False):
+        value = found.beside[other].get(name, np.nan)
+        if np.isfinite(value):
+            axis.axhline(value, color=color, ls="--", lw=1, label=said)
+    axis.set(xlabel=LABELS[across][0], ylabel=PANELS[name] + ", simulated")
+    axis.legend(fontsize=8)

@@ -1,0 +1,174 @@
+"""Sweeps: which trials there are, folders that go on, maps and what they are compared with, the command line."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from otwarp.cli.main import cli
+from otwarp.errors import InputError
+from otwarp.operators.folder import open_folder
+from otwarp.operators.perception.errors import Perception
+from otwarp.operators.perception.folder import probes_of, run_sweep
+from otwarp.operators.perception.summary import maps_of, verdict
+from otwarp.operators.perception.sweep import Sweep
+from tests.operators.work import study
+
+AXES = {"delay": (0.0, 0.1), "depth_error": (0.0, 0.2, 0.4)}
+
+
+def small(**changes):
+    """Two operators for 0.1 s in six cells, and beside them."""
+    asked = {"study": study(operators=2, duration=0.1), "axes": AXES, "chunk": 5, "repeats": 0}
+    return Sweep(**{**asked, **changes})
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A small sweep with probes, computed."""
+    return run_sweep(small(repeats=1), tmp_path_factory.mktemp("sweep") / "out", device="cpu")
+
+
+def test_cells_and_conditions():
+    sweep = small()
+    assert [(p.delay, p.depth_error) for p in sweep.cells] == [
+        (d, e) for d in AXES["delay"] for e in AXES["depth_error"]
+    ]
+    assert [(a.cell, a.felt) for a in sweep.arms] == [(-1, False), (-1, True), *((n, True) for n in range(6))]
+    trials = np.concatenate([sweep.trials(n) for n in range(sweep.chunks)])
+    np.testing.assert_array_equal(trials, np.arange(2 * 8))
+    twin = small(base=Perception(eyes="twin"))
+    assert [(a.cell, a.felt) for a in twin.arms[8:]] == [(n, False) for n in range(6)]
+
+
+def visual_delays(sweep, chunk):
+    """Of the operators of a chunk's trials [periods]."""
+    people: Any = sweep.loop(sweep.trials(chunk), "cpu").people.people.numpy()
+    return people["visual_delay"].tolist()
+
+
+def test_eyes_that_look_at_a_late_twin_are_late():
+    """By the 100 ms of the last three cells, which begin the second chunk."""
+    twin = small(base=Perception(eyes="twin"))
+    before = visual_delays(twin, 0)
+    assert before == [before[0]] * 5
+    assert visual_delays(twin, 1)[:3] == [before[0] + 100] * 3
+
+
+def test_a_sweep_that_was_stopped_goes_on_to_the_same_bits(done, tmp_path):
+    class Stop(Exception):
+        pass
+
+    def stop(part, count):
+        if part == 2:
+            raise Stop
+
+    sweep = small(repeats=1)
+    with pytest.raises(Stop):
+        run_sweep(sweep, tmp_path / "out", device="cpu", progress=stop)
+    parts = []
+    stopped = run_sweep(sweep, tmp_path / "out", device="cpu", progress=lambda *part: parts.append(part))
+    assert parts == [(1, 5), (2, 5), (3, 5), (4, 5), (5, 5)]
+    for name, row in done.read().items():
+        np.testing.assert_array_equal(stopped.read()[name], row, err_msg=name)
+    for name, row in probes_of(done).items():
+        np.testing.assert_array_equal(probes_of(stopped)[name], row, err_msg=name)
+
+
+def test_another_sweep_is_refused_in_its_folder(done):
+    with pytest.raises(InputError, match="holds a study with another"):
+        run_sweep(small(repeats=1, base=Perception(lost=0.1)), done.path, device="cpu")
+
+
+def test_maps_are_set_against_no_error_and_no_haptics(done):
+    found = maps_of(done)
+    assert found.operators == 2
+    assert found.maps["success"].shape == found.maps["phase_1hz"].shape == (2, 3, 1, 1)
+    first = found.at((0, 0, 0, 0))
+    assert first["success_minus_perfect"] == 0.0 and first["contact_mean_minus_perfect"] == 0.0
+    for name in ("contact_mean", "force_rmse_pn", "phase_5hz", "gain_1hz"):
+        assert first[name] == found.beside["perfect"][name], name
+    assert np.isnan(found.beside["without"]["force_rmse_pn"])
+    late = found.at((1, 0, 0, 0))
+    assert late["phase_1hz"] < -20.0 < first["phase_1hz"] < 0.0
+    assert late["force_rmse_pn"] > first["force_rmse_pn"]
+
+
+def test_only_whole_operators_count(tmp_path):
+    sweep = small(chunk=9)
+    folder = run_sweep(sweep, tmp_path / "out", device="cpu")
+    (folder.path / "done" / "000001").unlink()
+    assert maps_of(folder).operators == 1
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ({"perfect": (-0.3, -0.1), "without": (-0.2, 0.1)}, "worse"),
+        ({"perfect": (-0.3, -0.1), "without": (-0.3, -0.1)}, "worse than no haptics"),
+        ({"perfect": (-0.1, 0.1), "without": (0.1, 0.3)}, "as good as no error"),
+    ],
+)
+def test_verdicts_go_by_intervals(ends, said):
+    more, less = {}, {}  # more deliveries are better, and less force is
+    for other, (low, high) in ends.items():
+        more |= {f"success_minus_{other}_low": low, f"success_minus_{other}_high": high}
+        less |= {f"contact_mean_minus_{other}_low": -high, f"contact_mean_minus_{other}_high": -low}
+    assert verdict(more, "success") == verdict(less, "contact_mean") == said
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"axes": {"colour": (1.0,)}}, "axis is 'colour'"),
+        ({"axes": {"delay": (0.1, 0.0)}}, "delay is"),
+        ({"axes": {"delay": (2.0,)}}, "delay is 2.0"),
+        ({"chunk": 0}, "chunk"),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong, said):
+    with pytest.raises(InputError, match=said):
+        small(**wrong)
+
+
+def test_the_command_line(done, tmp_path):
+    out = tmp_path / "out"
+    line = ["operators", "sweep", "scenes/cell_delivery.usda", "--delay", "0:100:100", "--depth-error", "0,0.01,0.02"]
+    line += ["--depth-range", "20", "--operators", "1", "--duration", "0.05", "--probes", "0", "--device", "cpu"]
+    ran = CliRunner().invoke(cli, [*line, "--out", str(out)], catch_exceptions=False)
+    assert ran.exit_code == 0 and "1 simulated operators are done in 6 cells" in ran.output
+    assert open_folder(out).asked()["perception"]["axes"]["depth_error"] == [0.0, 0.2, 0.4]
+    said = CliRunner().invoke(cli, ["operators", "show", str(done.path), "--json"], catch_exceptions=False)
+    found = json.loads(said.output)
+    assert found["simulated"] is True and len(found["cells"]) == 6
+    table = CliRunner().invoke(cli, ["operators", "show", str(done.path)], catch_exceptions=False)
+    assert "2 SIMULATED operators" in table.output and "no haptics" in table.output
+    picture, data = tmp_path / "map.png", tmp_path / "map.nc"
+    drawn = [
+        "operators",
+        "show",
+        str(done.path),
+        "--plot",
+        str(picture),
+        "--export",
+        str(data),
+        "--network",
+        "ours=0.3",
+    ]
+    assert CliRunner().invoke(cli, drawn, catch_exceptions=False).exit_code == 0
+    assert picture.stat().st_size > 10_000
+
+    import xarray
+
+    with xarray.open_dataset(data) as table:
+        assert table["success"].dims == ("delay", "depth_error", "tilt_error", "frame_rate")
+        assert table["force_rmse_pn"].attrs["units"] == "pN" and "simulated" in table.attrs["note"]
+
+
+@pytest.mark.parametrize("wrong", ["0:500", "0:500:0", "5:1:1,", "1,0", "a", "", "0:1:1e-9", "0,2000"])
+def test_values_that_are_none_are_refused(wrong, tmp_path):
+    line = ["operators", "sweep", "scenes/cell_delivery.usda", "--delay", wrong, "--out", str(tmp_path / "out")]
+    ran = CliRunner().invoke(cli, line)
+    assert isinstance(ran.exception, InputError | SystemExit) and "--delay is" in str(ran.exception or ran.output)
