@@ -15,6 +15,7 @@ place of the plant. Open `closed_loop` first; floor plan, each file importing on
     followed                     a body's tracker; when it counts as lost
     latency                      from light to state, stage by stage
     looker                       who reads the camera and asks the estimator
+    overlaps                     bodies that images put into each other, pushed apart
     recorded                     looks and turns as JSON, bit for bit
     closed_loop                  what the live loop asks: bodies put where they are
     sources, assemble            templates and networks for the bodies of a scene; all of it from a user's words

@@ -13,6 +13,7 @@ from otwarp.perception.estimator import Look
 from otwarp.perception.followed import FollowedBody
 from otwarp.perception.latency import Latency, table
 from otwarp.perception.looker import Looker
+from otwarp.perception.overlaps import MOST_LEFT, Overlaps
 from otwarp.perception.recorded import body_to_dict, look_to_dict
 from otwarp.simulation.simulation import Simulation
 from otwarp.teleop.perception import BodyNow, PerceptionNow, PerceptionTurn
@@ -42,6 +43,7 @@ class ClosedLoop:
         latency: From light to state, stage by stage.
         frames, skipped, disordered: Frames that were looked at, exposures that nobody read, frames that came after a
             later one.
+        parted, clashes: Turns in which bodies had to be pushed out of each other, and in which that was not enough.
     """
 
     def __init__(
@@ -65,7 +67,9 @@ class ClosedLoop:
         self._ended = ""
         self._times: list[float] = []
         self._number, self._newest = 0, -np.inf
-        self.frames = self.skipped = self.disordered = 0
+        self.frames = self.skipped = self.disordered = self.parted = self.clashes = 0
+        self._aligned = False
+        self._overlaps: Overlaps | None = None
         self._looks: tuple[Look, ...] = ()
         self._entered = self._updated = 0.0
         self._open: list[dict[str, float]] = []
@@ -150,6 +154,7 @@ class ClosedLoop:
         now, position, power = self._told
         told = {
             "turn": self._turns, "now": now, "beat": beat, "restarts": self._restarts, "ended": self._ended,
+            "aligned": self._aligned,
             "trap_position": position.tolist(), "trap_power": power.tolist(),
             "looks": [look_to_dict(look) for look in self._looks], "bodies": [body_to_dict(b) for b in self.bodies],
         }  # fmt: skip
@@ -174,7 +179,7 @@ class ClosedLoop:
         """Figures of the session; `text` says them to a reader."""
         stages = self.latency.percentiles()
         bodies = [{"name": b.name, "accepted": b.accepted, "refused": b.refused, "why": b.why} for b in self.bodies]
-        counts = {"frames": self.frames, "skipped": self.skipped, "disordered": self.disordered}
+        counts = {name: getattr(self, name) for name in ("frames", "skipped", "disordered", "parted", "clashes")}
         text = [f"camera    {self._looker.info.name}: {self.frames} frames looked at, {self.skipped} skipped"]
         text += [
             f"          {b.name}: {b.accepted} measurements taken, {b.refused} refused{f'; {b.why}' if b.why else ''}"
@@ -211,23 +216,32 @@ class ClosedLoop:
         return looks
 
     def _align(self, sim: Simulation) -> None:
-        """Bodies that are seen go where they are; the others stay as they were simulated."""
+        """Bodies that are seen go where they are; the others stay as they were simulated, unless those are there."""
+        self._aligned = False
         seen = [body for body in self.bodies if body.seen and body.pose is not None]
         if not seen:
             return
+        model = sim.model
         position = sim.state.position.numpy().astype(float)
+        orientation = sim.state.orientation.numpy().astype(float) if model.features.rigid else None
         for body in seen:
             assert body.pose is not None
             position[:, body.index] = body.pose.belief.position
-        rigid = [body for body in seen if body.rigid]
-        if not rigid:
-            sim.set_state(position=position)
-            return
-        orientation = sim.state.orientation.numpy().astype(float)
-        for body in rigid:
-            assert body.pose is not None
-            orientation[:, body.index] = body.pose.belief.orientation
+            if orientation is not None and body.rigid:
+                orientation[:, body.index] = body.pose.belief.orientation
+        if self._overlaps is None:
+            order = sorted((b.index for b in self.bodies), key=lambda n: model.scene.bodies[n].kind == "cell")
+            self._overlaps = Overlaps(model.scene, np.asarray(model.reference, dtype=float), order)
+        if model.features.contacts:
+            turns = None if orientation is None else orientation[0]
+            moved, left = self._overlaps.part(position[0], turns, {body.index for body in seen})
+            self.parted += moved > 0
+            if left > MOST_LEFT:
+                # estimates that leave no room for what is between: the simulation knows better, for this turn
+                self.clashes += 1
+                return
         sim.set_state(position=position, orientation=orientation)
+        self._aligned = True
 
     def _forget(self, now: float) -> None:
         """Commands that no tracker will ask for any more."""

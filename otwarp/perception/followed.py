@@ -34,7 +34,8 @@ class LostRule:
         after: Time since the light of the last measurement that its tracker took [s].
         uncertain: Largest standard deviation of its place, along any direction [µm].
         lag: For how long measurements may be late [s].
-        push: Of forces that the twin does not know.
+        push: Of forces that the twin does not know, on bodies in traps.
+        free: The same for bodies that no trap holds.
 
     Raises:
         InputError: A number out of range.
@@ -44,6 +45,7 @@ class LostRule:
     uncertain: float = 1.0
     lag: float = 2.0
     push: PushLaw | None = field(default_factory=PushLaw)
+    free: PushLaw | None = field(default_factory=lambda: PushLaw(force=0.1))
 
     def __post_init__(self) -> None:
         limits = {"after": (0.005, 60.0), "uncertain": (1e-3, 1e3), "lag": (0.01, 60.0)}
@@ -89,6 +91,7 @@ class FollowedBody:
         self.index, self.name = index, scene.bodies[index].name
         self._camera, self._size, self._piece, self._rule = camera, size, piece, rule
         self._solids = solids_of(scene.bodies[index])
+        self._trapped = any(sphere.trapped for sphere in scene.bodies[index].spheres)
         self._body, self._commands = MobileBody(scene, self.name), commands
         self.shape = Shape.of(scene, self.name, self._body.reference)
         self._body.expansion(*self._body.start, commands.values[0])  # compiles what trackers need
@@ -96,7 +99,8 @@ class FollowedBody:
 
     def restart(self) -> None:
         """Nothing is known but the start of the scene."""
-        self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag, push=self._rule.push)
+        push = self._rule.push if self._trapped else self._rule.free
+        self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag, push=push)
         self.pose: Pose | None = None
         self.why = "not seen yet"
         self.accepted = self.refused = 0

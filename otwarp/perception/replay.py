@@ -154,10 +154,10 @@ class _Replay:
 
     def __init__(self, scene: Scene, told: Mapping[str, Any], kinds: list[int], haptics: Mapping[str, Any]):
         rule = dict(told["rule"])
-        push = rule.pop("push")
+        push = {name: None if rule.get(name) is None else PushLaw(**rule[name]) for name in ("push", "free")}
         options = SeeingOptions(
             networks=told["networks"], follow=tuple(told["pieces"]), rendering=Rendering(**told["rendering"]),
-            rule=LostRule(**rule, push=None if push is None else PushLaw(**push)),
+            rule=LostRule(**(rule | push)),
         )  # fmt: skip
         seeing = see(scene, options)
         self._estimator, self._scene = estimator_of(scene, seeing), scene
@@ -211,7 +211,8 @@ class _Replay:
         self._counts["states"] += 1
         again = self._loop.turn(turn["beat"]).told["bodies"]
         wrong = "" if same(turn["bodies"], again) else "the poses"
-        if not wrong and state is not None and self._spheres:
+        # where estimates clashed with what is not seen, the state was the simulation's
+        if not wrong and state is not None and self._spheres and turn["aligned"]:
             frame = capture_frame(self._twin)
             seen = {b.index for b in self._loop.bodies if b.seen}
             spheres = self._local.now(state.beat, frame).spheres

@@ -28,7 +28,7 @@ class PushLaw:
         InputError: A number out of range.
     """
 
-    force: float = 0.5
+    force: float = 2.0
     arm: float = 2.0
     time: float = 1.0
 
