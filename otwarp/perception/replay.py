@@ -154,7 +154,9 @@ class _Replay:
 
     def __init__(self, scene: Scene, told: Mapping[str, Any], kinds: list[int], haptics: Mapping[str, Any]):
         rule = dict(told["rule"])
-        push = {name: None if rule.get(name) is None else PushLaw(**rule[name]) for name in ("push", "free")}
+        push: dict[str, Any] = {
+            name: None if rule.get(name) is None else PushLaw(**rule[name]) for name in ("push", "free")
+        }
         options = SeeingOptions(
             networks=told["networks"], follow=tuple(told["pieces"]), rendering=Rendering(**told["rendering"]),
             rule=LostRule(**(rule | push)),
