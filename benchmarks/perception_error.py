@@ -1,9 +1,9 @@
 """`python -m benchmarks.perception_error [--write]`: what late and wrong estimates do to SIMULATED operators.
 
 Maps over delay and depth error at the shipped cell delivery, with the chain's force gain and with a weaker one; then
-tilt and frame rate, estimates without time stamps, and eyes that look at the twin. Results are kept in
-out/perception_error, where it goes on if it was interrupted. `--write` puts the tables between the markers of
-docs/operators_perception.md, and the map of the weaker gain into docs/images.
+tilt and frame rate, estimates without time stamps, errors that last, errors across the beam, eyes at the twin.
+Results are kept in out/perception_error, where it goes on if it was interrupted. `--write` puts the tables between the
+markers of docs/operators_perception.md, and the map of the weaker gain into docs/images.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ BEGIN, END = "<!-- begin perception error -->", "<!-- end perception error -->"
 OUT = ROOT / "out" / "perception_error"
 WEAK = 0.01
 """Force gain at which haptics do no harm in the model [N/pN]; the chain's own is 0.05."""
+TRIALS = 816
+"""Trials at once, at most: of whole operators."""
 OURS = {"small (ours)": 0.302, "ResNet18 (ours)": 0.31}
 """Depth errors of this project's networks on a random split [µm], as docs/benchmarks/vision_networks.md has them."""
 COLUMNS = {
@@ -43,6 +45,7 @@ COLUMNS = {
     "missed": ("missed [ms]", "{:.1f}", 1e3),
     "false": ("false [ms]", "{:.1f}", 1e3),
     "work_peak": ("energy [µJ]", "{:.0f}", 1e6),
+    "gain_1hz": ("gain 1 Hz", "{:.2f}", 1.0),
     "phase_1hz": ("phase 1 Hz [°]", "{:.0f}", 1.0),
     "phase_5hz": ("5 Hz [°]", "{:.0f}", 1.0),
     "sway": ("sway [µm]", "{:.0f}", 1e6),
@@ -60,6 +63,9 @@ SWEEPS: dict[str, dict[str, Any]] = {
     "chain": {"axes": grid(0, 20, 50, 100, 200, 300, 500, depth=(0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6))},
     "pose": {"axes": {"tilt_error": (0.0, 5.0, 10.0), "frame_rate": (30.0, 60.0, 120.0, 500.0)}},
     "unstamped": {"axes": grid(25, 50, 100, 200), "base": Perception(stamped=False)},
+    "slow": {"axes": grid(0, 50, depth=(0.2, 0.4, 0.8)), "base": Perception(correlation=0.5)},
+    "lateral": {"axes": grid(0, 50), "base": Perception(lateral_error=0.2)},
+    "slow_lateral": {"axes": grid(0, 50), "base": Perception(lateral_error=0.2, correlation=0.5)},
     "eyes": {"axes": grid(50, 100, 200, 300), "base": Perception(eyes="twin")},
 }
 """What is computed, by the name of its folder."""
@@ -78,7 +84,7 @@ def computed(name: str, operators: int, device: str) -> Maps:
         """Tell how far it is."""
         print(f"{name}: part {done} of {count}", flush=True)
 
-    sweep = Sweep(study=study, chunk=arms * max(800 // arms, 1), repeats=4, **asked)
+    sweep = Sweep(study=study, chunk=arms * max(TRIALS // arms, 1), repeats=4, **asked)
     return maps_of(run_sweep(sweep, OUT / name, device=device, progress=say))
 
 
@@ -116,7 +122,10 @@ def report(device: str, operators: int, fewer: int, picture: Path) -> str:
     """All tables of the page; the map is drawn."""
     weak, chain = (computed(name, operators, device) for name in ("weak", "chain"))
     draw_maps(weak, picture, networks=OURS)
-    pose, unstamped, eyes = (computed(name, fewer, device) for name in ("pose", "unstamped", "eyes"))
+    names = ("pose", "unstamped", "slow", "lateral", "slow_lateral", "eyes")
+    pose, unstamped, slow, lateral, slow_lateral, eyes = (computed(name, fewer, device) for name in names)
+    across = [(f"{said}, {how}", row) for how, found in (("new in every picture", lateral), ("for 0.5 s", slow_lateral))
+              for said, row in cells(found)]  # fmt: skip
     corners = {"delay": (0.0, 0.05, 0.1, 0.2, 0.5), "depth_error": (0.0, 0.2, 0.8)}
     return "\n\n".join(
         [
@@ -130,6 +139,11 @@ def report(device: str, operators: int, fewer: int, picture: Path) -> str:
             table(pose, [*beside(pose), *cells(pose)]),
             f"Late estimates beside the traps of now, {unstamped.operators} simulated operators:",
             table(unstamped, cells(unstamped)),
+            f"Depth errors that are forgotten in {slow.asked['perception']['base']['correlation']:g} s, "
+            f"{slow.operators} simulated operators:",
+            table(slow, cells(slow)),
+            f"Errors of 0.2 µm along x and along y, {lateral.operators} simulated operators:",
+            table(lateral, across),
             f"Eyes that look at the late twin, {eyes.operators} simulated operators; without haptics they deliver "
             + ", ".join(f"{v:.2f}" for v in without_haptics(eyes))
             + ":",

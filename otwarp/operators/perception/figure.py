@@ -17,7 +17,7 @@ PANELS = {
     "success": "deliveries, share of simulated trials",
     "contact_mean": "mean contact force on the cell [pN]",
     "force_rmse_pn": "force error, root mean square [pN]",
-    "phase_1hz": "phase of the force at 1 Hz [°]",
+    "direction_error": "error of the force's direction [°]",
 }
 """What is drawn, and what stands beside it."""
 LABELS = {
@@ -31,11 +31,13 @@ PAPER_NETWORKS = {"VGG16": 0.1194, "ResNet18": 0.0288, "ResNet50": 0.0413}
 """Depth errors of the paper's networks, root mean squares normalised to each pose's sweep."""
 DEPTH_RANGE = 20.0
 """Length of such a sweep [µm]: assumed, the paper does not say it; related work sweeps ±10 µm."""
-LINES: dict[str, tuple[str, Literal["-", "--"]]] = {
-    "perfect": ("beyond: worse than no error", "-"),
-    "without": ("beyond: worse than no haptics", "--"),
+CLOSE = 0.12
+"""Lines of networks nearer than this, in rows of the map, share a label."""
+LINES: dict[str, tuple[str, Literal["-", "--"], Literal["o", "x"]]] = {
+    "perfect": ("worse than no error", "-", "o"),
+    "without": ("worse than no haptics", "--", "x"),
 }
-"""Contours, with meaning and style; by intervals of 95 %."""
+"""Contours, with what the cells behind them are, style and mark; by intervals of 95 %."""
 
 
 def draw_maps(
@@ -102,34 +104,52 @@ def _map(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
 
 
 def _contours(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
-    """Lines beyond which a cell is worse than another; where they would be empty, the legend says of what."""
+    """Marks in cells that are worse than another, lines around these; the legend says where it is all or none."""
     from matplotlib.lines import Line2D
 
     sign, handles = COMPARED[name][1], []
-    for (other, (meaning, style)), color in zip(LINES.items(), ("white", COLORS[1]), strict=True):
-        end = "_high" if sign > 0.0 else "_low"
+    end = "_high" if sign > 0.0 else "_low"
+    for (other, (meaning, style, mark)), color in zip(LINES.items(), ("white", COLORS[1]), strict=True):
         bound = sign * _plane(found, f"{name}_minus_{other}{end}", [across, up]).T
         worse = bound < 0.0
-        if worse.any() and not worse.all() and min(bound.shape) > 1:
-            axis.contour(bound, levels=[0.0], colors=[color], linestyles=style)
-        where = "" if worse.any() and not worse.all() else " (everywhere)" if worse.all() else " (nowhere)"
-        handles.append(Line2D([], [], color=color, linestyle=style, label=meaning + where))
-    axis.legend(handles=handles, fontsize=7, loc="upper right", facecolor="0.35", labelcolor="white", framealpha=0.8)
+        some = worse.any() and not worse.all()
+        if some and min(bound.shape) > 1:
+            drawn = axis.contour(bound, levels=[0.0], colors=[color], linestyles=style, linewidths=1.8)
+            drawn.set_path_effects(_outlined(3.0))
+        if some:
+            y, x = np.nonzero(worse)
+            axis.plot(x + (0.12 if mark == "x" else -0.12), y, mark, color=color, ms=3, mew=1)
+        where = "" if some else " (everywhere)" if worse.all() else " (nowhere)"
+        handles.append(Line2D([], [], color=color, linestyle=style, marker=mark, ms=4, label=meaning + where))
+    axis.legend(
+        handles=handles, fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, facecolor="0.35",
+        labelcolor="white",
+    )  # fmt: skip
+
+
+def _outlined(width: float) -> list[Any]:
+    """Effects that make white legible on any colour, an outline of so many points."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=width, foreground="0.25")]
 
 
 def _mark_networks(axis: Any, found: Maps, networks: Mapping[str, float], depth_range: float, *, last: bool) -> None:
     """Depth errors of networks as lines across a map; those above it are named below the last one."""
     values = found.axes["depth_error"]
     all_of = {f"{n} (paper)": e * depth_range for n, e in PAPER_NETWORKS.items()} | dict(networks)
-    beyond = []
+    beyond, names = [], {}
     for name, error in sorted(all_of.items(), key=lambda row: row[1]):
         if not values[0] <= error <= values[-1]:
             beyond.append(f"{name} {error:.2g} µm")
             continue
         place = float(np.interp(error, values, np.arange(len(values))))
-        axis.axhline(place, color=COLORS[3], lw=0.9, ls=":")
-        axis.text(0.01, place, f"{name}, {error:.2g}", color="white", fontsize=6.5, va="bottom",
-                  transform=axis.get_yaxis_transform())  # fmt: skip
+        axis.axhline(place, color="white", lw=0.9, ls=":")
+        near = next((other for other in names if abs(other - place) < CLOSE), place)
+        names[near] = f"{names[near]}; {name} {error:.2g}" if near in names else f"{name} {error:.2g}"
+    for place, said in names.items():
+        axis.text(0.98, place, said, color="white", fontsize=6.5, va="bottom", ha="right",
+                  transform=axis.get_yaxis_transform(), path_effects=_outlined(1.5))  # fmt: skip
     if last:
         said = f"Networks: the paper's depth errors times an assumed range of {depth_range:g} µm"
         said += f"; beyond the map: {', '.join(beyond)}" if beyond else ""
