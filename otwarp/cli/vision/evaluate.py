@@ -19,9 +19,16 @@ from otwarp.cli.types import FILE, Number, OutputPath
 @click.option("--poses", type=Number(0, 10_000, whole=True), default=8, show_default=True,
               help="Of which the Cramér–Rao bound is computed, about a second each; 0 for none.")  # fmt: skip
 @click.option("--no-baselines", is_flag=True, help="Leave templates and focus measures out.")
+@click.option("--any-robot", is_flag=True, help="Go on with data sets of another robot than the network's.")
 @device_option
 def evaluate(
-    run: Path, datasets: tuple[Path, ...], report: Path | None, poses: int, no_baselines: bool, device: str | None
+    run: Path,
+    datasets: tuple[Path, ...],
+    report: Path | None,
+    poses: int,
+    no_baselines: bool,
+    any_robot: bool,
+    device: str | None,
 ) -> None:
     """Evaluate the network of the training RUN on data sets.
 
@@ -36,7 +43,8 @@ def evaluate(
         stop.check()
         click.echo(f"otwarp: {name}", err=True)
 
-    estimator, found = evaluated(run, datasets, poses=poses, baselines=not no_baselines, device=device, report=say)
+    estimator, found = evaluated(run, datasets, poses=poses, baselines=not no_baselines, device=device,
+                                 any_robot=any_robot, report=say)  # fmt: skip
     page = write_report(report or run / "report", estimator, found)
     for one in found:
         rmse = ", ".join(f"{name} {value:.3g}{'°' if name in ('tilt', 'yaw') else ' µm'}"

@@ -51,6 +51,7 @@ def find(
     Places are of the first pixel's middle in pixels, and of the middle pixel in µm; x goes right and y up.
     """
     from otwarp.vision.networks import load
+    from otwarp.vision.networks.learnt import robot_of
     from otwarp.vision.networks.library import check_device_name
     from otwarp.vision.stack import load_stack
     from otwarp.vision.tracking.looking import draw_sightings, save_table, sightings
@@ -69,6 +70,10 @@ def find(
     if as_json:
         click.echo(json.dumps({"image": str(image), "robots": [_finite(s.row()) for s in seen]}, ensure_ascii=False))
         return
+    if network is not None and "robot" in network.about:
+        robot = robot_of(network.about)
+        name = robot.name or "the robot of its data set"
+        click.echo(f"the network takes each for {name}: {len(robot.radius)} solids, {robot.length:.3g} µm long")
     click.echo(f"{len(seen)} found in {pages.shape[2]} × {pages.shape[1]} pixels")
     for n, one in enumerate(seen, start=1):
         click.echo(f"{n}: {_said(one)}")

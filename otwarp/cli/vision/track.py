@@ -23,6 +23,7 @@ if TYPE_CHECKING:
               help="Gets the track, .nc, and beside it the picture, .png; default: RUN_track.nc here.")  # fmt: skip
 @click.option("--net", type=FILE, metavar="RUN", help="A trained network, or its .onnx file, that looks at the frames.")
 @click.option("--templates", is_flag=True, help="Look at the frames with rendered templates; so it is without --net.")
+@click.option("--any-robot", is_flag=True, help="Go on with a network of another robot.")
 @click.option("--camera", metavar="NAME", help="Of the scene; it has one.")
 @click.option("--body", metavar="PRIM", help="Which is followed; default: the first robot.")
 @click.option("--world", type=Number(0, whole=True), default=0, show_default=True, help="Of the recorded worlds.")
@@ -47,6 +48,7 @@ def track(
     out: Path | None,
     net: Path | None,
     templates: bool,
+    any_robot: bool,
     camera: str | None,
     body: str | None,
     world: int,
@@ -86,7 +88,7 @@ def track(
     recorded = RecordedBody.load(run, body, world=world, every=every, frames=frames, camera=camera)
     how = Rendering(rings=rings, thickness=thickness)
     stop.begin()
-    source, size = _source(recorded, network, size, how, device, seed)
+    source, size = _source(recorded, network, size, how, device, seed, any_robot)
     with parts("frame", "frames") as progress:
         steps = track_run(recorded, source, size=size, delay=delay, drop=drop, rate=rate, seed=seed, rendering=how,
                           device=device, progress=lambda n: progress(n, len(recorded)))  # fmt: skip
@@ -102,7 +104,13 @@ def track(
 
 
 def _source(
-    recorded: RecordedBody, network: Estimator | None, size: int, how: Rendering, device: str | None, seed: int
+    recorded: RecordedBody,
+    network: Estimator | None,
+    size: int,
+    how: Rendering,
+    device: str | None,
+    seed: int,
+    any_robot: bool,
 ) -> tuple[Source, int]:
     """What looks at the frames, a network or else templates; and the side of the pieces that it looks at [pixels]."""
     from otwarp.cli.progress import parts
@@ -110,7 +118,7 @@ def _source(
     from otwarp.vision.tracking.source import network_source, template_source
 
     if network is not None:
-        return network_source(recorded, network)
+        return network_source(recorded, network, any_robot=any_robot)
     check_size(recorded, size)
     with parts("tilt of the templates", "tilts of the templates") as progress:
         return template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress), size

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,6 +119,79 @@ class Robot:
             else:
                 found["rods"].append({"start": start.tolist(), "end": end.tolist(), **rest})
         return found
+
+    @classmethod
+    def read(cls, said: Mapping[str, Any]) -> Robot:
+        """The robot that `described` wrote.
+
+        Args:
+            said: As of a manifest.
+        """
+        solids = [(s["center"], s["center"], s["radius"], s["index"]) for s in said["spheres"]]
+        solids += [(r["start"], r["end"], r["radius"], r["index"]) for r in said["rods"]]
+        start, end, radius, index = (np.array(column, dtype=float) for column in zip(*solids, strict=True))
+        center, frame = np.array(said.get("center", np.zeros(3))), np.array(said.get("frame", np.eye(3)))
+        return cls(start, end, radius, index, center, frame, said.get("prim", ""))
+
+    @property
+    def length(self) -> float:
+        """Along the long axis, from end to end [µm]."""
+        ends = np.concatenate([self.start, self.end])[:, 0]
+        thick = np.tile(self.radius, 2)
+        return float((ends + thick).max() - (ends - thick).min())
+
+    def same(self, other: Robot) -> bool:
+        """Whether another robot has the same solids at the same places, but for where it is and how it is turned.
+
+        Args:
+            other: In any frame.
+        """
+        if len(self.radius) != len(other.radius):
+            return False
+        own, their = (Robot.of_solids(r.start, r.end, r.radius, r.index) for r in (self, other))
+        for flip in (np.eye(3), _about(2, 180.0)):
+            turned = their.turned(flip)
+            if any(own.matches(turned.turned(_about(0, angle))) for angle in own._rolls(turned)):
+                return True
+        return False
+
+    def turned(self, turn: np.ndarray) -> Robot:
+        """The same robot in a frame that is turned.
+
+        Args:
+            turn: (3, 3).
+        """
+        return dataclasses.replace(self, start=self.start @ turn.T, end=self.end @ turn.T)
+
+    def _rolls(self, other: Robot) -> list[float]:
+        """Angles about the long axis [deg] that bring a solid of another robot to this one's farthest from the axis."""
+        middle, theirs = 0.5 * (self.start + self.end), 0.5 * (other.start + other.end)
+        ends = np.concatenate([middle, self.start])
+        n = int(np.argmax(np.hypot(ends[:, 1], ends[:, 2])))
+        if math.hypot(*ends[n, 1:]) < SAME:
+            return [0.0]
+        points = theirs if n < len(middle) else np.concatenate([other.start, other.end])
+        near = np.abs(np.hypot(points[:, 1], points[:, 2]) - math.hypot(*ends[n, 1:])) < 2.0 * SAME
+        away = np.arctan2(ends[n, 2], ends[n, 1]) - np.arctan2(points[near, 2], points[near, 1])
+        return np.degrees(away).tolist()
+
+    def matches(self, other: Robot) -> bool:
+        """Whether each solid of one robot lies where one of its kind of the other does.
+
+        Args:
+            other: With as many solids, in the same frame.
+        """
+        taken = np.zeros(len(other.radius), dtype=bool)
+        for n in range(len(self.radius)):
+            like = (np.abs(other.radius - self.radius[n]) < SAME) & (np.abs(other.index - self.index[n]) < SAME)
+            pairs = ((other.start, other.end), (other.end, other.start))
+            away = [np.maximum(np.abs(a - self.start[n]).max(axis=1), np.abs(b - self.end[n]).max(axis=1))
+                    for a, b in pairs]  # fmt: skip
+            found = np.flatnonzero((np.minimum(*away) < 3.0 * SAME) & like & ~taken)
+            if not len(found):
+                return False
+            taken[found[0]] = True
+        return True
 
     def symmetry(self) -> dict[str, Any]:
         """Rotations that leave the robot as it is.

@@ -9,6 +9,7 @@ above it:
     targets                 labels as numbers to learn
     modules                 the networks themselves
     data, weights           images on the device; weights to begin with
+    learnt                  of which robot, poses and optics a network knows
     build, predict          a network by its name; what it says of many images
     metrics, curves         figures of merit; learning curves
     checkpoint              a training on disk

@@ -158,13 +158,10 @@ def labels_from(dataset: Any) -> Labels:
         dataset: As `open_dataset` gives it.
     """
     said, arrays = dataset.manifest, {name: np.asarray(values) for name, values in dataset.labels.items()}
-    solids = [(s["center"], s["center"], s["radius"], s["index"]) for s in said["robot"]["spheres"]]
-    solids += [(r["start"], r["end"], r["radius"], r["index"]) for r in said["robot"]["rods"]]
-    start, end, radius, refraction = (np.array(column, dtype=float) for column in zip(*solids, strict=True))
     optics = {**said["optics"], "zernike": {int(n): rms for n, rms in said["optics"]["zernike"].items()}}
     layout = said["layout"]
     spec = Spec(
-        robot=Robot(start, end, radius, refraction, np.zeros(3), np.eye(3)),
+        robot=Robot.read(said["robot"]),
         classes=np.array(said["classes"], dtype=float),
         depth=(layout["depth"][0], layout["depth"][1]),
         count=layout["count"],

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.vision.networks.learnt import learnt_of
 from otwarp.vision.networks.library import torch_library
 from otwarp.vision.networks.settings import Settings
 from otwarp.vision.networks.targets import Targets
@@ -55,6 +56,7 @@ def described(
         "pixel": float(dataset.manifest["optics"]["pixel"]),
         "grey": list(grey),
         "robot": dict(dataset.manifest["robot"]),
+        "learnt": learnt_of(dataset),
     }
 
 

@@ -10,6 +10,7 @@ out/vision/r18/
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Iterator, Mapping
@@ -52,21 +53,18 @@ class Seldom:
             self.due = now + (1.0 / self.SHARE - 1.0) * (now - begun)
 
 
-def begin(folder: Path, asked: Mapping[str, Any]) -> bool:
-    """Make the folder of a training, or find the same training in it.
+def check_folder(folder: Path, asked: Mapping[str, Any]) -> bool:
+    """Whether a folder holds this training; nothing is written.
 
     Args:
         folder: Where.
         asked: What `run.json` is to say.
 
-    Returns:
-        Whether it was there.
-
     Raises:
         InputError: The folder holds another training or other files, or cannot be written.
     """
     check_place(folder, "--out", folder=True)
-    here = json.loads(json.dumps({"version": VERSION, **asked}))
+    here = _said(asked)
     if (folder / RUN).exists():
         there = read_json(folder / RUN)
         found = _difference(there, here)
@@ -77,9 +75,36 @@ def begin(folder: Path, asked: Mapping[str, Any]) -> bool:
         return True
     if folder.exists() and any(not p.name.startswith(".") for p in folder.iterdir()):
         raise InputError(f"--out is {folder}, which holds other files; allowed: a new or empty folder, or a training's")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / RUN, here)
     return False
+
+
+def begin(folder: Path, asked: Mapping[str, Any]) -> None:
+    """Make the folder of a training, unless it is there.
+
+    Args:
+        folder: Where.
+        asked: What `run.json` is to say.
+
+    Raises:
+        InputError: As of `check_folder`.
+    """
+    if not check_folder(folder, asked):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / RUN, _said(asked))
+
+
+def digest(asked: Mapping[str, Any]) -> str:
+    """Of a training: of all that its `run.json` says, by which its network is known.
+
+    Args:
+        asked: What that says, or is to say.
+    """
+    return hashlib.sha256(json.dumps(_said(asked), sort_keys=True).encode()).hexdigest()
+
+
+def _said(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """As it is read back."""
+    return json.loads(json.dumps({"version": VERSION, **asked}))
 
 
 def _difference(there: Any, here: Any, name: str = "") -> tuple[str, Any, Any] | None:

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.vision.datasets import open_dataset
+from otwarp.vision.datasets import Robot, open_dataset
 from otwarp.vision.networks import checkpoint
 from otwarp.vision.networks.baselines import BASELINES, Shown
 from otwarp.vision.networks.bound import bounds
 from otwarp.vision.networks.estimate import ANGLES
+from otwarp.vision.networks.learnt import POSES, check_robot, learnt_of, warn_of_exceeded
 from otwarp.vision.networks.metrics import errors_of, scores_of
 from otwarp.vision.networks.predict import Predictions
-from otwarp.vision.networks.run import Estimator
+from otwarp.vision.networks.run import Estimator, network_file
 from otwarp.vision.networks.train import dataset_digest
 from otwarp.vision.networks.use import load
 
@@ -61,6 +62,7 @@ def evaluate(
     poses: int = 8,
     baselines: bool = True,
     device: str | None = None,
+    any_robot: bool = False,
     report: Callable[[str], None] | None = None,
 ) -> tuple[Estimator, list[Evaluation]]:
     """Look how good a network is.
@@ -73,22 +75,35 @@ def evaluate(
         poses: Of which the Cramér–Rao bound is computed; 0 for none.
         baselines: Whether to compare with `BASELINES`, which learn from the training part.
         device: cpu, cuda:0, …; None: the best there is.
+        any_robot: Whether data sets may be of other robots.
         report: Called with what is being done.
 
     Returns:
         The network, and an evaluation for every data set.
 
     Raises:
-        InputError: No such training or data set, or one whose images or classes are not those of the network.
+        InputError: No such training or data set, one whose images, classes or robot are not those of the network, or
+            a network of another training.
+
+    Warns:
+        PlausibilityWarning: A data set goes beyond the poses that the network has learnt.
     """
     folder = Path(run)
     estimator = load(folder, device=device)
     if not datasets:
         raise InputError("there is no data set to evaluate on; allowed: one or more folders of data sets")
-    asked = checkpoint.read_json((folder if folder.is_dir() else folder.parent) / checkpoint.RUN)
+    run_json = (folder if folder.is_dir() else folder.parent) / checkpoint.RUN
+    asked = checkpoint.read_json(run_json)
+    if estimator.about.get("training") != checkpoint.digest(asked):
+        raise InputError(f"{network_file(folder)}: is not the network of the training in {run_json}; allowed: the one "
+                         "that this training wrote")  # fmt: skip
     opened = [(Path(d).name, open_dataset(d)) for d in datasets]
     for name, data in opened:
         check_fits(estimator, data, name)
+        if not any_robot:
+            check_robot(estimator.about, Robot.read(data.manifest["robot"]), name)
+        ranges = {n: tuple(v) for n, v in learnt_of(data).items() if n in POSES}
+        warn_of_exceeded(estimator.about, ranges, name)
     found = []
     for name, data in opened:
         if report:

@@ -113,11 +113,14 @@ def train(
     data = open_dataset(dataset)
     parts = _parts(data.split(settings.split), settings)
     where = torch_device(device)
-    checkpoint.begin(folder, {"dataset": dataset_digest(data), "settings": settings.said()})
+    asked = {"dataset": dataset_digest(data), "settings": settings.said()}
+    checkpoint.check_folder(folder, asked)
     if (folder / checkpoint.METRICS).exists():
         return checkpoint.read_json(folder / checkpoint.METRICS)
     with repeatable(settings.seed), memory_named(settings.batch, where):
+        # what is refused leaves no folder
         work = prepare(data, parts, folder, settings, where)
+        checkpoint.begin(folder, asked)
         if (folder / checkpoint.CHECKPOINT).exists():
             resume(work)
         take = steps_of(work)
@@ -180,7 +183,8 @@ def prepare(data: Any, parts: Mapping[str, np.ndarray], folder: Path, settings: 
     optimiser = torch.optim.Adam(moving, lr=settings.rate, weight_decay=WEIGHT_DECAY, fused=True)
     pixel = float(data.manifest["optics"]["pixel"])
     stretch = (size / (data.shape[1] * pixel), size / (data.shape[0] * pixel))
-    about = described(settings, targets, size, data, grey)
+    asked = {"dataset": dataset_digest(data), "settings": settings.said()}
+    about = {**described(settings, targets, size, data, grey), "training": checkpoint.digest(asked)}
     return Training(folder, settings, network, optimiser, targets, parts, on["train"], on["validation"], stretch,
                     torch.Generator(device), weights, about)  # fmt: skip
 

@@ -76,8 +76,9 @@ def read_file(file: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise InputError(f"{file}: is not there; allowed: a file that otwarp vision train wrote") from None
     except Exception as error:  # torch raises whatever its readers of archives and pickles raise
-        why = " ".join(str(error).split())[:120]
-        raise InputError(f"{file}: cannot be read ({why}); allowed: a file of torch with weights") from None
+        kind = type(error).__name__
+        raise InputError(f"{file}: cannot be read, it is cut short, damaged or of another kind ({kind}); allowed: a "
+                         "file of torch with weights, whole") from None  # fmt: skip
     if not isinstance(found, dict):
         raise InputError(f"{file}: holds no dictionary of weights; allowed: a file of torch with weights")
     return found

@@ -14,6 +14,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.files import written
 from otwarp.vision.networks.estimate import ANGLES, QUANTITIES, Estimate
+from otwarp.vision.networks.learnt import exceeded
 from otwarp.vision.networks.run import Estimator
 from otwarp.vision.tracking.finding import Found, crop, find
 
@@ -121,6 +122,10 @@ def _looked(frame: np.ndarray, f: Found, net: Estimator, pixel: float, middle: t
         notes.append("several robots, or none: larger than the network's images")
     if not (f.left <= there[0] <= f.right and f.low <= there[1] <= f.high):
         notes.append("the network has its centre elsewhere")
+    angles = {"tilt": math.degrees(estimate.tilt), "yaw": math.degrees(estimate.yaw), "depth": estimate.depth}
+    beyond = exceeded(net.about, {name: (v, v) for name, v in angles.items() if name in estimate.known})
+    if beyond:
+        notes.append(f"beyond what the network has learnt: {', '.join(beyond)}")
     offset = (at[0] - middle[0]) * pixel, (at[1] - middle[1]) * pixel
     moved = Estimate(x=estimate.x + offset[0], y=estimate.y + offset[1], depth=estimate.depth, tilt=estimate.tilt,
                      yaw=estimate.yaw, covariance=estimate.covariance)  # fmt: skip

@@ -165,7 +165,7 @@ def check_size(recorded: RecordedBody, size: int) -> None:
         longest = max(longest, float((solids.high - solids.low)[:2].max()))
     least = math.ceil(longest / camera.pixel_size)
     if least > size:
-        raise InputError(f"--size is {size} pixels, {size * camera.pixel_size:.3g} µm; allowed: "
+        raise InputError(f"--size (or the network's) is {size} pixels, {size * camera.pixel_size:.3g} µm; allowed: "
                          f"{least} or more, as {recorded.body} is {longest:.3g} µm long")  # fmt: skip
 
 

@@ -5,23 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from otwarp.errors import InputError
+from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.networks.estimate import Estimate
+from otwarp.vision.networks.estimate import QUANTITIES, Estimate
+from otwarp.vision.networks.learnt import OPTICS, check_robot, warn_of_exceeded
 from otwarp.vision.networks.run import Estimator
 from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, mirror_probability, with_errors
-from otwarp.vision.tracking.recorded import RecordedBody, in_camera
+from otwarp.vision.tracking.recorded import RecordedBody, check_size, in_camera
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.templates import Templates, posed
 from otwarp.vision.view import camera_of, microscope_of, sensor_of
 
 MARGIN = (0.5, 0.15)
 """By how much templates reach beyond where a run goes: depth [µm], tilt [rad]."""
+
+ALL_AROUND = 359.0
+"""Degrees of azimuths learnt, from which on images need not be turned."""
 
 HELD_OUT = 16
 """Images of poses between templates, on which their errors are measured."""
@@ -49,32 +56,107 @@ class TemplateSource:
 
 @dataclass(frozen=True)
 class NetworkSource:
-    """Poses by a trained network, which expects nothing; the signs of its tilts count as right."""
+    """Poses by a trained network; the signs of its tilts count as right.
+
+    Attributes:
+        net: The network.
+        azimuth: Middle of the azimuths that it has learnt [rad]: an image is turned so that the expected azimuth comes
+            to lie there, and what the network says is turned back. None: it has learnt all, or turned optics would
+            show the body differently.
+        start: Azimuth that is expected before anything is known [rad].
+    """
 
     net: Estimator
+    azimuth: float | None = None
+    start: float = 0.0
 
     def look(self, image: np.ndarray, guess: np.ndarray | None) -> tuple[Estimate, float]:
-        """As `Source`."""
-        return self.net.estimate(image[None])[0], 0.0
+        """As `Source`; the image has a side of √2 times the network's where images are turned."""
+        if self.azimuth is None:
+            return self.net.estimate(image[None])[0], 0.0
+        by = (self.start if guess is None else float(guess[4])) - self.azimuth
+        piece = turned(image, by, self.net.shape[0])
+        return turned_back(self.net.estimate(piece[None])[0], by), 0.0
 
 
-def network_source(recorded: RecordedBody, net: Estimator) -> tuple[NetworkSource, int]:
-    """A trained network, and the side of the images that it takes [pixels].
+def turned(image: np.ndarray, angle: float, size: int) -> np.ndarray:
+    """(size, size) grey levels of the middle of an image, turned by −angle about its middle pixel.
+
+    Args:
+        image: (height, width) uint8, with a side of √2 times `size`, or more.
+        angle: [rad].
+        size: [pixels].
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    middle, own = np.array(image.shape) // 2, np.full(2, size // 2)
+    turn = np.array([[c, s], [-s, c]])  # of (row, column)
+    corner: Any = middle - turn @ own  # SciPy's types know of one number alone
+    found = ndimage.affine_transform(
+        image.astype(np.float32), turn, corner, output_shape=(size, size), order=3, mode="nearest"
+    )
+    return np.clip(np.rint(found), 0, 255).astype(np.uint8)
+
+
+def turned_back(estimate: Estimate, angle: float) -> Estimate:
+    """What was said of an image that was turned by −angle, of the image itself.
+
+    Args:
+        estimate: Of the turned image.
+        angle: [rad].
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    whole = np.eye(len(QUANTITIES))
+    whole[:2, :2] = [[c, -s], [s, c]]
+    known = np.isfinite(np.diag(estimate.covariance))
+    part = np.where(known[:, None] & known[None, :], estimate.covariance, 0.0)
+    if known[0] != known[1]:
+        known[:2] = False  # of one direction in the turned image nothing was said
+    covariance = np.where(known[:, None] & known[None, :], whole @ part @ whole.T, 0.0)
+    covariance[~known, ~known] = np.inf
+    x, y = whole[:2, :2] @ [estimate.x, estimate.y]
+    return Estimate(x=float(x), y=float(y), depth=estimate.depth, tilt=estimate.tilt, yaw=estimate.yaw + angle,
+                    covariance=covariance)  # fmt: skip
+
+
+def network_source(recorded: RecordedBody, net: Estimator, *, any_robot: bool = False) -> tuple[NetworkSource, int]:
+    """A trained network, and the side of the images that it is shown [pixels].
 
     Args:
         recorded: The run, whose camera must have the network's pixels.
         net: Of `otwarp.vision.networks.load`.
+        any_robot: Whether it may be that of another robot.
 
     Raises:
-        InputError: It takes other pixels, or images that are not square.
+        InputError: It takes other pixels, images that are not square, or is that of another robot.
+
+    Warns:
+        PlausibilityWarning: The run goes through poses, or has optics, that the network has not learnt.
     """
+    scene = recorded.scene
+    if not any_robot:
+        check_robot(net.about, Robot.of_body(scene, recorded.body), recorded.body)
     pixel = camera_of(recorded.scene).pixel_size
     if abs(net.pixel / pixel - 1.0) > 0.02:
         raise InputError(f"--net takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
     height, width = net.shape
     if height != width:
         raise InputError(f"--net takes images of {width} × {height} pixels; allowed: squares")
-    return NetworkSource(net), width
+    check_size(recorded, width)
+    microscope, shape = microscope_of(scene), Shape.of(scene, recorded.body, np.zeros(3))
+    gone = _gone_through(recorded, shape)
+    learnt = net.about.get("learnt", {}).get("yaw", [-180.0, 180.0])
+    even = microscope.contrast != "dic" and not (microscope.condenser_x or microscope.condenser_y)
+    turns = even and bool(np.any(shape.axis)) and learnt[1] - learnt[0] < ALL_AROUND
+    seen = {"depth": gone[:, 0], "tilt": np.degrees(gone[:, 1])}
+    if not turns and np.any(shape.axis):
+        seen["yaw"] = np.degrees(gone[:, 2])
+    ranges = {name: (float(v.min()), float(v.max())) for name, v in seen.items()}
+    ranges |= {name: (getattr(microscope, name),) * 2 for name in OPTICS}
+    warn_of_exceeded(net.about, ranges, recorded.body)
+    if not turns:
+        return NetworkSource(net), width
+    middle = math.radians(0.5 * (learnt[0] + learnt[1]))
+    return NetworkSource(net, middle, float(gone[0, 2])), 2 * math.ceil(width / math.sqrt(2.0)) + 2
 
 
 def template_source(

@@ -75,3 +75,23 @@ def test_others_of_the_class() -> None:
     other = robot([[-2, 0, 0], [2, 0, 0]]).varied(radius_scale=1.1, length_scale=0.5, index=1.4)
     assert other.radius == pytest.approx(0.55) and np.ptp(other.start[:, 0]) == pytest.approx(2.0)
     assert np.all(other.index == 1.4)
+
+
+@pytest.mark.quick
+def test_a_robot_is_the_same_however_it_was_given() -> None:
+    start = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.2], [1.0, 0.8, -0.3], [1.4, -0.5, 0.4]])
+    end, radius, index = start.copy(), np.array([1.0, 1.0, 0.4, 0.4]), np.full(4, 1.5)
+    end[2] += [0.3, 0.2, 0.1]  # a rod
+    one = Robot.of_solids(start, end, radius, index)
+    turn = rotation(33.0, 140.0, 70.0)
+    order = [3, 1, 0, 2]
+    for axis in (None, np.array([0.2, 1.0, 0.0])):
+        moved = [(e @ turn.T + [5.0, -2.0, 1.0])[order] for e in (end, start)]
+        assert one.same(Robot.of_solids(*moved, radius[order], index, axis=axis))
+    assert Robot.read(one.described()).same(one)
+    mirror = np.diag([1.0, 1.0, -1.0])
+    assert not one.same(Robot.of_solids(start @ mirror, end @ mirror, radius, index))
+    for other in (Robot.of_solids(start, end, radius * 1.02, index), Robot.of_solids(start, end, radius, index + 0.02),
+                  Robot.of_solids(start * 1.02, end * 1.02, radius, index),
+                  Robot.of_solids(start[:3], end[:3], radius[:3], index[:3])):  # fmt: skip
+        assert not one.same(other)

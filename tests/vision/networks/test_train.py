@@ -206,6 +206,7 @@ def test_weights_are_those_that_were_asked_for(smoke: Path, tmp_path: Path, monk
     file.rename(tmp_path / "hub" / "checkpoints" / "resnet18-f37072fd.pth")
     with pytest.raises(InputError, match="is damaged"):
         train.train(smoke, tmp_path / "third", Settings(**{**QUICK, "net": "resnet18", "weights": "imagenet"}))
+    assert not (tmp_path / "other").exists() and not (tmp_path / "third").exists()
 
 
 def test_the_command_says_what_it_reached(smoke: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

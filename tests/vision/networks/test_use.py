@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.vision.datasets import open_dataset
+from otwarp.vision.datasets import Robot, open_dataset
 from otwarp.vision.networks import Estimate, load
 from otwarp.vision.networks.evaluate import check_fits, evaluate
+from otwarp.vision.networks.learnt import check_robot, exceeded
 from otwarp.vision.networks.onnx_file import export
 from otwarp.vision.networks.report import write_report
 
@@ -104,7 +105,45 @@ def test_what_does_not_fit_is_refused(smoke: Path, trained: Path, tmp_path: Path
     with pytest.raises(InputError, match=r"network.pt: is not there; allowed"):
         load(tmp_path)
     (tmp_path / "network.pt").write_bytes((trained / "network.pt").read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"network.pt: cannot be read"):
+    with pytest.raises(InputError, match=r"network.pt: cannot be read, it is cut short, damaged or of another kind"):
         load(tmp_path)
     with pytest.raises(InputError, match="there is no data set to evaluate on"):
         evaluate(trained, [])
+
+
+def test_a_network_of_another_robot_or_training_is_refused(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    other = shutil.copytree(smoke, tmp_path / "copy")
+    manifest = json.loads((other / "manifest.json").read_text())
+    manifest["robot"]["spheres"][1]["radius"] += 0.1
+    (other / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(
+        InputError, match=r"copy: the robot \(a robot of its file, 3 solids, 4.22 µm\) is not that of the"
+    ):
+        evaluate(trained, [other], poses=0, device="cpu")
+    network, data = load(trained, device="cpu"), open_dataset(smoke)
+    assert network.about["learnt"]["tilt"] == [0.0, 90.0]
+    assert network.about["learnt"]["wavelength"] == [0.55, 0.55]
+    assert exceeded(network.about, {"tilt": (5.0, 90.5), "depth": (-3.0, 3.0)}) == []
+    found = exceeded(network.about, {"tilt": (-30.0, 5.0), "wavelength": (0.6, 0.6), "yaw": (40.0, 50.0)})
+    assert found == ["tilt -30 to 5° (learnt: 0 to 90°)", "wavelength 0.6 µm (learnt: 0.55 µm)",
+                     "yaw 40 to 50° (learnt: 0°)"]  # fmt: skip
+    check_robot(network.about, Robot.read(data.manifest["robot"]), "smoke")
+    # a file that was copied from elsewhere
+    moved = shutil.copytree(trained, tmp_path / "moved")
+    run = json.loads((moved / "run.json").read_text())
+    run["settings"]["seed"] = 99
+    (moved / "run.json").write_text(json.dumps(run))
+    with pytest.raises(InputError, match=r"network.pt: is not the network of the training in .*run.json; allowed"):
+        evaluate(moved, [smoke], poses=0, device="cpu")
+    old = {name: value for name, value in network.about.items() if name != "robot"}
+    with pytest.raises(InputError, match=r"does not say of which robot it is; allowed: .* or --any-robot"):
+        check_robot(old, Robot.read(data.manifest["robot"]), "smoke")
+
+
+def test_another_robot_may_be_asked_for(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    other = shutil.copytree(smoke, tmp_path / "copy")
+    manifest = json.loads((other / "manifest.json").read_text())
+    manifest["robot"]["spheres"][1]["radius"] += 0.1
+    (other / "manifest.json").write_text(json.dumps(manifest))
+    _, found = evaluate(trained, [other], poses=0, device="cpu", any_robot=True)
+    assert found[0].about == "all images"

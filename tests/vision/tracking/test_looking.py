@@ -158,3 +158,15 @@ def test_nonsense_is_refused(
     error = capfd.readouterr().err
     assert said in error and error.count("\n") == 1
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_network_of_another_robot_follows_none(net: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    record_run(Scene.load(BEAD.with_name("strategy_a.usda"), duration=0.05), tmp_path / "run", device="cpu")
+    words = ["vision", "track", str(tmp_path / "run"), "--net", str(net / "net"), "-o", str(tmp_path / "track.nc")]
+    assert main(words) == 2
+    error = capfd.readouterr().err
+    assert "/World/pair: the robot (/World/pair, 2 solids, 12.6 µm) is not that of the network" in error
+    assert error.count("\n") == 1
+    # all the same: its images do not hold the pair
+    assert main([*words, "--any-robot"]) == 2
+    assert "--size (or the network's) is 64 pixels" in capfd.readouterr().err
