@@ -11,7 +11,7 @@ from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.networks.estimate import Estimate
-from otwarp.vision.render import Rendering, expose
+from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.tracking.source import turned, turned_back
 
