@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import os
 from collections import defaultdict
@@ -92,6 +93,10 @@ the others are compiled without that by `make test`, which takes a quarter of th
 most of what they do."""
 
 
+NETWORKS = ("torch", "onnx", "onnxruntime", "zarr")
+"""What tests of networks skip without."""
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--thorough", action="store_true", help="also run the files of THOROUGH (tests/conftest.py)")
     parser.addoption("--validate", action="store_true", help="also run the long statistical tests")
@@ -102,6 +107,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    """Warp's optimisation; with OTWARP_REQUIRE_TORCH=1, as in CI, no test of networks skips for want of a package."""
+    absent = [name for name in NETWORKS if importlib.util.find_spec(name) is None]
+    if absent and os.environ.get("OTWARP_REQUIRE_TORCH") == "1":
+        raise pytest.UsageError(f"OTWARP_REQUIRE_TORCH=1, and {', '.join(absent)} are absent: install otwarp[vision]")
     if config.getoption("--unoptimised"):
         wp.config.optimization_level = 0
 
