@@ -35,7 +35,7 @@ DEPTHS, TILTS = 1.5, math.radians(12.0)
 BALLS = 2.0
 """By how much templates of a ball go farther."""
 
-VERSION = 1
+VERSION = 2
 """Of templates on disk: raise it with any change of what they are."""
 
 SAME_SIZE = 0.03

@@ -2,9 +2,9 @@
 
 In every slice light that is inside a solid goes on as in the solid's index, and all other light as in the medium's.
 With U the spectrum at the lower face of a slice of thickness h, k_z and k_z′ the axial wavenumbers in medium and
-solid, and f the filled share of the slice,
+solid, and μ what each cell of the slice counts for, 0 outside and 1 inside,
 
-    U ← e^{i k_z h} U + (e^{i k_z′ h} − e^{i k_z h}) e^{−i k_z h/2} F[ f F⁻¹[ e^{i k_z h/2} U ] ].
+    U ← e^{i k_z h} U + (e^{i k_z′ h} − e^{i k_z h}) e^{−i k_z h/2} F[ μ F⁻¹[ e^{i k_z h/2} U ] ].
 
 This is the wave propagation method (Brenner and Singer 1993, doi:10.1364/AO.32.004984; with two indices: Schmidt et al.
 2016, doi:10.1364/OE.24.030188), but light is divided in the middle of the slice and *before* it goes on, where they
@@ -213,7 +213,8 @@ def _media(
         if method == "two_index":
             inside = axial_wavenumbers(vacuum * index, grid)[0][here]
             gain = np.where(travels, np.exp(1j * (inside - axial) * slices.thickness) - 1.0, 0.0)
-            out.append((share, fourier.array(gain)))
+            delay = vacuum * (index - microscope.medium_index) * slices.thickness
+            out.append((fourier.array(_mixed(fourier.numpy(share), delay)), fourier.array(gain)))
         else:
             delay = vacuum * (index - microscope.medium_index) * slices.thickness
             phase = fourier.numpy(share) * delay
@@ -223,6 +224,17 @@ def _media(
                     for index, share in slices.filled.items())  # fmt: skip
         out = [(fourier.array(np.exp(1j * phase)[None] - 1.0), fourier.array(travels.astype(complex)))]
     return out
+
+
+def _mixed(share: np.ndarray, delay: float) -> np.ndarray:
+    """What cells that a solid fills in part count for: μ, such that light along the axis gains e^{i share·delay}.
+
+    Adding the shares of light that went on inside and outside, 1 + share (e^{i delay} − 1), would lose what is out of
+    phase: of a sphere of 2.5 µm with n = 1.59 in slices of 0.2 µm, 1.3 % of the light of a square of 14 µm.
+    """
+    if abs(np.exp(1j * delay) - 1.0) < 1e-6:  # no solid to be seen
+        return share
+    return (np.exp(1j * delay * share) - 1.0) / (np.exp(1j * delay) - 1.0)
 
 
 def _carriers(middles: np.ndarray, axial: np.ndarray, travels: np.ndarray, fourier: Fourier) -> list[Any]:

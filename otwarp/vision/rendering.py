@@ -42,7 +42,7 @@ class Rendering:
     """
 
     method: str = "two_index"
-    thickness: float = 0.1
+    thickness: float = 0.2
     rings: int | Literal["auto"] = "auto"
     azimuth: float = 0.0
     margin: float | Literal["auto"] = "auto"

@@ -14,7 +14,7 @@ from otwarp.vision.grid import Grid
 from otwarp.vision.illumination import illumination
 from otwarp.vision.image import _pixel_response, images
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import propagate
+from otwarp.vision.propagation import axial_wavenumbers, propagate
 from otwarp.vision.rendering import Rendering, expose, render
 from otwarp.vision.specimen import Specimen
 from tests.vision.mie import error, sphere_image
@@ -91,6 +91,20 @@ def test_light_is_kept_and_depth_has_a_sign(fourier: Fourier) -> None:
     assert np.mean([below, above]) == pytest.approx(1.0, abs=0.005)
     # a ball of glass gathers light above itself
     assert above[48, 48] > 1.5 > below[48, 48]
+
+
+@pytest.mark.parametrize(("radius", "index", "lost"), [(1.0, 1.52, 0.0005), (2.5, 1.59, 0.0067)])
+def test_light_is_lost_as_mie_loses_it(fourier: Fourier, radius: float, index: float, lost: float) -> None:
+    """What does not go forward is what the sphere throws back, whatever the slices: its surface loses none."""
+    grid, ball = Grid(128, 128, 128, 128, 0.11), Specimen.of_spheres([[0, 0, 0]], radius, index)
+    m = microscope(numerical_aperture=1.4, pixel=0.098)
+    light = illumination(m, grid.length)
+    forward, _ = axial_wavenumbers(m.wavenumber, grid)
+    flux = lambda spectra: float(np.sum(np.abs(fourier.numpy(spectra)) ** 2 * forward) / m.wavenumber)  # noqa: E731
+    exact = flux(scattered_spectra(ball, m, light, grid, fourier))
+    assert 1.0 - exact == pytest.approx(lost, abs=1e-4)
+    for thickness in (0.2, 0.1, 0.05):
+        assert flux(propagate(ball, m, light, grid, fourier, thickness=thickness)) == pytest.approx(exact, abs=0.0015)
 
 
 def test_an_empty_field_is_even_and_dark_field_is_dark(fourier: Fourier) -> None:

@@ -9,6 +9,7 @@ from scipy.special import sph_harm_y
 from otwarp.vision.harmonics import bessel, legendre, tangential, wigner
 from otwarp.vision.scattering import Cluster, axial_translation, frame
 from otwarp.vision.specimen import Specimen
+from tests.reference.pairs import EXTINCTION, INDEX, MEDIUM, RADIUS, WAVELENGTH
 
 
 @pytest.mark.quick
@@ -85,3 +86,14 @@ def test_touching_spheres_obey_the_optical_theorem() -> None:
     assert np.allclose(
         finer.far_field(finer.scattered(incoming, np.array([[1.0, 0, 0]])), incoming)[0, 0], forward, rtol=1e-3
     )
+
+
+@pytest.mark.parametrize(("along", "wanted"), EXTINCTION.items())
+def test_a_pair_takes_what_another_code_says(along: tuple[float, float, float], wanted: float) -> None:
+    step = RADIUS * np.array(along) / np.linalg.norm(along)
+    cluster = Cluster(Specimen.of_spheres([step, -step], RADIUS, INDEX), MEDIUM, WAVELENGTH)
+    forward, taken = np.array([[0.0, 0.0, 1.0]]), []
+    for axis, polarisation in enumerate(np.eye(3)[:2]):
+        far = cluster.far_field(cluster.scattered(forward, polarisation[None]), forward)[0, 0]
+        taken.append(4.0 * np.pi / cluster.k * far[axis].imag)
+    assert np.mean(taken) == pytest.approx(wanted, rel=1e-5)

@@ -58,7 +58,7 @@ def _size(context: click.Context, parameter: click.Parameter, value: str | None)
 @click.option("--center", metavar="PRIM", help="A body that is in the middle; default: the camera's middle.")
 @click.option("--method", type=click.Choice(["two_index", "beam", "projection", "mie"]), default="two_index",
               show_default=True, help="Rung of the ladder; mie is exact, for spheres that do not overlap.")  # fmt: skip
-@click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.1, show_default=True,
+@click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.2, show_default=True,
               help="Of the slices [µm].")  # fmt: skip
 @click.option("--rings", type=Auto(1, whole=True), default="auto", show_default=True,
               help="Rings of source points, 4 are 61; auto: a lattice as dense as the planes need.")  # fmt: skip

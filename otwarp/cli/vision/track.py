@@ -39,7 +39,7 @@ if TYPE_CHECKING:
               help="Of predictions between frames; 0 for none.")  # fmt: skip
 @click.option("--rings", type=Auto(1, whole=True), default="auto", show_default=True,
               help="Rings of source points over the condenser; auto: a lattice, as dense as depths need.")  # fmt: skip
-@click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.1, show_default=True,
+@click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.2, show_default=True,
               help="Of the slices through which light is led [µm].")  # fmt: skip
 @seed_option
 @device_option
