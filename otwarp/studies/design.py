@@ -70,7 +70,12 @@ class Design:
     @property
     def grouped(self) -> bool:
         """Whether some points have models of their own."""
-        return any(c.target.grouped for along in self.columns for c in along)
+        return bool(self.grouped_by)
+
+    @property
+    def grouped_by(self) -> tuple[str, ...]:
+        """Names of the axes whose values each need a model of their own."""
+        return tuple(c.target.name for along in self.columns for c in along if c.target.grouped)
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -42,6 +42,7 @@ class Plan:
         bytes: Of the results, uncompressed, where every trial is computed.
         horizon: How long a trial goes on at most [s].
         budget: Trials of all points together; None: each has its own.
+        grouped_by: Axes whose values need models of their own.
     """
 
     points: int
@@ -54,6 +55,7 @@ class Plan:
     bytes: int
     horizon: float
     budget: int | None = None
+    grouped_by: tuple[str, ...] = ()
 
 
 def plan_of(study: AnyStudy) -> Plan:
@@ -73,6 +75,7 @@ def plan_of(study: AnyStudy) -> Plan:
         steps=round(most * share * runner.steps),
         bytes=design.points * 4 + (study.stop.budget or design.points * study.stop.at_most) * per_trial,
         budget=study.stop.budget,
+        grouped_by=design.grouped_by,
     )
 
 

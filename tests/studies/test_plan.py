@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
+from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.studies import study as studies
 from otwarp.studies.axes import grid, values
@@ -61,3 +64,19 @@ def test_a_folder_keeps_the_blocks_that_it_was_made_with(folder, tmp_path, monke
     assert said == [(1, 3), (2, 3), (3, 3)] and small.finished() == [0, 1, 2]
     assert table(small).identical(table(whole))
     assert run_study(study, tmp_path / "whole", devices=["cpu"]).finished() == [0]
+
+
+def test_plan_says_what_needs_models(folder, capsys):
+    """Only axes whose values need a model of their own are named, and there is memory in every plan."""
+    text = FILE.replace("900, 9000", "2").replace('time_step = "1 ms"\n', "")
+    radius = '[[axis]]\nname = "/World/bead/sphere.radius"\nvalues = [0.4, 0.5, 0.6]\nunit = "µm"\n'
+    (folder / "p.toml").write_text(text + radius + ENDINGS["trials"])
+    assert main(["study", "plan", str(folder / "p.toml"), "--device", "cpu"]) == 0
+    said = capsys.readouterr().out
+    assert "9 (3 trap_power × 3 sphere_radius), in 3 models: one for each value of /World/bead/sphere.radius\n" in said
+    few = ENDINGS["escapes"] + "runs = 2\nbranches = 600\n"
+    (folder / "p.toml").write_text(text.replace("0.3, 1, 2", "0.3") + few)
+    assert main(["study", "plan", str(folder / "p.toml"), "--device", "cpu"]) == 0
+    said = capsys.readouterr().out
+    assert "points    1 (1 trap_power), in 1 model\n" in said
+    assert re.search(r"^memory    \d+ MiB for 1,200 paths at once, .* free$", said, re.MULTILINE)

@@ -67,6 +67,8 @@ def test_rate_of_escapes(expect_law, tmp_path, device):
         (10.0, 7_000, 0.01),
         (15.0, 10_000, 0.01),
         (20.0, 18_000, 0.01),
+        (25.0, 36_000, 0.02),
+        (30.0, 80_000, 0.02),
     ],
 )
 def test_rate_of_escapes_precisely(expect_law, tmp_path, device, depth, branches, step):

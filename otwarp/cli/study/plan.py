@@ -14,7 +14,9 @@ from otwarp.cli.progress import spelled
 from otwarp.cli.types import FILE
 
 if TYPE_CHECKING:
-    from otwarp.studies.rare.study import EscapeStudy
+    from otwarp.studies.plan import Plan
+    from otwarp.studies.rare.study import EscapePlan, EscapeStudy
+    from otwarp.studies.study import Study
 
 
 @click.command()
@@ -45,8 +47,7 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
         said |= {"memory": memory}
         click.echo(json_text(said))
         return
-    shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
-    click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
+    click.echo(_points(study, found))
     least, most = found.trials
     shared = "" if found.budget is None else f", of a budget of {found.budget:,} for all points"
     click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}") + shared)
@@ -62,21 +63,33 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
 
 def _escapes(study: EscapeStudy, device: str | None, as_json: bool) -> None:
     """The same of a study of escapes."""
+    from otwarp.studies.engines.memory import room_of, rough_worlds
     from otwarp.studies.rare.estimate import estimate
 
     found, (seconds, where) = study.plan(), estimate(study, device)
+    room = room_of(study, device)
+    at_once = study.at_once(rough_worlds(study.design.scene, study.options.precision, where))
     if as_json:
-        click.echo(json_text(dataclasses.asdict(found) | {"seconds": seconds, "device": where}))
+        memory = {"bytes": room.each * at_once, "free": room.free, "paths_at_once": at_once}
+        said = dataclasses.asdict(found) | {"seconds": seconds, "device": where, "memory": memory}
+        click.echo(json_text(said))
         return
-    shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
-    click.echo(f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}")
+    click.echo(_points(study, found))
     twice = ", each again with half the step" if study.halved else ""
     click.echo(f"runs      {found.runs} a point with {found.branches:,} branches, {study.method}{twice}")
     steps = f"{found.time_step:.3g}" + (f" to {found.longest_step:.3g}" if found.longest_step > found.time_step else "")
     click.echo(f"steps     of {steps} s; how many follows from how rare escapes are")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
     click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(f"memory    {_memory(room.each * at_once)} for {at_once:,} paths at once, {_memory(room.free)} free")
     click.echo(f"time      {spelled(seconds)} on {where}, from runs of {min(3, found.points)} points")
+
+
+def _points(study: Study, found: Plan | EscapePlan) -> str:
+    """How many points, of what, and why they need how many models."""
+    shape = " × ".join(f"{len(d)} {d.name}" for d in study.design.dimensions) or "one"
+    why = f": one for each value of {' and '.join(found.grouped_by)}" if found.groups > 1 else ""
+    return f"points    {found.points:,} ({shape}), in {found.groups} model{'s' if found.groups > 1 else ''}{why}"
 
 
 def _memory(size: int) -> str:

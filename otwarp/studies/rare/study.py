@@ -43,6 +43,7 @@ class EscapePlan:
         branches: Paths side by side in each.
         time_step, longest_step: The smallest and the largest of any point [s].
         bytes: Of the results, uncompressed.
+        grouped_by: Axes whose values need models of their own.
     """
 
     points: int
@@ -53,6 +54,7 @@ class EscapePlan:
     time_step: float
     longest_step: float
     bytes: int
+    grouped_by: tuple[str, ...] = ()
 
 
 class EscapeStudy(Study):
@@ -156,7 +158,12 @@ class EscapeStudy(Study):
             time_step=self.horizon / int(counts.max()),
             longest_step=self.horizon / int(counts.min()),
             bytes=design.points * (8 * MOST + self.runs * per_run),
+            grouped_by=design.grouped_by,
         )
+
+    def at_once(self, worlds: int) -> int:
+        """Paths that run at once, where so many fit: whole runs, or the pilot."""
+        return max(PILOT, self.branches * max(1, min(self.runs, worlds // self.branches)))
 
     def blocks(self) -> list[tuple[slice, ...]]:
         """Every point is a block: kept as soon as it is known."""
