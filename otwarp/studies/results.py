@@ -128,14 +128,14 @@ def _time(
 
 def _number(out: Any, raw: Any, o: dict[str, Any], good: np.ndarray, dims: tuple[str, ...]) -> None:
     """Mean, standard error and deviation of a number over the trials."""
-    mean, error, deviation = _moments(raw, o, good)
+    mean, error, deviation = moments(raw, o, good)
     unit = {"units": o["unit"]} if o["unit"] else {}
     out[o["name"]] = (dims, mean, unit | {"long_name": f"mean, {o['name']}"})
     out[f"{o['name']}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
     out[f"{o['name']}_deviation"] = (dims, deviation, unit | {"long_name": "standard deviation of trials"})
 
 
-def _moments(raw: Any, o: dict[str, Any], good: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def moments(raw: Any, o: dict[str, Any], good: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean of a number over some trials, its standard error, and the deviation of trials; NaN where there is none."""
     values = np.where(good, raw[f"{o['name']}_of_trial"].values, np.nan).astype(float)
     n = np.sum(good, axis=-1)
@@ -154,7 +154,7 @@ def _by_end(out: Any, raw: Any, asked: dict[str, Any], good: np.ndarray, dims: t
     for o in (o for o in asked["observables"] if o["kind"] == "number"):
         unit = {"units": o["unit"]} if o["unit"] else {}
         for place, name in enumerate(names):
-            mean, error, _ = _moments(raw, o, good & (came == place))
+            mean, error, _ = moments(raw, o, good & (came == place))
             out[f"{o['name']}_{name}"] = (dims, mean, unit | {"long_name": f"mean, {o['name']}, where {name}"})
             out[f"{o['name']}_{name}_error"] = (dims, error, unit | {"long_name": "standard error of the mean"})
 

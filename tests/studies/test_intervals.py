@@ -21,13 +21,16 @@ def test_clopper_pearson_is_exact():
     assert [float(end) for end in interval(0, 0)] == [0.0, 1.0]
 
 
-@pytest.mark.parametrize("p", [0.5, 0.1, 0.01])
+@pytest.mark.parametrize(("p", "width"), [(0.5, 0.05), (0.1, 0.05), (0.01, 0.05), (0.001, 0.02)])
 @pytest.mark.parametrize("method", ["clopper-pearson", "sequence"])
-def test_coverage_where_trials_go_on_until_the_interval_is_narrow(p, method):
-    """2,000 points stop by the rule itself; they hold the truth at least as often as they say, at 5σ."""
+def test_coverage_where_trials_go_on_until_the_interval_is_narrow(p, width, method):
+    """2,000 points stop by the rule itself; they hold the truth at least as often as they say, at 5σ.
+
+    The rarest is where Wilson's intervals hold it in 0.90 alone.
+    """
     count, level = 2_000, 0.95
     draws = np.random.Generator(np.random.Philox(11)).random((count, 4_096)) < p
-    rule = half_width(0.05, level=level, method=method, at_least=16, at_most=4_096)
+    rule = half_width(width, level=level, method=method, at_least=16, at_most=4_096)
     done = np.zeros(count, dtype=int)
     sums = np.concatenate([np.zeros((count, 1), dtype=int), np.cumsum(draws, axis=1)], axis=1)
     while True:
@@ -37,7 +40,7 @@ def test_coverage_where_trials_go_on_until_the_interval_is_narrow(p, method):
         done = wanted
     low, high = interval(sums[np.arange(count), done], done, level=level, method=method)
     covered = np.mean((low <= p) & (p <= high))
-    assert np.all(0.5 * (high - low) <= 0.05)
+    assert np.all(0.5 * (high - low) <= width)
     assert covered >= level - 5.0 * np.sqrt(level * (1.0 - level) / count)
 
 

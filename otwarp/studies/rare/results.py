@@ -38,7 +38,7 @@ def escape_table(store: Store) -> Any:
             np.sum(done[..., None] & (raw["end"].values == -1), axis=-1),
             {"long_name": "runs with a fault"},
         )
-        rate, error = _mean(raw["rate_of_trial"].values, good)
+        rate, error = mean_of_runs(raw["rate_of_trial"].values, good)
         low, high = interval_of_mean(raw["rate_of_trial"].values, good, level)
         bound = _bound(raw, good, asked["escape"]["branches"], level)
         high = np.where(rate > 0.0, high, bound)
@@ -50,11 +50,11 @@ def escape_table(store: Store) -> Any:
             for name, values in (("", rate), ("_low", high), ("_high", low)):
                 said = {"units": "s", "level": level, "long_name": "mean time to an escape"}
                 out[f"escape_time{name}"] = (dims, np.where(done, 1.0 / values, np.nan), said)
-        out["flux"] = (dims, _mean(raw["flux_of_trial"].values, good)[0], raw["flux_of_trial"].attrs)
+        out["flux"] = (dims, mean_of_runs(raw["flux_of_trial"].values, good)[0], raw["flux_of_trial"].attrs)
         probability = np.moveaxis(raw["probability_of_trial"].values, -1, 0)
         out["probability"] = (
             ("interface", *dims),
-            np.stack([_mean(p, good & np.isfinite(p))[0] for p in probability]),
+            np.stack([mean_of_runs(p, good & np.isfinite(p))[0] for p in probability]),
             raw["probability_of_trial"].attrs,
         )
         out["probability"] = out["probability"].transpose(*dims, "interface")
@@ -62,7 +62,7 @@ def escape_table(store: Store) -> Any:
             if name in raw:  # the step was planned, all else is found
                 out[name] = raw[name] if name == "time_step" else raw[name].where(raw["trials"] >= 0)
         if asked["escape"]["halved"]:
-            _halved(out, raw, good, dims, per)
+            halved_rates(out, raw, good, dims, per)
         steps = sum(np.maximum(raw[n].values, 0).sum(axis=-1) for n in raw if str(n).startswith("steps"))
         out["steps"] = (dims, np.where(done, steps, 0), {"long_name": "world-steps of the runs"})
         used = int(np.isfinite(out["interface_at"].values).sum(axis=-1).max(initial=1))
@@ -79,10 +79,12 @@ SHOWN = ("escape_time", "escape_time_low", "escape_time_high", "step_ratio", "st
 """What is printed of a point; all else stands in the table."""
 
 
-def _halved(out: Any, raw: Any, good: np.ndarray, dims: tuple[str, ...], per: dict[str, Any]) -> None:
+def halved_rates(out: Any, raw: Any, good: np.ndarray, dims: tuple[str, ...], per: dict[str, Any]) -> None:
     """The rate with half the step, and the ratio of both."""
     rate, error = out["escape_rate"].values, out["escape_rate_error"].values
-    fine, fine_error = _mean(raw["rate_halved_of_trial"].values, good & np.isfinite(raw["rate_halved_of_trial"].values))
+    fine, fine_error = mean_of_runs(
+        raw["rate_halved_of_trial"].values, good & np.isfinite(raw["rate_halved_of_trial"].values)
+    )
     said = {"long_name": "rate of escapes, half the step"}
     out["escape_rate_halved"] = (dims, fine, per | said)
     out["escape_rate_halved_error"] = (dims, fine_error, per | said)
@@ -93,7 +95,7 @@ def _halved(out: Any, raw: Any, good: np.ndarray, dims: tuple[str, ...], per: di
     out["step_ratio_error"] = (dims, spread, {"long_name": "standard error of the ratio"})
 
 
-def _mean(values: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_of_runs(values: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean over the last dimension where it is good, and its standard error."""
     n = np.sum(good, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -112,7 +114,7 @@ def interval_of_mean(values: np.ndarray, good: np.ndarray, level: float) -> tupl
     """
     from scipy.special import stdtrit
 
-    mean, error = _mean(values, good)
+    mean, error = mean_of_runs(values, good)
     n = np.sum(good, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.exp(stdtrit(np.maximum(n - 1, 1), 0.5 + 0.5 * level) * error / mean)
@@ -123,6 +125,6 @@ def _bound(raw: Any, good: np.ndarray, branches: int, level: float) -> np.ndarra
     """Upper bound of the rate where no run has seen an escape: all paths of the last stages failed by chance."""
     p = raw["probability_of_trial"].values
     alive = np.prod(np.where(np.isfinite(p) & (p > 0.0), p, 1.0), axis=-1)
-    mean, _ = _mean(raw["flux_of_trial"].values * alive, good)
+    mean, _ = mean_of_runs(raw["flux_of_trial"].values * alive, good)
     tried = np.maximum(np.sum(good, axis=-1) * branches, 1)
     return mean * (1.0 - (1.0 - level) ** (1.0 / tried))
