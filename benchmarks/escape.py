@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scipy.integrate import quad
 
 import otwarp as ot
@@ -18,6 +19,7 @@ from otwarp.bench.report import Table
 from otwarp.device import pick_device
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.studies.rare.results import interval_of_mean
 from otwarp.units import BOLTZMANN
 
 STIFFNESS, RIM, RADIUS, VISCOSITY, KELVIN = 0.5, 0.4, 0.5, 0.00089, 298.15
@@ -25,6 +27,9 @@ STIFFNESS, RIM, RADIUS, VISCOSITY, KELVIN = 0.5, 0.4, 0.5, 0.00089, 298.15
 
 STEP = 0.02
 """Of the time in which the well relaxes."""
+
+LEVEL = 0.95
+"""Of the intervals."""
 
 DEPTHS = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 
@@ -81,16 +86,17 @@ def measure(
                 (time.perf_counter(), begun), (time.process_time(), processor)))  # fmt: skip
             rates = found["rate_of_trial"].ravel() * relaxation_at_1 / power
             ratio = 1.0 / (rates.mean() * exact(depth))
-            error = rates.std(ddof=1) / rates.mean() / math.sqrt(len(rates))
-            rows.append(
-                (f"{depth:g}", f"{exact(depth):.4g}", f"{ratio:.3f} ± {error:.3f}", f"{wall:.3g}", f"{processor:.3g}")
-            )
-            data[f"{depth:g}"] = {"ratio": ratio, "error": error, "wall": wall, "processor": processor}
+            ends = interval_of_mean(rates, np.ones(len(rates), dtype=bool), LEVEL)
+            high, low = (1.0 / (float(end) * exact(depth)) for end in ends)
+            said = f"{ratio:.3f} ({low:.3f} – {high:.3f})"
+            rows.append((f"{depth:g}", f"{exact(depth):.4g}", said, f"{wall:.3g}", f"{processor:.3g}"))
+            data[f"{depth:g}"] = {"ratio": ratio, "low": low, "high": high, "wall": wall, "processor": processor}
     table = Table(
         title="Mean time of escape from a harmonic well that ends, in three dimensions",
         head=("depth [k_BT]", "exact [γ/k]", "found over exact", "wall time [s]", "processor time [s]"),
         rows=rows,
-        note=f"{runs} runs of {branches:,} paths an interface, Heun, steps of {STEP:g} γ/k; one standard error.",
+        note=f"{runs} runs of {branches:,} paths an interface, Heun, steps of {STEP:g} γ/k; {100 * LEVEL:g} % "
+        "intervals, Student's of the runs. With more runs and paths: docs/validation/escapes.md.",
     )
     kind = "cpu" if place.is_cpu else "cuda"
     return Section(name="escape", kind=kind, machine=Machine.look(place), tables=[table], data={"wells": data})
