@@ -176,7 +176,11 @@ class Study:
         return blocks(self.design.shape, max(least, min(BLOCK_TRIALS // trials, BLOCK_WORK // work)))
 
     def in_blocks(self, cut: tuple[int, ...]) -> Study:
-        """This study in blocks of so many points along each dimension; results do not depend on it."""
+        """This study in other blocks; results do not depend on it.
+
+        Args:
+            cut: Points of a block along each dimension.
+        """
         part = copy.copy(self)
         part.cut = cut
         return part

@@ -162,7 +162,11 @@ class EscapeStudy(Study):
         )
 
     def at_once(self, worlds: int) -> int:
-        """Paths that run at once, where so many fit: whole runs, or the pilot."""
+        """Paths that run at once: whole runs, or the pilot.
+
+        Args:
+            worlds: As many as there is memory for.
+        """
         return max(PILOT, self.branches * max(1, min(self.runs, worlds // self.branches)))
 
     def blocks(self) -> list[tuple[slice, ...]]:
