@@ -157,7 +157,9 @@ def test_tasks_of_gpus(folder):
         observables=[ot.trapped(until=1e4)],
         stop=ot.trials(1_024),
     )
-    assert long.runner.steps > 2**20 and {len(t) for t in tasks(long, todo, gpu=True)} == {4}
+    points = len(long.blocks())  # each is a block of its own
+    assert long.runner.steps > 2**20 and points == 4_096
+    assert {len(t) for t in tasks(long, range(points), gpu=True)} == {2**16 // 1_024}
 
 
 def test_nodes_that_are_lost_and_come(folder, whole, tmp_path):
