@@ -102,7 +102,7 @@ def evaluate(
         check_fits(estimator, data, name)
         if not any_robot:
             check_robot(estimator.about, Robot.read(data.manifest["robot"]), name)
-        ranges = {n: tuple(v) for n, v in learnt_of(data).items() if n in POSES}
+        ranges = {n: ends for n, ends in learnt_of(data).items() if n in POSES}
         warn_of_exceeded(estimator.about, ranges, name)
     found = []
     for name, data in opened:

@@ -17,7 +17,7 @@ SLACK = 0.02
 """Of a range or a value, by which it may be exceeded without a word."""
 
 
-def learnt_of(dataset: Any) -> dict[str, list[float]]:
+def learnt_of(dataset: Any) -> dict[str, tuple[float, float]]:
     """For a file: the least and greatest of labels and optics [µm, deg], by name.
 
     Args:
@@ -27,9 +27,9 @@ def learnt_of(dataset: Any) -> dict[str, list[float]]:
     for name in (*POSES, *OPTICS):
         if name in dataset.labels:
             values = np.asarray(dataset.labels[name], dtype=float)
-            ranges[name] = [float(values.min()), float(values.max())]
+            ranges[name] = float(values.min()), float(values.max())
         else:
-            ranges[name] = [float(dataset.manifest["optics"][name])] * 2
+            ranges[name] = (float(dataset.manifest["optics"][name]),) * 2
     return ranges
 
 
