@@ -29,13 +29,14 @@ docstring (docs/architecture.md shows who may import whom):
     cli            all of this from the command line
 
 Files that every room may import: `errors` (what a user meets), `units` (internal units and constants), `files` (whole
-or not at all), `cache` (what took long to compute, on disk), `lazy` (names loaded when used), `device` (Warp, started
-and chosen), `warp_internals` (all that counts on more of Warp than it promises).
+or not at all), `shipped` (scenes, studies and data sets by name), `cache` (what took long to compute, on disk), `lazy`
+(names loaded when used), `device` (Warp, started and chosen), `warp_internals` (all that counts on more of Warp than it
+promises).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from otwarp.lazy import lazy_names
 
@@ -73,7 +74,8 @@ if TYPE_CHECKING:
         values,
     )
 
-__version__ = "0.1.0"
+__version__: str
+"""Of the installed package; from the last tag."""
 
 __all__ = [
     "EscapeStudy",
@@ -117,7 +119,7 @@ __all__ = [
     "values",
 ]
 
-__getattr__, __dir__ = lazy_names(
+_named, __dir__ = lazy_names(
     __name__,
     {
         "errors": ("InputError", "PlausibilityWarning", "SimulationError"),
@@ -154,3 +156,17 @@ __getattr__, __dir__ = lazy_names(
     },
     rooms=("analysis",),
 )
+
+
+def __getattr__(name: str) -> Any:
+    """A name from its file, or the version that is installed, which is looked up when it is asked for."""
+    return _version() if name == "__version__" else _named(name)
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("otwarp")
+    except PackageNotFoundError:  # a checkout on the path, which nobody has installed
+        return "0+unknown"

@@ -16,7 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from otwarp.shipped import ENDINGS
+
 pytest.importorskip("setuptools", minversion="77", reason="the wheel needs setuptools as in the extra `dev`")
+pytest.importorskip("setuptools_scm", reason="the version is that of the last tag")
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -80,9 +83,12 @@ CPU = ["--device", "cpu"]
 ONCE = ["--rounds", "1", *CPU]
 BEAD = ["--radius", "0.5", "--worlds", "8", *ONCE]
 COMMANDS: dict[str, list[str]] = {
+    "scenes list": [],
+    "scenes copy": ["capture"],
     "info": ["bead.usda", *CPU],
-    "validate": ["bead.usda"],
-    "run": ["bead.usda", "--out", "out", "--duration", "0.05", "--forces", *CPU],
+    "validate": ["scenes/cell_delivery.usda"],
+    "study plan": ["capture.toml", *CPU],
+    "run": ["single_bead", "--out", "out", "--duration", "0.05", "--forces", *CPU],
     "preview": ["out", "-o", "frame.png", "--size", "64x48", *CPU],
     "forces": ["--radius", "0.5", "--index", "1.59", "--curves"],
     "mobility": ["bead.usda"],
@@ -124,11 +130,10 @@ def arguments(name: str) -> list[str]:
 def wheel(tmp_path_factory) -> Path:
     """A wheel, built without a network from a copy: building writes beside the source."""
     source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    shutil.copytree(ROOT / "otwarp", source / "otwarp", symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
-    # what links in the package lead to
-    shutil.copytree(ROOT / "scenes", source / "scenes", ignore=shutil.ignore_patterns("author", "__pycache__"))
+    for name in ("otwarp", *ENDINGS):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("author", "__pycache__"))
     build = f"from setuptools import build_meta; build_meta.build_wheel({str(out)!r})"
     done = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -166,12 +171,15 @@ def run(site: Path, folder: Path, script: str, *words: str) -> str:
 
 @pytest.mark.quick
 def test_data_files_are_in_the_wheel(site):
-    for folder in ("scene/schema", "bench/speed"):
+    for folder in ("scene/schema", "operators"):
         here = {p.name for p in (ROOT / "otwarp" / folder).iterdir() if p.suffix not in (".py", "") and p.is_file()}
         there = {p.name: p for p in (site / "otwarp" / folder).iterdir()}
         assert here and here <= set(there)
         for name in here:
             assert there[name].read_bytes() == (ROOT / "otwarp" / folder / name).read_bytes()
+    for kind, ending in ENDINGS.items():
+        for file in (ROOT / kind).glob(f"*{ending}"):
+            assert (site / "otwarp" / "shipped" / kind / file.name).read_bytes() == file.read_bytes(), file
     data = [p for p in (ROOT / "otwarp").rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc")]
     assert all((site / "otwarp" / p.relative_to(ROOT / "otwarp")).is_file() for p in data), "package-data lacks some"
 

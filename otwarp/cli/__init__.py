@@ -9,5 +9,5 @@ command lives in the module of its name and imports its room when it is called, 
   those of a sphere in its beam, of a live session, of a camera that feeds it, of `forces`.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
 - Commands: `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `teleop`, `ros1`, `ros2`, `decompose`,
-  `reproduce`; `study`, `vision`, `bench`, `haptics`, `operators`: commands with commands of their own.
+  `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`: commands with commands of their own.
 """

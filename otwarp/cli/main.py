@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-import otwarp
 from otwarp.cli.lazy import LazyGroup
 from otwarp.cli.stop import EXIT_INTERRUPTED, Terminated, terminable
 from otwarp.errors import InputError, SimulationError
@@ -18,6 +17,7 @@ from otwarp.errors import InputError, SimulationError
 COMMANDS = {
     "run": "Simulate a scene and record it.",
     "info": "Say what a scene holds, how it will be stepped, and why.",
+    "scenes": "What comes with otwarp: scenes, studies and data sets, by name.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
     "analyse": "Calibrate traps, and more, from a recorded run or a study.",
@@ -66,7 +66,7 @@ class Otwarp(LazyGroup):
     in ~/.zshrc; for fish, _OTWARP_COMPLETE=fish_source otwarp > ~/.config/fish/completions/otwarp.fish""",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-@click.version_option(otwarp.__version__, prog_name="otwarp")
+@click.version_option(package_name="otwarp", prog_name="otwarp")
 @click.pass_context
 def cli(context: click.Context) -> None:
     """Digital twin of an optical-tweezers microrobotics lab.

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from otwarp.cli.types import COUNT, FILE, SECONDS, SEED, Number, OutputPath
+from otwarp.cli.types import COUNT, SCENE, SECONDS, SEED, Number, OutputPath
 
-scene_argument = click.argument("scene", type=FILE)
+scene_argument = click.argument("scene", type=SCENE)
 
 device_option = click.option("--device", metavar="NAME", help="cpu, cuda:0, …; default: the best available.")
 
@@ -73,6 +73,8 @@ def step_options(command: Callable[..., Any]) -> Callable[..., Any]:
 mode_option = click.option(
     "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
 )
+
+force_option = click.option("--force", is_flag=True, help="Replace a file that is there.")
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for a program, and no text.")
 """Standard output then has the object and nothing else; what is said meanwhile goes to standard error."""

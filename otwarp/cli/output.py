@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
-from otwarp.files import FULL, written
+from otwarp.files import FULL, check_place, written
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +25,17 @@ def write_json(value: Any, file: Path) -> None:
     """Write a value as JSON to a file, whole or not at all."""
     with written(file) as part:
         part.write_text(json_text(value) + "\n", encoding="utf-8")
+
+
+def check_new(file: Path, *, force: bool) -> None:
+    """Refuse to replace a file, unless `--force` asks for it, and a place where none can be written.
+
+    Raises:
+        InputError: It is there, or its folder cannot be written.
+    """
+    if not force and (file.exists() or file.is_symlink()):
+        raise InputError(f"{file} is there already; allowed: a new file, or --force to replace it")
+    check_place(file, "the file to write")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from otwarp.cli.options import device_option, out_option
-from otwarp.cli.types import FILE, Number, OutputPath
+from otwarp.cli.types import SCENE_OR_RUN, Number, OutputPath
 from otwarp.errors import InputError
 
 
@@ -39,7 +39,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 
 
 @click.command()
-@click.argument("path", type=FILE)
+@click.argument("path", type=SCENE_OR_RUN)
 @out_option("PNG", "Picture to write; default: NAME.png in this folder.")
 @click.option(
     "--frame", type=Number(0, whole=True), help="Frame of the run or of the stage's time codes; default: the first."

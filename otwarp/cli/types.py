@@ -10,11 +10,47 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.files import check_place
 
 FILE = click.Path(path_type=Path)
 """A file or folder, there or not."""
+
+
+class ShippedPath(click.ParamType):
+    """A file of the user's, or the name of a shipped one where there is none: `cell_delivery`.
+
+    Args:
+        kind: A row of `otwarp.shipped.ENDINGS`.
+        folders: Whether a folder is allowed, too.
+    """
+
+    name = "path"
+
+    def __init__(self, kind: str, *, folders: bool = False) -> None:
+        self.kind, self.folders = kind, folders
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Find the file; a path with folders that means a shipped one is said on standard error."""
+        path = Path(value)
+        if self.folders and path.is_dir():
+            return path
+        found = shipped.find(self.kind, path)
+        if found != path and path.parent != Path():
+            click.echo(f"otwarp: {path} is not here: the shipped one is taken", err=True)
+        return found
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Files are completed by the shell, names here."""
+        known = [CompletionItem(name) for name in shipped.names(self.kind) if name.startswith(incomplete)]
+        return [*known, CompletionItem(incomplete, type="file")]
+
+
+SCENE = ShippedPath("scenes")
+STUDY = ShippedPath("studies")
+DATASET = ShippedPath("vision")
+SCENE_OR_RUN = ShippedPath("scenes", folders=True)
 
 
 def name_of(parameter: click.Parameter | None) -> str:

@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from otwarp import shipped
 from otwarp.scene.check.scene import check_scene
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Settings, Trap
 from otwarp.scene.finding import Finding
@@ -46,7 +47,7 @@ class Scene(ByValue):
         """Read a USD stage.
 
         Args:
-            file: Path of a `.usda`, `.usdc` or `.usd` file.
+            file: Path of a `.usda`, `.usdc` or `.usd` file, or the name of a shipped scene: `cell_delivery`.
             duration: Length of the run [s] that the time samples must cover, instead of the authored one.
 
         Raises:
@@ -54,7 +55,7 @@ class Scene(ByValue):
         """
         from otwarp.scene.read.load import read_file
 
-        return cls(**read_file(Path(file), duration=duration))
+        return cls(**read_file(shipped.find("scenes", file), duration=duration))
 
     def check(self) -> None:
         """Hold it to what files are held to; a model does so before it is built.

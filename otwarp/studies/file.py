@@ -32,6 +32,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.simulation.options import StepOptions
 from otwarp.studies.axes import Axis, axis_of, scatter_of
@@ -83,7 +84,7 @@ def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:
         raise InputError(f"scene is {said.get('scene')!r}; allowed: the path of a scene, from the file's own folder")
     observables = _tables(said, "observable")
     found: dict[str, Any] = {
-        "scene": path.parent / said["scene"],
+        "scene": shipped.find("scenes", said["scene"], beside=path.parent),
         "axes": _axes(_tables(said, "axis")),
         "observables": [observable_of(o, f"observable {n + 1}", path.parent) for n, o in enumerate(observables)],
         "seed": said.get("seed", 0),

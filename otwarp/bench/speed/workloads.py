@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial as p
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from otwarp.bench.speed.many_body import ManySpheres
 from otwarp.bench.speed.peers import c_bead, numba_bead, numpy_bead
 from otwarp.optics import Beam, Particle
 from otwarp.scene import Scene, Track, Trap
+from otwarp.shipped import shipped
 from otwarp.simulation.simulation import Simulation
 from otwarp.units import BOLTZMANN
 
@@ -32,9 +32,6 @@ PARTICLES, ROBOTS = {"cpu": 16384, "cuda": 1 << 20}, {"cpu": 4096, "cuda": 1 << 
 SEED = 7
 
 EULER, DEFAULT = "eulerMaruyama", "heun"
-
-DELIVERY = Path(__file__).with_name("cell_delivery.usda")
-"""The shipped cell delivery, which is part of the package for this benchmark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +246,7 @@ def _delivery(setting: Setting, *, worlds: int) -> Prepared:
 
     Once the cell is delivered it starts anew, because at rest there is less to do.
     """
-    what = Scene.load(DELIVERY)
+    what = Scene.load(shipped("scenes", "cell_delivery"))
     out = simulated(what, setting, {setting.kind: worlds})
     sim = out.sim
     assert sim is not None

@@ -15,7 +15,7 @@ import click
 from otwarp.cli import stop
 from otwarp.cli.options import json_option, rate_option
 from otwarp.cli.output import json_text, tables_console
-from otwarp.cli.types import FILE, SECONDS
+from otwarp.cli.types import SCENE, SECONDS
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @click.option("--width/--no-width", default=True, help="Compute the table of Z-widths (some 15 s).")
 @click.option("--page/--no-page", default=True, show_default=True, help="Measure the latency from state to page.")
 @click.option("--browser", metavar="FILE", help="Browser to measure it with; default: a Chromium, if there is one.")
-@click.option("--scene", type=FILE, help="Also say how fast this scene runs here.")
+@click.option("--scene", type=SCENE, help="Also say how fast this scene runs here.")
 @click.option("--scene-device", metavar="NAME", help="Where it runs: cpu, cuda:0, …; default: the best available.")
 @json_option
 def check(

@@ -11,7 +11,7 @@ import click
 from otwarp.cli.options import device_option, json_option
 from otwarp.cli.output import json_text
 from otwarp.cli.progress import spelled
-from otwarp.cli.types import FILE
+from otwarp.cli.types import STUDY
 
 if TYPE_CHECKING:
     from otwarp.studies.plan import Plan
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=STUDY)
 @device_option
 @json_option
 def plan(file: Path, device: str | None, as_json: bool) -> None:
-    """Say what the study in FILE will compute, and how long that takes on this machine."""
+    """Say what the study in STUDY will compute, and how long that takes on this machine."""
     from otwarp.device import pick_device
     from otwarp.studies.engines.local import batch_of
     from otwarp.studies.engines.memory import room_of

@@ -11,11 +11,11 @@ from otwarp.cli import stop
 from otwarp.cli.options import device_option
 from otwarp.cli.output import with_room
 from otwarp.cli.progress import parts
-from otwarp.cli.types import FILE, OutputPath
+from otwarp.cli.types import STUDY, OutputPath
 
 
 @click.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=STUDY)
 @click.option(
     "-o", "--out", type=OutputPath(folder=True), metavar="DIR", help="Folder of the study; default: out/FILE."
 )

@@ -9,11 +9,11 @@ import click
 
 from otwarp.cli import stop
 from otwarp.cli.options import device_option
-from otwarp.cli.types import COUNT, FILE, OutputPath
+from otwarp.cli.types import COUNT, DATASET, OutputPath
 
 
 @click.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=DATASET)
 @click.option("-o", "--out", type=OutputPath(folder=True), metavar="DIR",
               help="Folder of the data set; default: out/vision/FILE.")  # fmt: skip
 @click.option("--processes", type=COUNT, metavar="N",

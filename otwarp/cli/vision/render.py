@@ -9,7 +9,7 @@ from typing import Any, Literal
 import click
 
 from otwarp.cli.options import device_option, out_option, seed_option
-from otwarp.cli.types import FILE, Auto, Number
+from otwarp.cli.types import SCENE_OR_RUN, Auto, Number
 from otwarp.errors import InputError
 
 MOST_PLANES = 1000
@@ -47,7 +47,7 @@ def _size(context: click.Context, parameter: click.Parameter, value: str | None)
 
 
 @click.command()
-@click.argument("path", type=FILE)
+@click.argument("path", type=SCENE_OR_RUN)
 @click.option("--time", type=Number(0.0, unit="s"), default=0.0, show_default=True, metavar="SECONDS",
               help="When: a scene is simulated up to then, of a run the nearest frame is taken.")  # fmt: skip
 @click.option("--world", type=Number(0, whole=True), default=0, show_default=True, help="Of a recorded run.")

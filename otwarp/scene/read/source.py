@@ -36,7 +36,7 @@ def open_stage(path: Path) -> Usd.Stage:
     if path.is_dir():
         raise InputError(f"{path}: file = a folder: {allowed}")
     if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a scene {allowed}")
+        raise InputError(f"{path}: there is no such file; a scene {allowed}, or the name of a shipped one")
     if not path.suffix or Sdf.FileFormat.FindByExtension(path.suffix.removeprefix(".")) is None:
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: {allowed}")
     check_crate(path, allowed)

@@ -34,6 +34,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.vision.datasets.domain import Range, domain_of, number, whole
@@ -186,7 +187,7 @@ def _scene(said: Mapping[str, Any], folder: Path) -> Scene | None:
         raise InputError("there are scene and sphere or rod; allowed: one of them")
     if not isinstance(said["scene"], str):
         raise InputError(f"scene is {said['scene']!r}; allowed: the path of a scene, from the file's own folder")
-    return Scene.load(folder / said["scene"])
+    return Scene.load(shipped.find("scenes", said["scene"], beside=folder))
 
 
 def _solids(said: Mapping[str, Any], axis: np.ndarray | None) -> Robot:
