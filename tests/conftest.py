@@ -41,6 +41,7 @@ THOROUGH = (
     "kernels/drivers/test_world_moves.py",
     "kernels/drivers/test_world_phases.py",
     "kernels/test_step.py",
+    "operators/perception/test_sweep.py",
     "operators/test_delivery.py",
     "operators/test_killed.py",
     "optics/test_table.py",
