@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from types import ModuleType, SimpleNamespace
 from typing import ClassVar
@@ -150,6 +151,7 @@ def test_a_video_device(monkeypatch):
 def test_a_genicam_camera(monkeypatch):
     """Its stamps are ticks of its own clock: a frame that is held up keeps the time of its light."""
     nodes = SimpleNamespace(AcquisitionFrameRate=SimpleNamespace(value=0.0), ExposureTime=SimpleNamespace(value=0.0))
+    taken = threading.Event()
 
     class Buffer:
         def __init__(self, stamp):
@@ -201,6 +203,7 @@ def test_a_genicam_camera(monkeypatch):
     camera = make_camera("genicam:0,cti=vendor.cti,exposure=0.002,rate=100")
     camera.open()
     first = soon(camera)
+    taken.set()
     second = soon(camera)
     assert nodes.ExposureTime.value == pytest.approx(2000.0) and nodes.AcquisitionFrameRate.value == 100.0
     assert np.array_equal(first.pieces[0].levels, LEVELS)
