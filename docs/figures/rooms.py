@@ -30,7 +30,7 @@ PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "simulation": (4.75, 4.13, 6, 0.98, "red", "Model, State, Control, Readout: the object that steps"),
     "optics": (7.8, 3.26, 2.95, 0.66, "blue", "exact forces, tables, fits"),
     "haptics": (0.25, 0.92, 2.75, 2, "green", "devices, signal chain, servo"),
-    "scene": (3.35, 0.92, 2.25, 2, "blue", "what a USD stage says"),
+    "scene": (3.35, 0.92, 2.25, 2.45, "blue", "what a USD stage says"),
     "hydrodynamics": (5.8, 0.92, 1.8, 2, "blue", "mobilities of bodies,\nblobs, walls"),
     "kernels": (7.8, 0.92, 2.95, 2, "blue", "the step, in Warp"),
 }

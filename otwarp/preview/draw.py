@@ -17,6 +17,7 @@ from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
+from otwarp.scene.appearance.missing import with_missing_looks
 from otwarp.scene.drawing.drawables import read_drawables
 from otwarp.scene.read.source import open_stage
 
@@ -67,7 +68,7 @@ def open_film(path: str | Path) -> Film:
         if not (path / RUN_LAYER).is_file():
             raise InputError(f"{path}: no {RUN_LAYER} in this folder; a USD stage or a run folder is wanted")
         path = path / RUN_LAYER
-    stage = open_stage(path)
+    stage = with_missing_looks(open_stage(path))
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     animated = stage.HasAuthoredTimeCodeRange() and end > start
     if not animated:

@@ -19,6 +19,7 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | `check` | what every description is held to, from a file or from Python |
 | `read` | stage → fields of a `Scene`, and `validate` | `read/load` |
 | `plausibility` | scene → what it hardly means: slips of units, traps that hold nothing | `plausibility/__init__` |
+| `appearance` | colours, materials and lights; what a stage lacks of them | `appearance/missing` |
 | `write` | description → stage | `write/builder` |
 | `recording` | frames of a run → `run.usda` | `recording/usd` |
 | `drawing` | stage → shapes, lights and camera of a picture | `drawing/drawables` |

@@ -92,5 +92,5 @@ def watched(builder: SceneBuilder, *, focus: float, frame: tuple[float, float], 
 
 def light(builder: SceneBuilder) -> None:
     """A cool dome and a warm key light from the upper left."""
-    builder.add_light("/World/Lights/dome", kind="dome", intensity=400.0, color=(0.75, 0.85, 1.0))
-    builder.add_light("/World/Lights/key", direction=(0.45, 0.55, -1.0), intensity=1600.0, color=(1.0, 0.96, 0.9))
+    builder.add_light("/World/Lights/dome", kind="dome", color=(0.75, 0.85, 1.0))
+    builder.add_light("/World/Lights/key", direction=(0.45, 0.55, -1.0), color=(1.0, 0.96, 0.9))

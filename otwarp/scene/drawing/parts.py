@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd
 
+from otwarp.scene.appearance.missing import with_missing_looks
 from otwarp.scene.drawing.draw_list import EMPTY, PLANE, TriangleMesh, View, bounds
 from otwarp.scene.drawing.shapes import Batch
 from otwarp.scene.drawing.walk import Walk
@@ -64,7 +65,7 @@ def read_drawn(file: Path, owners: Iterable[str], lights: Iterable[str]) -> tupl
     Raises:
         InputError: The file is missing or not a stage, or its camera has no field of view.
     """
-    stage = open_stage(file)
+    stage = with_missing_looks(open_stage(file))
     with reading(str(file)):
         return _read_drawn(stage, owners, lights)
 

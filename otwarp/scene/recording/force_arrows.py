@@ -13,8 +13,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, UsdGeom, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
+from otwarp.scene.appearance.materials import GLOW, Materials
 from otwarp.scene.description import Body, Sphere
 from otwarp.scene.read.source import Source
 from otwarp.scene.recording.prims import ORIENT, SCALE, TRANSLATE, Sampled, attribute, op_order, quatd, vec3d
@@ -87,6 +88,10 @@ class ForceArrows:
             shaft = 1.0 - HEAD_LENGTH
             _solid(layer, path.AppendChild("shaft"), "Cylinder", SHAFT_RADIUS, shaft, 0.5 * shaft, kind)
             _solid(layer, path.AppendChild("head"), "Cone", HEAD_RADIUS, HEAD_LENGTH, 1.0 - 0.5 * HEAD_LENGTH, kind)
+        stage = Usd.Stage.Open(layer)
+        materials = Materials(stage, str(self.root.GetParentPath()))
+        for path, kind in zip(self._arrows, self._kinds, strict=True):
+            materials.bind(stage.GetPrimAtPath(path), COLOURS[kind], 1.0, glow=GLOW)
 
     def samples(self, frame: Frame, world: int) -> Iterator[Any]:
         """Where each arrow starts, where it points, how long it is, and whether it is shown."""

@@ -211,6 +211,8 @@ class _Instanced:
         turn: (4,) its rotation.
         positions: (n, 3) of all instances, bodies or not, in the instancer's frame.
         orientations: (n, 4) of all instances.
+        radius: (b, 1) the bodies' radii, in the instancer's frame.
+        extent: (2, 3) box of the instances that are no bodies, empty (inf, −inf) without any.
         start: (b, 4) the bodies' orientations in the world.
         shift: (b, 3) from the body to the origin of its instance, in the instancer's frame: a cell may sit off the
             origin of its prototype.
@@ -222,6 +224,8 @@ class _Instanced:
     turn: np.ndarray
     positions: np.ndarray
     orientations: np.ndarray
+    radius: np.ndarray
+    extent: np.ndarray
     start: np.ndarray
     shift: np.ndarray
 
@@ -246,6 +250,7 @@ class Instances:
             self.attributes += [
                 Sampled(path.AppendProperty("positions"), Sdf.ValueTypeNames.Point3fArray, size),
                 Sampled(path.AppendProperty("orientations"), Sdf.ValueTypeNames.QuathArray, size),
+                Sampled(path.AppendProperty("extent"), Sdf.ValueTypeNames.Float3Array),
             ]
             moving = ("velocities", "accelerations", "angularVelocities", "orientationsf")
             self._still += [path.AppendProperty(n) for n in moving if instancer.GetPrim().GetAttribute(n).HasValue()]
@@ -255,6 +260,11 @@ class Instances:
         matrix = source.matrix(instancer.GetPrim())
         slots = [scene.bodies[i].instance or 0 for i in index]
         centre = np.array([scene.bodies[i].position for i in index]) / source.unit
+        size = decompose(matrix[None])[2][0]
+        still = np.setdiff1d(np.arange(len(positions)), slots)
+        extent = np.array([[np.inf] * 3, [-np.inf] * 3])
+        if len(still):  # their sizes are not known apart: the box of all of them at the start
+            extent = np.array(instancer.ComputeExtentAtTime(source.start, source.start), dtype=float)
         return _Instanced(
             index=index,
             slots=slots,
@@ -262,6 +272,8 @@ class Instances:
             turn=decompose(matrix[None])[1][0],
             positions=positions,
             orientations=instance_orientations(source.values, instancer, len(positions)),
+            radius=np.array([[scene.bodies[i].spheres[0].radius] for i in index]) / (source.unit * np.abs(size).min()),
+            extent=extent,
             start=np.array([scene.bodies[i].orientation for i in index]),
             shift=positions[slots] - _rows(centre, np.linalg.inv(matrix)),
         )
@@ -285,6 +297,9 @@ class Instances:
             turns[group.slots] = multiply(since, turns[group.slots])
             yield Vt.Vec3fArray.FromNumpy(local.astype(np.float32))
             yield Vt.QuathArray.FromNumpy(turns.astype(np.float16))
+            low = np.minimum((centre - group.radius).min(axis=0), group.extent[0])
+            high = np.maximum((centre + group.radius).max(axis=0), group.extent[1])
+            yield Vt.Vec3fArray.FromNumpy(np.stack([low, high]).astype(np.float32))
 
 
 def _rows(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

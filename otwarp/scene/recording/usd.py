@@ -35,6 +35,7 @@ from otwarp.errors import InputError
 from otwarp.files import written
 from otwarp.scene.read.diagnostics import usd_reason
 from otwarp.scene.read.source import Source, open_stage
+from otwarp.scene.recording.appearance import add_layer, missing_appearance
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
 from otwarp.scene.scene import Scene
@@ -100,6 +101,7 @@ class UsdRecording:
         self._frame_size = sum(a.size for a in self._sampled)
         self._snap = max(1e-6, 0.5001 * time_step * frames_per_second)
         self._root = stage.GetDefaultPrim().GetPath()
+        self._appearance, self._camera = missing_appearance(stage)
         self._offset = -source.start * frames_per_second / source.rate
         self._clips: list[float] = []
         self._clip: Sdf.Layer | None = None
@@ -209,6 +211,7 @@ class UsdRecording:
     def _still(self) -> Sdf.Layer:
         """The trajectory without its samples."""
         layer = self._layer()
+        add_layer(layer, self._appearance)
         for source in self._sources:
             source.author(layer)
         self._declare(layer)
@@ -226,6 +229,9 @@ class UsdRecording:
         layer.defaultPrim = self._root.name
         layer.timeCodesPerSecond = layer.framesPerSecond = self._rate
         layer.startTimeCode, layer.endTimeCode = self._codes
+        # the convention of Omniverse for the camera through which a stage is first shown
+        data = layer.customLayerData
+        layer.customLayerData = {"cameraSettings": {"boundCamera": str(self._camera)}} | data
         layer.subLayerPaths = ["./trajectory.usdc", _asset(self._file, self._folder)]
         layer.subLayerOffsets[1] = Sdf.LayerOffset(self._offset)
         if clips:

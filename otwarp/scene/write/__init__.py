@@ -4,6 +4,6 @@
 |---|---|
 | `builder` | `SceneBuilder`: one item, one call |
 | `attributes` | `ot:` attributes by the vocabulary's rows |
-| `obstacles`, `poses`, `looks` | colliders; transform ops; materials, extents and the drawn beam |
+| `obstacles`, `poses` | colliders; transform ops |
 | `export`, `body_file` | layers written whole or not at all, stages in metres; one body as a file of its own |
 """

@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import vocabulary
+from otwarp.scene.appearance import palette
+from otwarp.scene.appearance.lights import define_distant, define_dome
+from otwarp.scene.appearance.materials import Materials, author_extent, draw_beam
+from otwarp.scene.appearance.palette import Color
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Rod, Settings, Trap
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.scene import Scene
@@ -20,19 +24,12 @@ from otwarp.scene.transforms import align_z, look_at, rotate
 from otwarp.scene.vocabulary.values import authored
 from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
-from otwarp.scene.write.looks import Color, Materials, author_extent, draw_beam
 from otwarp.scene.write.obstacles import define_obstacle
 from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks, rounded
 
 register()
 
 Item = Trap | Body | Obstacle | Flow | Camera | Goal
-_COLORS: dict[type, tuple[Color, float]] = {
-    Trap: ((0.85, 0.10, 0.10), 0.15),
-    Body: ((0.95, 0.65, 0.15), 1.0),
-    Obstacle: ((0.55, 0.58, 0.62), 1.0),
-    Goal: ((0.20, 0.70, 0.30), 0.25),
-}
 _FOCAL_LENGTH = 50.0
 _LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
 
@@ -49,7 +46,7 @@ class SceneBuilder:
 
     def __init__(self, *, root: str = "/World", medium: Medium | None = None, settings: Settings | None = None):
         medium, settings = medium or Medium(), settings or Settings()
-        self.root, self._rate = root, settings.frames_per_second
+        self.root, self._rate, self._robots = root, settings.frames_per_second, 0
         self._stage = Usd.Stage.CreateInMemory("scene.usda")
         self._materials = Materials(self._stage, root)
         world = UsdGeom.Xform.Define(self._stage, root).GetPrim()
@@ -73,7 +70,7 @@ class SceneBuilder:
 
         Args:
             item: Trap, Body, Obstacle, Flow, Camera or Goal, in internal units.
-            color: Display colour, linear RGB in [0, 1]; by default one for each kind.
+            color: Display colour, linear RGB in [0, 1]; by default one for each kind, and for each robot.
             opacity: In [0, 1]; for a trap, of its beam.
 
         Returns:
@@ -83,7 +80,7 @@ class SceneBuilder:
             InputError: The path is taken or not below the root, or the item cannot be said in USD.
         """
         self._check_path(item.prim, taken=isinstance(item, Camera) or item.prim == self.root)
-        default_color, default_opacity = _COLORS.get(type(item), ((0.5, 0.5, 0.5), 1.0))
+        default_color, default_opacity = palette.look_of(item, self._robots)
         color = default_color if color is None else color
         opacity = default_opacity if opacity is None else opacity
         writers: dict[type, Any] = {
@@ -142,7 +139,7 @@ class SceneBuilder:
         end: Sequence[float],
         radius: float,
         *,
-        color: Color = _COLORS[Body][0],
+        color: Color = palette.ROBOTS[0],
         opacity: float = 1.0,
     ) -> Usd.Prim:
         """Draw a rod; looks only, no physics. Rods that collide or drag are `Rod`s of the body that `add` is given.
@@ -182,7 +179,7 @@ class SceneBuilder:
         *,
         kind: str = "distant",
         direction: Sequence[float] = (-0.4, 0.3, -1.0),
-        intensity: float = 1500.0,
+        intensity: float | None = None,
         color: Color = (1.0, 1.0, 1.0),
     ) -> Usd.Prim:
         """Author a light.
@@ -191,7 +188,9 @@ class SceneBuilder:
             prim: Its path.
             kind: `distant`, shining along `direction` (of any length), or `dome`, the same from everywhere.
             direction: See `kind`; in world coordinates.
-            intensity, color: As USD's light schemas mean them; the colour is linear RGB in [0, 1].
+            intensity: Irradiance of a distant light, radiance of a dome; by default a strength at which white things
+                are just not shown as white.
+            color: Linear RGB in [0, 1].
 
         Raises:
             InputError: Another kind, or the path is taken.
@@ -199,16 +198,10 @@ class SceneBuilder:
         self._check_path(prim)
         if kind not in ("distant", "dome"):
             raise InputError(f"SceneBuilder: {prim}: kind = {kind}: must be one of distant, dome")
-        define = UsdLux.DistantLight.Define if kind == "distant" else UsdLux.DomeLight.Define
-        light = define(self._stage, self._parents(prim))
-        light.CreateIntensityAttr(float(intensity))
-        light.CreateColorAttr(Gf.Vec3f(*color))
-        if kind == "distant":
-            light.CreateAngleAttr(1.0)
-            back = -np.asarray(direction, float)
-            turn = look_at(back, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-            author_pose(light.GetPrim(), np.zeros(3), rounded(turn))
-        return light.GetPrim()
+        path = self._parents(prim)
+        if kind == "dome":
+            return define_dome(self._stage, path, palette.DOME if intensity is None else intensity, color)
+        return define_distant(self._stage, path, direction, palette.KEY if intensity is None else intensity, color)
 
     def add_view(
         self,
@@ -241,6 +234,8 @@ class SceneBuilder:
         if not distance > 0.0:
             raise InputError(f"SceneBuilder: {prim}: eye = {tuple(eye)}: must differ from target")
         camera = UsdGeom.Camera.Define(self._stage, self._parents(prim))
+        if not self._stage.GetRootLayer().customLayerData:  # Omniverse's convention for what a stage is first seen by
+            self._stage.GetRootLayer().customLayerData = {"cameraSettings": {"boundCamera": prim}}
         if orthographic:
             width = 10.0 * field_of_view  # apertures are in tenths of a stage unit
         else:
@@ -310,6 +305,7 @@ class SceneBuilder:
             author_pose(prim, body.position, body.orientation)
             return prim
         prim = UsdGeom.Xform.Define(self._stage, self._parents(body.prim)).GetPrim()
+        self._robots += 1
         author_pose(prim, body.position, body.orientation)
         UsdPhysics.RigidBodyAPI.Apply(prim)
         if body.material.adhesion != 0.0:

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-Color = tuple[float, float, float]
+from otwarp.scene.appearance.palette import Color
+
+GLOW = 0.5
+"""Light that a beam's material sends out, over its colour."""
 
 
 class Materials:
-    """Materials of a stage, one per colour and opacity, below `{root}/Looks`."""
+    """Materials of a stage, one per colour, opacity and glow, below `{root}/Looks`."""
 
     def __init__(self, stage: Usd.Stage, root: str):
         self._stage, self._root = stage, root
 
-    def bind(self, prim: Usd.Prim, color: Color, opacity: float) -> None:
-        """Bind a UsdPreviewSurface of this colour to `prim`."""
-        UsdShade.MaterialBindingAPI.Apply(prim).Bind(self._material(color, opacity))
+    def bind(self, prim: Usd.Prim, color: Color, opacity: float, *, glow: float = 0.0) -> None:
+        """Bind a UsdPreviewSurface of this colour, which sends out `glow` times it, to `prim`."""
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(self._material(color, opacity, glow))
 
-    def paint(self, prim: Usd.Prim, color: Color, opacity: float) -> None:
-        """Author display colour and opacity on a gprim, for viewers that ignore materials, and its extent."""
+    def paint(self, prim: Usd.Prim, color: Color, opacity: float, *, extent: bool = True) -> None:
+        """Author display colour and opacity on a gprim, for viewers that ignore materials, and its `extent`."""
         gprim = UsdGeom.Gprim(prim)
         gprim.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([Gf.Vec3f(*color)]))
         gprim.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set(Vt.FloatArray([opacity]))
-        author_extent(prim)
+        if extent:
+            author_extent(prim)
 
-    def _material(self, color: Color, opacity: float) -> UsdShade.Material:
-        name = "Color_" + "".join(f"{round(255 * channel):02x}" for channel in (*color, opacity))
+    def _material(self, color: Color, opacity: float, glow: float) -> UsdShade.Material:
+        name = "Glow_" if glow else "Color_"
+        name += "".join(f"{round(255 * channel):02x}" for channel in (*color, opacity))
         path = Sdf.Path(f"{self._root}/Looks/{name}")
         if self._stage.GetPrimAtPath(path):
             return UsdShade.Material(self._stage.GetPrimAtPath(path))
@@ -34,6 +39,9 @@ class Materials:
         shader = UsdShade.Shader.Define(self._stage, path.AppendChild("Surface"))
         shader.CreateIdAttr("UsdPreviewSurface")
         shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
+        if glow:
+            emitted = Gf.Vec3f(*(round(glow * channel, 6) for channel in color))
+            shader.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f).Set(emitted)
         shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(opacity)
         shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.45)
         surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
@@ -49,19 +57,21 @@ def author_extent(prim: Usd.Prim) -> None:
         boundable.CreateExtentAttr(extent)
 
 
-def draw_beam(stage: Usd.Stage, materials: Materials, trap: Usd.Prim, color: Color, opacity: float) -> None:
+def draw_beam(
+    stage: Usd.Stage, materials: Materials, trap: Usd.Prim, color: Color, opacity: float, *, scale: float = 1.0
+) -> None:
     """Draw a trap: a small sphere at the focus and two translucent cones that meet there.
 
     A symbol, not the beam's true profile: 20 µm long, with a half angle of 12° instead of the objective's 60° or so,
     so that several beams can be told apart. The cones keep the default purpose, which usdview,
-    Blender and Isaac Sim all show.
+    Blender and Isaac Sim all show. `scale` is a micrometre in units of the stage.
     """
     path = trap.GetPath()
     marker = UsdGeom.Sphere.Define(stage, path.AppendChild("Focus"))
-    marker.CreateRadiusAttr(0.15)
+    marker.CreateRadiusAttr(0.15 * scale)
     materials.paint(marker.GetPrim(), color, 1.0)
-    materials.bind(marker.GetPrim(), color, 1.0)
-    height, radius = 10.0, 2.1
+    materials.bind(marker.GetPrim(), color, 1.0, glow=GLOW)
+    height, radius = 10.0 * scale, 2.1 * scale
     for name, side in (("BeamBelow", -1.0), ("BeamAbove", 1.0)):
         cone = UsdGeom.Cone.Define(stage, path.AppendChild(name))
         cone.CreateAxisAttr(UsdGeom.Tokens.z)
@@ -71,4 +81,4 @@ def draw_beam(stage: Usd.Stage, materials: Materials, trap: Usd.Prim, color: Col
         if side > 0.0:  # a USD cone points along +Z: turn the upper one over
             cone.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(0.0, 1.0, 0.0, 0.0))
         materials.paint(cone.GetPrim(), color, opacity)
-        materials.bind(cone.GetPrim(), color, opacity)
+        materials.bind(cone.GetPrim(), color, opacity, glow=GLOW)
