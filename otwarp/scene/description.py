@@ -375,8 +375,8 @@ class Goal:
     Attributes:
         prim: Path of the goal's prim.
         position: Where the cell is wanted [µm].
-        cell: Prim path of the cell.
-        robots: Prim paths of the robots that carry it.
+        cell: Prim path of the cell, or of the one robot that goes there itself.
+        robots: Prim paths of the robots that carry it; that robot alone where none carries anything.
         tolerance: Delivered when the cell is this close [µm].
         lost_distance: A robot is lost when any of its traps is this far from the sphere it holds [µm].
         cell_lost_distance: The cell is lost when this far from the midpoint of its robots [µm].

@@ -16,7 +16,10 @@ ENDINGS = {"scenes": ".usda", "studies": ".toml", "vision": ".toml"}
 SCENES = {
     "cell_delivery": "Two robots carry a cell past pillars and moving cubes: the paper's task.",
     "force_models": "Four equal beads, each held by a beam under one of the four force models.",
+    "hold": "A robot of one sphere held by one trap in a channel's flow: with how little power?",
     "microfluidic_channel": "A robot held in a channel's flow, with 200 cells that drift past pillars.",
+    "navigate": "A robot of one sphere and one trap, past pillars and swinging boxes to a goal.",
+    "push": "A robot of one sphere and a cell that nothing holds, in a shallow chamber.",
     "robot_hold": "A robot in its three traps, in a stream: which sphere lets go first?",
     "single_bead": "One bead at rest in one harmonic trap.",
     "strategy_a": "Two traps part, and a pair of spheres lies down in the plane.",

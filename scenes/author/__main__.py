@@ -21,6 +21,9 @@ NAMES = (
     "microfluidic_channel",
     "ten_thousand_cells",
     "teleop_small",
+    "navigate",
+    "push",
+    "hold",
 )
 FOLDER = Path(__file__).parents[1]
 

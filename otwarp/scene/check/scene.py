@@ -19,6 +19,9 @@ from otwarp.scene.vocabulary.values import bad
 
 INFINITY = float("inf")
 
+DELIVERED = "one prim with OtCellAPI, or the only robot of ot:goal:robots"
+"""What a goal may be of."""
+
 
 def check_scene(
     where: str,
@@ -138,8 +141,8 @@ def _check_goal(where: str, goal: Goal, bodies: Sequence[Body]) -> None:
     check_places(where, [goal.prim], "position", check_numbers(where, goal.prim, "position", goal.position, (3,))[None])
     cells = {body.prim for body in bodies if body.kind == "cell" and body.instance is None}
     robots = {body.prim for body in bodies if body.kind == "robot"}
-    if goal.cell not in cells:
-        raise bad(where, goal.prim, "ot:goal:cell", goal.cell or "(no target)", "one prim with OtCellAPI")
+    if goal.cell not in cells and (goal.cell not in robots or goal.robots != (goal.cell,)):
+        raise bad(where, goal.prim, "ot:goal:cell", goal.cell or "(no target)", DELIVERED)
     strangers = [path for path in goal.robots if path not in robots]
     if strangers or not goal.robots:
         shown = ", ".join(strangers) or "(no target)"

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene import vocabulary
+from otwarp.scene.check.scene import DELIVERED
 from otwarp.scene.description import Camera, Flow, Goal, Medium, Settings
 from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.flow_file import read_flow_grid
@@ -102,7 +103,7 @@ def read_goal(source: Source, prims: Sequence[Usd.Prim]) -> Goal | None:
     values = read_values(source.file, prim, vocabulary.GOAL)
     named = values["cell"]
     if len(named) != 1:
-        raise source.bad(prim, "ot:goal:cell", ", ".join(named) or "(no target)", "one prim with OtCellAPI")
+        raise source.bad(prim, "ot:goal:cell", ", ".join(named) or "(no target)", DELIVERED)
     return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values | {"cell": named[0]})
 
 

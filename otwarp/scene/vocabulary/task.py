@@ -99,9 +99,9 @@ GOAL = Schema(
     name="OtGoalAPI",
     of="goal",
     applies_to="Xform or Sphere at the goal",
-    doc="The task: bring the cell here.",
+    doc="The task: bring the cell, or the robot, here.",
     attributes=(
-        Attribute("ot:goal:cell", None, doc="The cell to deliver (required)."),
+        Attribute("ot:goal:cell", None, doc="The cell to deliver, or the one robot that goes there itself (required)."),
         Attribute("ot:goal:robots", None, doc="The robots that carry it (required)."),
         Attribute("ot:goal:tolerance", 1e-6, "length", "(0, inf)", doc="Delivered when the cell is this close."),
         Attribute(

@@ -154,10 +154,20 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         r"ot:flow:halfHeight = 0.0: must be in \(0, inf\) m for",
     ),
     "camera": ({"camera": Camera(prim="/World/K", pixel_size=0.0)}, r"ot:camera:pixelSize = 0.0: must be in \(0, "),
-    "goal": ({"goal": dataclasses.replace(GOAL, cell="/World/B")}, "ot:goal:cell = /World/B: must be one prim with"),
+    "goal": ({"goal": dataclasses.replace(GOAL, cell="/World/T")}, "ot:goal:cell = /World/T: must be one prim with"),
     "robots": ({"goal": dataclasses.replace(GOAL, robots=())}, r"ot:goal:robots = \(no target\): must be prims with"),
     "no trap": ({"traps": (BODY,)}, "/World: traps = Body.*: must be of class Trap"),
 }
+
+
+def test_a_robot_may_be_what_is_delivered_if_it_is_alone() -> None:
+    dataclasses.replace(GOOD, goal=dataclasses.replace(GOAL, cell=BODY.prim)).check()
+    other = dataclasses.replace(
+        BODY, prim="/World/B2", position=(0.0, 60.0, 0.0), spheres=(dataclasses.replace(BALL, prim="/World/B2/S"),)
+    )
+    goal = dataclasses.replace(GOAL, cell=BODY.prim, robots=(BODY.prim, other.prim))
+    with pytest.raises(InputError, match="or the only robot of ot:goal:robots"):
+        dataclasses.replace(GOOD, bodies=(BODY, CELL, other), goal=goal).check()
 
 
 def test_the_good_scene() -> None:

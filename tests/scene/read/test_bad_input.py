@@ -188,8 +188,8 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
     ),
     "unsupported collider": ([('def Cube "Block"', 'def Cone "Block"')], r"must be on one of Cube, .*, not Cone"),
     "goal without cell": (
-        [("rel ot:goal:cell = </World/Cell>", "rel ot:goal:cell = </World/Robot>")],
-        r"/World/Goal: ot:goal:cell = /World/Robot: must be one prim with OtCellAPI",
+        [("rel ot:goal:cell = </World/Cell>", "rel ot:goal:cell = </World/Block>")],
+        r"/World/Goal: ot:goal:cell = /World/Block: must be one prim with OtCellAPI, or the only robot",
     ),
     "goal cell missing": (
         [("        rel ot:goal:cell = </World/Cell>\n", "")],
