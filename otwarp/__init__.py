@@ -21,6 +21,7 @@ docstring (docs/architecture.md shows who may import whom):
     analysis       what a run or a study tells: calibrations, spectra, work, escapes
     preview        pictures and movies of them
     haptics        what operators feel, a thousand times a second
+    view           recordings played back in the browser
     teleop         live sessions: page, operators, budget, recording
     perception     images that say where the bodies of a session are
     ros            the same session as the topics of ROS 1 and ROS 2

@@ -70,6 +70,7 @@ THOROUGH = (
     "validation/test_symmetry.py",
     "validation/test_tilted_pair.py",
     "validation/test_weak_order.py",
+    "view/test_browser.py",
     "vision/",
 )
 """Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`

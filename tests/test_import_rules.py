@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "simulation": ROOT | {"device", "kernels", "scene", "optics", "hydrodynamics"},
     "haptics": ROOT,
     "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
+    "view": ROOT | {"scene", "simulation", "record", "teleop", "studies"},
     "operators": ROOT | {"device", "kernels", "haptics", "scene", "simulation", "studies", "teleop"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},

@@ -17,7 +17,8 @@ SIZE = (11.0, 11.6)
 PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "cli": (0.25, 10.9, 10.5, 0.42, "grey", "imports every room, inside functions"),
     "reproduce": (0.25, 9.68, 10.5, 0.98, "violet", "the paper's tables and figures, computed anew"),
-    "perception": (0.25, 8.82, 10.5, 0.66, "violet", "images that say where the bodies of a session are"),
+    "view": (7.35, 8.82, 3.4, 0.66, "violet", "recordings played back in the browser"),
+    "perception": (0.25, 8.82, 6.85, 0.66, "violet", "images that say where the bodies of a session are"),
     "ros": (0.25, 7.64, 2.6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
     "operators": (3.05, 7.64, 3.2, 0.98, "amber", "simulated people at the device"),
     "analysis": (6.35, 6.64, 2.05, 0.66, "violet", "what a run or study tells"),

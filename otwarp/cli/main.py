@@ -20,6 +20,7 @@ COMMANDS = {
     "scenes": "What comes with otwarp: scenes, studies and data sets, by name.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
+    "view": "Play recorded runs back in the browser.",
     "analyse": "Calibrate traps, and more, from a recorded run or a study.",
     "study": "Batched studies: trials of a scene at many points.",
     "vision": "What the microscope of a scene sees.",

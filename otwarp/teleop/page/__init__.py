@@ -19,6 +19,8 @@ child's process
     controls          buttons and sliders
     readout           texts and plots
     camera_panel      what a camera sees, where it feeds the session
+    front             what is added in the browser: words without WebGL, help, names for those who hear the page
+    screenshot        a picture of the scene as a window shows it
 """
 
 from __future__ import annotations

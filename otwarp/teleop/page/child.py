@@ -6,7 +6,6 @@ It ends when its stdin ends: by order, or because its session is gone.
 
 from __future__ import annotations
 
-import io
 import logging
 import math
 import os
@@ -20,8 +19,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-import numpy as np
-
 from otwarp.errors import InputError
 from otwarp.haptics.core import Vec3
 from otwarp.haptics.core.realtime import ordinary
@@ -31,6 +28,7 @@ from otwarp.teleop import Command
 from otwarp.teleop.page.access import access_for, listen
 from otwarp.teleop.page.camera_panel import CameraPanel
 from otwarp.teleop.page.controls import Controls, gizmo_position
+from otwarp.teleop.page.front import head
 from otwarp.teleop.page.gizmos import Gizmos, Pointer
 from otwarp.teleop.page.protocol import (
     Asked,
@@ -46,6 +44,7 @@ from otwarp.teleop.page.protocol import (
 )
 from otwarp.teleop.page.readout import News, Plots
 from otwarp.teleop.page.scene_view import BACKGROUND, SceneView
+from otwarp.teleop.page.screenshot import send_screenshot
 from otwarp.teleop.page.viser_internals import guarded_server
 
 if TYPE_CHECKING:
@@ -67,8 +66,6 @@ ECHO_EVERY, ECHO_WITHIN = 1.0, 2.0
 """Seconds between two questions to a browser, and for which one waits for its answer: a hidden window sleeps."""
 ECHO_KEY = "otwarp-echo"
 """Of the browser's local storage; nothing is kept there."""
-PICTURE = 2000
-"""Most pixels of a side of a screenshot."""
 
 
 class BrowserLatency:
@@ -150,7 +147,7 @@ class Page:
             ask=self._ask,
             tell=self._notify,
             clock=time.monotonic,
-            screenshot=self._screenshot,
+            screenshot=lambda client: send_screenshot(client, BACKGROUND[0]),
         )
         gui.main_panel.dock_right()
         side = gui.add_panel()
@@ -265,26 +262,6 @@ class Page:
             self._gizmos.release(client, time.monotonic())
         self._tell(Visitors(len(self._clients)))
 
-    def _screenshot(self, client: Any) -> None:
-        """Picture of the scene as that window shows it, downloaded there; runs in a thread of viser's."""
-        if client is None:
-            return
-        import imageio.v3 as iio
-
-        height, width = client.camera.image_height, client.camera.image_width
-        k = min(1.0, PICTURE / max(height, width, 1))
-        try:
-            image = client.get_render(int(k * height), int(k * width), transport_format="png", timeout=10.0)
-        except (RuntimeError, TimeoutError) as error:
-            client.add_notification("Screenshot", str(error), auto_close_seconds=NOTICE, color="red")
-            return
-        clear = image[..., 3:].astype(float) / 255.0
-        flat = image[..., :3] * clear + np.array(BACKGROUND[0]) * (1.0 - clear)
-        png = io.BytesIO()
-        iio.imwrite(png, flat.astype(np.uint8), extension=".png")
-        name = time.strftime("otwarp_%Y%m%d_%H%M%S.png")
-        client.send_file_download(name, png.getvalue(), save_immediately=True)
-
 
 def _nothing() -> None:
     """What there is to do when nothing came."""
@@ -316,7 +293,8 @@ def child() -> None:
     try:
         listening = listen(order.host, order.port)
         access = access_for(listening, order.token)
-        server = guarded_server(listening, access, f"otwarp · {order.drawing.title}")
+        title = f"otwarp · {order.drawing.title}"
+        server = guarded_server(listening, access, title, head(title))
         page = Page(server, order, tell)
     except InputError as error:
         tell(Failed(str(error)))

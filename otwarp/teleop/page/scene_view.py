@@ -11,7 +11,7 @@ import numpy as np
 
 from otwarp.scene.transforms import rotate
 from otwarp.teleop.page.compose import ball, beam
-from otwarp.teleop.page.protocol import Drawing, MeshPart, PageFrame
+from otwarp.teleop.page.protocol import Colour, Drawing, MeshPart, PageFrame
 from otwarp.teleop.page.viser_internals import instanced
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ MOST_CONTACTS = 200
 """Contacts that are drawn, the largest: thousands of arrows say less than none."""
 WEAKEST = 1e-3
 """Force below which no arrow is drawn, however long it would be [pN]."""
-BACKGROUND = ((22, 32, 48), (6, 9, 15))
-"""Colours of the middle and the edge of the background."""
+BACKGROUND, LIGHT_BACKGROUND = ((22, 32, 48), (6, 9, 15)), ((255, 255, 255), (232, 238, 245))
+"""Colours of the middle and the edge of the background, on the dark page and on the light one."""
 FINE, MIDDLE = 400, 3000
 """Balls up to which each is drawn with 1280, and with 320 triangles; more get 80."""
 MANY, MANY_INTERVAL = 2000, 0.1
@@ -98,13 +98,28 @@ def wxyz(q: np.ndarray) -> np.ndarray:
 class SceneView:
     """Everything drawn in 3-D; one thread.
 
+    Args:
+        server: Of viser.
+        drawing: What is drawn.
+        root: Path of all of it in viser's scene.
+        studio: Whether camera, light and background are set up, too; not for a second scene beside the first.
+        light: Whether the background is light.
+
     Attributes:
         arrow_scale: Length of force arrows [µm/pN].
         trap_forces, contact_forces, beams: Whether they are drawn.
     """
 
-    def __init__(self, server: viser.ViserServer, drawing: Drawing):
-        self._server, self._drawing = server, drawing
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        drawing: Drawing,
+        *,
+        root: str = "/scene",
+        studio: bool = True,
+        light: bool = False,
+    ):
+        self._server, self._drawing, self._root = server, drawing, root
         self.arrow_scale = 1.0
         self.trap_forces = self.contact_forces = self.beams = True
         camera = drawing.camera
@@ -112,17 +127,18 @@ class SceneView:
         self._head = 0.011 * self._size
         self._brightest = max([trap.power for trap in drawing.traps], default=0.0)
         self._balls_at = -np.inf
-        self._studio()
+        if studio:
+            self._studio(light)
         scene = server.scene
         for k, part in enumerate(drawing.fixed):
-            self._mesh(f"/scene/fixed_{k}", part)
-        self._bodies = [self._frame(f"/scene/body_{b.index}", b.parts) for b in drawing.bodies]
-        self._moving = [self._frame(f"/scene/obstacle_{k}", m.parts) for k, m in enumerate(drawing.moving)]
+            self._mesh(f"{root}/fixed_{k}", part)
+        self._bodies = [self._frame(f"{root}/body_{b.index}", b.parts) for b in drawing.bodies]
+        self._moving = [self._frame(f"{root}/obstacle_{k}", m.parts) for k, m in enumerate(drawing.moving)]
         self._balls = [self._group(k) for k in range(len(drawing.balls))]
         self._beams, self._marks = self._light()
         self._arrows = [
             scene.add_arrows(
-                f"/scene/{name}",
+                f"{root}/{name}",
                 np.zeros((1, 2, 3), dtype=np.float32),
                 instanced(np.array(colour)),
                 shaft_radius=0.2 * self._head,
@@ -175,7 +191,7 @@ class SceneView:
             if len(points):
                 handle.points = cast("Any", points)  # it takes any floats, and keeps float32
 
-    def _studio(self) -> None:
+    def _studio(self, light: bool) -> None:
         """Up, camera, light, background."""
         server, camera = self._server, self._drawing.camera
         server.scene.set_up_direction("+z")
@@ -197,7 +213,7 @@ class SceneView:
         ):
             place = np.array(camera.look_at) + self._size * direction / np.linalg.norm(direction)
             server.scene.add_light_directional(f"/light/{name}", intensity=strength, position=tuple(place))
-        server.scene.set_background_image(background(), format="png")
+        server.scene.set_background_image(background(LIGHT_BACKGROUND if light else BACKGROUND), format="png")
 
     def _mesh(self, name: str, part: MeshPart) -> Any:
         clear = part.opacity < 1.0
@@ -225,7 +241,7 @@ class SceneView:
         many = len(group.bodies)
         points, faces = ball(3 if many <= FINE else 2 if many <= MIDDLE else 1)
         return self._server.scene.add_batched_meshes_simple(
-            f"/scene/balls_{k}",
+            f"{self._root}/balls_{k}",
             points,
             faces,
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (many, 1)),
@@ -248,7 +264,7 @@ class SceneView:
         colours = instanced(np.array([trap.colour for trap in traps]))
         points, faces = beam()
         beams = self._server.scene.add_batched_meshes_simple(
-            "/scene/beams",
+            f"{self._root}/beams",
             points,
             faces,
             batched_wxyzs=turn,
@@ -263,7 +279,7 @@ class SceneView:
         )
         points, faces = ball(2)
         marks = self._server.scene.add_batched_meshes_simple(
-            "/scene/traps",
+            f"{self._root}/traps",
             points,
             faces,
             batched_wxyzs=turn,
@@ -276,11 +292,11 @@ class SceneView:
         return beams, marks
 
 
-def background(width: int = 480, height: int = 270) -> np.ndarray:
+def background(colours: tuple[Colour, Colour] = BACKGROUND, width: int = 480, height: int = 270) -> np.ndarray:
     """(height, width, 3) uint8: lighter in the middle, with half a level of noise so that it shows no bands."""
     y, x = np.mgrid[:height, :width]
     r = np.clip(np.hypot(2.0 * x / width - 1.0, 2.0 * y / height - 1.0) / 1.3, 0.0, 1.0)[..., None]
     t = r * r * (3.0 - 2.0 * r)
-    colour = np.array(BACKGROUND[0]) * (1.0 - t) + np.array(BACKGROUND[1]) * t
+    colour = np.array(colours[0]) * (1.0 - t) + np.array(colours[1]) * t
     noise = np.modf(52.9829189 * np.modf(0.06711056 * x + 0.00583715 * y)[0])[0] - 0.5
     return np.clip(np.rint(colour + noise[..., None]), 0, 255).astype(np.uint8)

@@ -10,11 +10,13 @@ listed here is not there any more.
 - *No tunnel.* viser opens one to a public server for whoever presses `Share`, past the rules. The button is hidden by
   a public option, but a window may send the message all the same; so its handlers are taken from `_websock_server`.
 - *No other port.* The variable `_VISER_PORT_OVERRIDE` would replace the port that was asked for.
+- *The page itself.* What `front` adds is put at the end of the head of the one file that viser serves.
 - *Colours of instances.* viser hands them to three.js as linear components, other than those of single meshes.
 """
 
 from __future__ import annotations
 
+import gzip
 import http.client
 import socket
 import threading
@@ -26,6 +28,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.teleop.page.access import HEADERS, Access
+from otwarp.teleop.page.front import with_head
 
 if TYPE_CHECKING:
     import viser
@@ -45,8 +48,14 @@ def without_override(environment: MutableMapping[str, str]) -> MutableMapping[st
     return environment
 
 
-def guarded_server(listening: socket.socket, access: Access, label: str) -> viser.ViserServer:
+def guarded_server(listening: socket.socket, access: Access, label: str, head: str = "") -> viser.ViserServer:
     """A viser server on this socket, under these rules.
+
+    Args:
+        listening: The socket.
+        access: The rules.
+        label: Of the panel.
+        head: HTML that is put at the end of the head of the page.
 
     Raises:
         InputError: This viser starts in a way that the rules do not reach.
@@ -59,7 +68,7 @@ def guarded_server(listening: socket.socket, access: Access, label: str) -> vise
 
     def ours(handler: Any, _host: Any, _port: Any, *, process_request: Any, **options: Any) -> Any:
         """What viser calls to listen: on our socket, and judged."""
-        return serve(handler, sock=listening, process_request=_judged(access, process_request), **options)
+        return serve(handler, sock=listening, process_request=_judged(access, process_request, head), **options)
 
     library.serve = ours  # type: ignore[assignment]
     try:
@@ -74,7 +83,7 @@ def guarded_server(listening: socket.socket, access: Access, label: str) -> vise
     return server
 
 
-def _judged(access: Access, inner: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _judged(access: Access, inner: Callable[[Any, Any], Any], head: str) -> Callable[[Any, Any], Any]:
     """viser's handler of requests behind the rules."""
 
     def judged(connection: Any, request: Any) -> Any:
@@ -84,6 +93,8 @@ def _judged(access: Access, inner: Callable[[Any, Any], Any]) -> Callable[[Any, 
             response = connection.respond(verdict.status, verdict.reason + "\n")
         else:
             response = inner(connection, request)
+            if response is not None and head:
+                _add_head(response, head)
         if response is not None:
             for name, value in HEADERS:
                 response.headers[name] = value
@@ -92,6 +103,20 @@ def _judged(access: Access, inner: Callable[[Any, Any], Any]) -> Callable[[Any, 
         return response
 
     return judged
+
+
+def _add_head(response: Any, head: str) -> None:
+    """Put HTML into the head of a page that viser answers with; other answers stay."""
+    fields = response.headers
+    if response.status_code != 200 or not fields.get("Content-Type", "").startswith("text/html"):
+        return
+    zipped = fields.get("Content-Encoding") == "gzip"
+    page = (gzip.decompress(response.body) if zipped else response.body).decode()
+    body = with_head(page, head).encode()
+    response.body = gzip.compress(body, compresslevel=1) if zipped else body
+    if "Content-Length" in fields:
+        del fields["Content-Length"]
+        fields["Content-Length"] = str(len(response.body))
 
 
 def refuses(access: Access, place: tuple[str, int]) -> bool:

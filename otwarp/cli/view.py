@@ -1,0 +1,34 @@
+"""`otwarp view`: recorded runs in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from otwarp.cli.page_options import page_options
+from otwarp.cli.types import FILE, Number
+from otwarp.errors import InputError
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  otwarp view out/cell_delivery                   # play it back
+  otwarp view out/cell_delivery out/fast          # compare: the second one translucent, plots over each other
+  otwarp view out/cell_delivery --theme light     # for slides"""
+)
+@click.argument("paths", type=FILE, nargs=-1, required=True, metavar="RUN [RUN]")
+@click.option("--world", type=Number(0, whole=True), default=0, show_default=True, help="Which recorded world.")
+@page_options
+def view(paths: tuple[Path, ...], world: int, theme: str, **where: object) -> None:
+    """Open a page on RUN, the folder of a recorded run: play it, step through it, measure in it, compare two.
+
+    The page only reads. Ctrl-C ends it.
+    """
+    from otwarp.view.serve import ServeOptions
+    from otwarp.view.show import show_runs
+
+    if len(paths) > 2:
+        raise InputError(f"{len(paths)} runs; allowed: one, or two to compare")
+    show_runs(paths, ServeOptions(**where), world=world, theme=theme, say=click.echo)  # type: ignore[arg-type]

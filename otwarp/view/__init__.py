@@ -1,0 +1,34 @@
+"""Recordings in the browser: a run, or two beside each other, or trials of a study, played back; scenes, drawn.
+
+In come recorded runs and studies on disk, out goes a page of viser's, drawn with the parts of the live page
+(`otwarp.teleop.page`) and under its access rules. It only reads; what is drawn anew is written where it is told to.
+Open `show` first, then `page`.
+
+| file | what it holds |
+|---|---|
+| `show` | `show_runs`: what `otwarp view` does |
+| `serve` | a guarded server, its address, its end |
+| `source` | `Source`: moments of one world, whatever they come from |
+| `recorded` | a recorded run as a source, mapped from disk |
+| `page`, `controls` | the page's one thread; its buttons and keys |
+| `playback` | the clock: which moment is shown |
+| `curves`, `plots` | curves over a whole run, thinned so that peaks stay; their plots |
+| `sight` | presets of the camera, scale bar, legend |
+| `measure`, `tape` | where a click meets the scene; the measuring tool |
+| `theme` | colours, dark and light |
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from otwarp.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from otwarp.view.recorded import RecordedRun as RecordedRun
+    from otwarp.view.serve import ServeOptions as ServeOptions
+    from otwarp.view.show import show_runs as show_runs
+
+__getattr__, __dir__ = lazy_names(
+    __name__, {"recorded": ("RecordedRun",), "serve": ("ServeOptions",), "show": ("show_runs",)}
+)

@@ -1,0 +1,48 @@
+"""What `otwarp view` does: opens what is to be shown, refuses what cannot be, serves the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from otwarp.errors import InputError
+from otwarp.view.controls import KEYS
+from otwarp.view.page import ViewPage
+from otwarp.view.recorded import RecordedRun
+from otwarp.view.serve import ServeOptions, served
+from otwarp.view.theme import THEMES
+
+
+def show_runs(
+    paths: Sequence[Path],
+    options: ServeOptions,
+    *,
+    world: int = 0,
+    theme: str = "dark",
+    say: Callable[[str], None] = print,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Show one run, or compare two, until stopped.
+
+    Args:
+        paths: Folders of runs, or their `run.usda` or `run.nc`.
+        options: Where the page is served.
+        world: Which world of them.
+        theme: `dark` or `light`.
+        say: Gets the line with the page's address.
+        stopped: Asked thirty times a second.
+
+    Raises:
+        InputError: None or more than two, or one that is no whole run of this version.
+    """
+    if not 1 <= len(paths) <= 2:
+        raise InputError(f"{len(paths)} runs; allowed: one, or two to compare")
+    runs = [RecordedRun(path, world) for path in paths]
+    if len({run.title for run in runs}) < len(runs):
+        for n, run in enumerate(runs, start=1):
+            run.title = f"{run.title} ({n})"
+    title = f"otwarp · {' and '.join(run.title for run in runs)}"
+    with served(options, title, KEYS, say) as server:
+        page = ViewPage(server, THEMES[theme])
+        page.show(runs)
+        page.run(stopped)
