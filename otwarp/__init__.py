@@ -16,6 +16,7 @@ docstring (docs/architecture.md shows who may import whom):
     hydrodynamics  mobilities of bodies, in float64
     laws           what several rooms evaluate, each in its own way
     studies        trials of a scene at many points, with intervals
+    envs           environments of Gymnasium: tasks in scenes, thousands at once
     record         frames of a run to files
     vision         what the microscope of a scene sees
     analysis       what a run or a study tells: calibrations, spectra, work, escapes

@@ -25,6 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
     "view": ROOT | {"scene", "simulation", "record", "teleop", "studies"},
     "operators": ROOT | {"device", "kernels", "haptics", "scene", "simulation", "studies", "teleop"},
+    "envs": ROOT | {"device", "kernels", "preview", "scene", "simulation", "studies"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},
@@ -100,6 +101,9 @@ INNER: dict[str, set[str]] = {
     "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
     "vision.networks.modules": {"vision.networks"},
     "vision.tracking": {"vision", "vision.datasets", "vision.networks"},
+    "envs": {"envs.kernels"},
+    "envs.kernels": set(),
+    "envs.tasks": {"envs", "envs.kernels"},
     "operators": {"operators.kernels"},
     "operators.kernels": set(),
     "operators.perception": {"operators", "operators.kernels"},
@@ -126,18 +130,18 @@ INNER: dict[str, set[str]] = {
 """Inner room → inner rooms of the same room that it may import; a room's own name stands for the files beside them."""
 
 HEAVY = {"warp", "pxr", "torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "scipy", "trimesh"}
-HEAVY |= {"cv2", "imageio", "harvesters"}
+HEAVY |= {"cv2", "imageio", "harvesters", "gymnasium", "pettingzoo"}
 HEAVY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 ONLY_IN = {
     "pxr": {"scene"},
     "warp": {"device", "kernels", "simulation", "preview", "optics", "bench", "cli", "studies", "vision"}
-    | {"operators", "warp_internals"},
+    | {"envs", "operators", "warp_internals"},
     "rospy": set(),
 }
 """Third-party packages that only some rooms may touch at all."""
 
 LAZY = {"torch", "viser", "ray", "xarray", "netCDF4", "matplotlib", "trimesh"}
-LAZY |= {"cv2", "imageio", "harvesters"}
+LAZY |= {"cv2", "imageio", "harvesters", "gymnasium", "pettingzoo"}
 LAZY |= {"hid", "websockets", "rosbags", "cyclonedds", "forcedimension_core", "rospy", "zarr", "onnx", "onnxruntime"}
 """Packages that nobody may import at the top of a file."""
 
@@ -146,6 +150,7 @@ ADAPTERS |= {
     f"otwarp/vision/networks/modules/{name}.py": "torch"
     for name in ("augment", "heads", "loss", "network", "resnet", "small", "vgg")
 }
+ADAPTERS |= {"otwarp/envs/single.py": "gymnasium", "otwarp/envs/vector.py": "gymnasium"}
 """Files that are made of a package, and that others import by name when it is wanted."""
 
 

@@ -32,9 +32,11 @@ TOGETHER = {
         "safety",
         "velocity",
     ],
+    "envs/test_batch.py": ["control", "rows"],
+    "envs/test_terms.py": ["geometry", "judge", "terms"],
     "operators/test_hand.py": ["account", "ahead", "arm", "seen"],
 }
-"""Parts of one step whose twin is a whole: the servo's chain in Python, an operator's period."""
+"""Parts of one step whose twin is a whole: the servo's chain in Python, an operator's period; a period of control."""
 
 
 def namesakes(module: Path) -> list[Path]:

@@ -13,12 +13,13 @@ NAME = "architecture_rooms"
 PAGE = Path(__file__).resolve().parents[1] / "architecture.md"
 BEGIN, END = "<!-- begin rooms -->", "<!-- end rooms -->"
 
-SIZE = (11.0, 11.6)
+SIZE = (11.0, 11.92)
 PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
-    "cli": (0.25, 10.9, 10.5, 0.42, "grey", "imports every room, inside functions"),
-    "reproduce": (0.25, 9.68, 10.5, 0.98, "violet", "the paper's tables and figures, computed anew"),
-    "view": (7.35, 8.82, 3.4, 0.66, "violet", "recordings played back in the browser"),
-    "perception": (0.25, 8.82, 6.85, 0.66, "violet", "images that say where the bodies of a session are"),
+    "cli": (0.25, 11.22, 10.5, 0.42, "grey", "imports every room, inside functions"),
+    "reproduce": (0.25, 10.0, 10.5, 0.98, "violet", "the paper's tables and figures, computed anew"),
+    "perception": (0.25, 8.82, 4.4, 0.98, "violet", "images that say where the bodies of a session are"),
+    "view": (4.85, 8.82, 2.6, 0.98, "violet", "recordings, in the browser"),
+    "envs": (7.65, 8.82, 3.1, 0.98, "violet", "environments of Gymnasium"),
     "ros": (0.25, 7.64, 2.6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
     "operators": (3.05, 7.64, 3.2, 0.98, "amber", "simulated people at the device"),
     "analysis": (6.35, 6.64, 2.05, 0.66, "violet", "what a run or study tells"),
@@ -95,14 +96,16 @@ def draw() -> Any:
         also = [other for other in imports[room] if (room, other) not in direct]
         if also:
             words = "also: " + ", ".join(also)
-            text(axes, x + width - 0.14, y + height - 0.21, words, size=8.2, ha="right", color=QUIET, style="italic")
+            # smaller where it would run into the name
+            size = 6.6 if 0.056 * len(words) + 0.105 * len(room) + 0.28 > width else 8.2
+            text(axes, x + width - 0.14, y + height - 0.21, words, size=size, ha="right", color=QUIET, style="italic")
     for room, other in sorted(direct):
         if room != "cli":
             connect(axes, room, other)
-    box(axes, 0.25, 0.22, 10.5, 0.42, "grey")
-    text(axes, 0.39, 0.43, "below all:  " + "   ".join(shown["common"]), size=9.5)
+    box(axes, 0.25, 0.16, 10.5, 0.58, "grey")
+    text(axes, 0.39, 0.57, "below all:  " + "   ".join(shown["common"]), size=9.5)
     words = "device: " + ", ".join(shown["device"])
-    text(axes, 10.61, 0.43, words, size=8.2, ha="right", color=QUIET, style="italic")
+    text(axes, 10.61, 0.31, words, size=8.2, ha="right", color=QUIET, style="italic")
     return figure
 
 

@@ -164,9 +164,8 @@ class Simulation:
             self._stepper.advance(self.state.step, steps, self.model.worlds)
         else:
             self._segment(self._episodes, steps)
-        self._count(steps)
-        if self._episodes is not None:
             self._episodes.look()
+        self._count(steps)
         if self.options.ends is None:
             self.last_readout.check_faults(self.model)
 
@@ -201,6 +200,7 @@ class Simulation:
         before: Callable[[], Any] | None = None,
         after: Callable[[], Any] | None = None,
         readout: bool = False,
+        pieces: int = 1,
     ) -> CapturedLoop:
         """Record `before`, `steps` steps, the readout if it is wanted, and `after` as one graph: nothing moves yet.
 
@@ -211,6 +211,7 @@ class Simulation:
                 of these arrays, are written between the turns.
             after: Launches what reads `state`, `readout` and `episodes`, or resets worlds by flags on the device.
             readout: Whether trap forces and distances are measured before `after`.
+            pieces: How often `before` and `steps` steps come in a turn.
 
         Raises:
             InputError: The simulation was made without `ends`, so that its clock is the host's.
@@ -225,17 +226,17 @@ class Simulation:
         load_kernels(self._step.kernels, self.model.device)
 
         def turn() -> None:
-            """One turn of the loop."""
-            if before is not None:
-                before()
-            self._segment(episodes, steps)
+            for _ in range(pieces):
+                if before is not None:
+                    before()
+                self._segment(episodes, steps)
             if readout:
                 self.measure()
             if after is not None:
                 after()
 
         counted = functools.partial(self._count, measured=readout)
-        return CapturedLoop(self.control, episodes, steps, turn, counted)
+        return CapturedLoop(self.control, episodes, steps * pieces, turn, counted)
 
     def reset(
         self,

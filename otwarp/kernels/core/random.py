@@ -30,6 +30,8 @@ class Stream(enum.IntEnum):
     """Motor noise of a simulated operator; counts servo periods, operators and what moves in place of bodies."""
     PERCEPTION = 6
     """Errors of pictures that a simulated operator is given; counts pictures, operators and robots."""
+    ENVIRONMENT = 7
+    """How an environment's episode starts; counts what is drawn in place of steps and the trials of episodes."""
 
 
 vec4u = wp.types.vector(length=4, dtype=wp.uint32)

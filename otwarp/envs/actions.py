@@ -1,0 +1,80 @@
+"""Actions from outside: what is accepted, and how it comes to the device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.envs.task import Task
+from otwarp.errors import InputError
+
+
+def is_tensor(values: Any) -> bool:
+    """Whether it is a tensor of torch."""
+    return type(values).__module__.partition(".")[0] == "torch"
+
+
+def write_actions(task: Task, given: Any, out: wp.array) -> None:
+    """Write the actions of all environments, nothing unless all are accepted.
+
+    Args:
+        task: Whose they are.
+        given: (N, A) floating-point numbers within ±1, cut off there; (N) whole numbers where the task has choices; an
+            array, or a tensor of torch on the device of the environments.
+        out: (N, A) float32.
+
+    Raises:
+        InputError: Another shape, type or device, or a number that is not finite or chooses nothing.
+    """
+    if is_tensor(given):
+        _write_tensor(task, given, out)
+        return
+    try:
+        values = np.asarray(given)
+    except (TypeError, ValueError):
+        values = np.array(None)
+    if task.choices:
+        rows = np.array(task.choices, dtype=np.float32)
+        check(values.dtype.kind in "iu", str(values.dtype), values.shape, (out.shape[0],), "whole numbers")
+        outside = (values < 0) | (values >= len(rows))
+        if np.any(outside):
+            raise InputError(f"action is {values[outside][0]}; allowed: 0 to {len(rows) - 1}")
+        values = rows[values]
+    else:
+        check(values.dtype.kind == "f", str(values.dtype), values.shape, out.shape, "floating-point numbers")
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            at = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise InputError(f"action {at} is {values[at]}; allowed: finite numbers, of which those within ±1 count")
+    out.assign(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def check(good: bool, dtype: str, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> None:
+    """Refuse actions of another type or shape.
+
+    Raises:
+        InputError: They are.
+    """
+    if not good or tuple(shape) != tuple(wanted):
+        raise InputError(f"actions are {dtype} of shape {tuple(shape)}; allowed: {kind} of shape {tuple(wanted)}")
+
+
+def _write_tensor(task: Task, given: Any, out: wp.array) -> None:
+    import torch
+
+    view = wp.to_torch(out)
+    if given.device != view.device:
+        raise InputError(f"actions are on {given.device}; allowed: {view.device}, where the environments are")
+    if task.choices:
+        whole = not given.dtype.is_floating_point and given.dtype is not torch.bool
+        check(whole, str(given.dtype), tuple(given.shape), (out.shape[0],), "whole numbers")
+        rows = torch.tensor(task.choices, dtype=torch.float32, device=view.device)
+        if given.numel() and (bool((given < 0).any()) or bool((given >= len(rows)).any())):
+            raise InputError(f"an action is none of the choices; allowed: 0 to {len(rows) - 1}")
+        given = rows[given.long()]
+    check(given.dtype.is_floating_point, str(given.dtype), tuple(given.shape), out.shape, "floating-point numbers")
+    if not bool(torch.isfinite(given).all()):
+        raise InputError("an action is not finite; allowed: finite numbers, of which those within ±1 count")
+    view.copy_(given.detach())

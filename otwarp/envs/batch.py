@@ -1,0 +1,230 @@
+"""Worlds of a task on a device: actions in, periods of control, observations, rewards and ends out, as one graph."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+
+from otwarp.device import pick_device
+from otwarp.envs.kernels import control as kernels
+from otwarp.envs.kernels.control import StartData
+from otwarp.envs.kernels.judge import VerdictData
+from otwarp.envs.layout import Layout
+from otwarp.envs.places import episode_data, place_data, stepped_scene
+from otwarp.envs.rows import RowCopies
+from otwarp.envs.task import Task
+from otwarp.envs.variants import Variants
+from otwarp.errors import InputError
+from otwarp.simulation.model import Model
+from otwarp.simulation.packing.arguments import whole
+from otwarp.simulation.packing.arrays import device_array
+from otwarp.simulation.simulation import Simulation
+
+Autoreset = Literal["next", "same", "off"]
+JUMP = 0.1
+"""Longest way of a trap between two of its places within a period [µm]."""
+SEED = 0
+"""Key of all random streams: what differs between environments and episodes is the number of the trial."""
+
+
+class Batch:
+    """W worlds of a task.
+
+    Args:
+        task: The task.
+        worlds: W.
+        device: `"cpu"`, `"cuda:0"`, … or None for the best available.
+        autoreset: When a world that has ended starts anew: in the period after, in the same one, or when it is told.
+
+    Attributes:
+        task, scene, layout: What was given, the scene as it is stepped, and what the numbers are.
+        sim: What steps.
+        actions: In: (W, A) float32, within ±1.
+        episode: `EpisodeData`.
+        verdict: `VerdictData`, out.
+        steps: Time steps of a period.
+
+    Raises:
+        InputError: A task that its scene does not allow.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        worlds: int = 1,
+        *,
+        device: str | wp.Device | None = None,
+        autoreset: Autoreset = "next",
+    ):
+        worlds = whole("num_envs", worlds, 1)
+        self.task, self.worlds, self.device = task, worlds, pick_device(device)
+        self.autoreset = autoreset
+        self.scene = stepped_scene(task, task.load())
+        self.layout = Layout(task, self.scene)
+        variants = Variants(task, self.scene)
+        table = self._table(variants)
+        pieces, steps = self._division(table)
+        self.pieces, self.steps = pieces, pieces * steps
+        self.sim = Simulation(
+            self.scene, worlds=worlds, seed=SEED, device=self.device, time_step=1.0 / (task.rate * self.steps),
+            parameters=variants.rows(worlds), ends=(), readout=False,
+        )  # fmt: skip
+        model = self.sim.model
+        self.episode = episode_data(self.layout, model)
+        self.place, self._meshes = place_data(self.layout, model)
+        self._rows = RowCopies(table.data, model.data, variants.count, self.episode)
+        self._take_traps()
+        self._start = self._starts(variants, table)
+        self._hands, self._numbers = self.layout.hands(self.device), self.layout.numbers(self.device)
+        self.actions = wp.zeros((worlds, len(self.layout.acted)), dtype=wp.float32, device=self.device)
+        self.verdict = self._verdict()
+        self._judge, self._observe = self.layout.kernels()
+        self._piece = 0
+        self._load()
+        self._turn = self.sim.capture(steps, before=self._before, after=self._after, pieces=pieces)
+
+    def _table(self, variants: Variants) -> Model:
+        """The model that has a world for each variant; two where there is one, so that its rows are told apart."""
+        return Model.build(
+            self.scene, worlds=variants.count, device=self.device, parameters=variants.rows(variants.count)
+        )
+
+    def _division(self, table: Model) -> tuple[int, int]:
+        """Pieces of a period, and time steps of a piece, no longer than the physics allows."""
+        task, step = self.task, table.time_step
+        if task.action != "velocity":
+            strongest = {"trap_power": np.full(len(self.scene.traps), task.power[1])}
+            step = min(step, Model.build(self.scene, device=self.device, parameters=strongest).time_step)
+        period = 1.0 / task.rate
+        moves = bool(np.any(self.layout.axis >= 0))
+        pieces = max(1, math.ceil(task.speed_limit * period / JUMP - 1e-9)) if moves else 1
+        return pieces, max(1, math.ceil(period / (pieces * step) - 1e-9))
+
+    def _take_traps(self) -> None:
+        """Let commands differ from world to world; traps of hands follow nothing but them."""
+        control = self.sim.control
+        for name in ("trap_position", "trap_power"):
+            if getattr(control, name).shape[0] != self.worlds:
+                control.widen(name)
+
+    def _starts(self, variants: Variants, table: Model) -> Any:
+        """`StartData`."""
+        task, model, start = self.task, self.sim.model, StartData()
+        place = np.array(model.start_position())[None]
+        if variants.starts is not None:
+            place = place + variants.starts
+        values = table.values
+        start.seed, start.variants = wp.uint32(SEED), variants.count
+        start.position = device_array(place, wp.vec3, self.device, ndim=2)
+        start.focus = device_array(values["trap_position"], wp.vec3, self.device, ndim=2)
+        start.power = device_array(values["trap_power"], wp.float32, self.device, ndim=2)
+        names = {"bodies": [b.name for b in self.scene.bodies], "traps": [t.prim for t in self.scene.traps]}
+        groups = {kind: np.full(len(prims), -1) for kind, prims in names.items()}
+        for n, shift in enumerate(task.shifts):
+            for kind in ("bodies", "traps"):
+                for prim in getattr(shift, kind):
+                    if prim not in names[kind]:
+                        allowed = ", ".join(names[kind]) or "none"
+                        raise InputError(f"shift of task {task.name} has {prim}; allowed {kind}: {allowed}")
+                    groups[kind][names[kind].index(prim)] = n
+        start.body_group = device_array(groups["bodies"], wp.int32, self.device)
+        start.trap_group = device_array(groups["traps"], wp.int32, self.device)
+        start.half = device_array([s.half for s in task.shifts] or [(0, 0, 0)], wp.vec3, self.device)
+        goal = task.goal or (self.scene.goal.position if self.scene.goal else (0.0, 0.0, 0.0))
+        start.goal, start.goal_half = wp.vec3(*goal), wp.vec3(*task.goal_half)
+        start.body = wp.zeros((self.worlds, len(self.scene.bodies)), dtype=wp.vec3, device=self.device)
+        return start
+
+    def _verdict(self) -> Any:
+        """`VerdictData`, all zero."""
+        w, seen, rewards = self.worlds, len(self.layout.seen), len(self.task.rewards)
+        shapes = {"seen": (w, seen), "earned": (w, rewards), "last_seen": (w if self.autoreset == "same" else 0, seen)}
+        out = VerdictData()
+        for name, var in VerdictData.vars.items():
+            setattr(out, name, wp.zeros(shapes.get(name, (w,)), dtype=var.type.dtype, device=self.device))
+        return out
+
+    def _load(self) -> None:
+        """Compile and load what the graph captures."""
+        for kernel in (kernels.take, self._judge, *self._rows.kernels):
+            wp.load_module(kernel.module, device=self.device)
+
+    def _launch(self, kernel: Any, *inputs: object, dim: Any = None) -> None:
+        wp.launch(kernel, dim=self.worlds if dim is None else dim, inputs=inputs, device=self.device)
+
+    @property
+    def _worlds(self) -> Any:
+        """`WorldsData` of the model."""
+        return self.sim.model.episode_data[0]
+
+    def _begin(self, *, hold: bool) -> None:
+        """Start the flagged worlds anew."""
+        sim, episode, start = self.sim, self.episode, self._start
+        self._launch(kernels.draw, start, episode)
+        self._rows.launch()
+        sim.reset(episode.flags, position=start.body, number=episode.number)
+        self._launch(kernels.begin, start, sim.control.data(), sim.state.data(), self._worlds, int(hold), episode)
+
+    def _before(self) -> None:
+        """What comes before each piece of a period; at first worlds start anew, and actions are taken in."""
+        sim, episode = self.sim, self.episode
+        if self._piece == 0:
+            if self.autoreset == "next":
+                self._launch(kernels.flag_ended, self._worlds, episode)
+                self._begin(hold=True)
+            self._launch(
+                kernels.take, self.actions, self._hands, self.place, self._worlds, sim.control.data(),
+                sim.state.data(), episode,
+            )  # fmt: skip
+        self._piece = (self._piece + 1) % self.pieces
+        span = 1.0 / (self.task.rate * self.pieces)
+        shape = self.worlds, len(self.scene.traps)
+        self._launch(kernels.move, self._hands, self.place, span, self._worlds, sim.control.data(), episode, dim=shape)
+
+    def _after(self) -> None:
+        """What comes after a period: its verdict, and in the mode `same` worlds that start anew."""
+        sim, episode, out = self.sim, self.episode, self.verdict
+        shape = self.worlds, len(self.scene.traps)
+        self._launch(kernels.settle, sim.control.data(), episode, dim=shape)
+        same = self.autoreset == "same"
+        state, readout = sim.state.data(), sim.last_readout.data()
+        self._launch(self._judge, state, readout, self.place, self._worlds, self._numbers, int(same), episode, out)
+        if same:
+            self._launch(kernels.flag_ended, self._worlds, episode)
+            self._begin(hold=False)
+            self._launch(self._observe, state, readout, self.place, self._numbers, episode, out.seen)
+
+    def restart(self, chosen: np.ndarray | None = None, seeds: np.ndarray | None = None) -> None:
+        """Start worlds anew, at once.
+
+        Args:
+            chosen: (W) bool; None for all.
+            seeds: (W) whole numbers of environments, -1 to go on with the next episode; None for that everywhere.
+        """
+        flags = np.ones(self.worlds, dtype=np.int32) if chosen is None else chosen.astype(np.int32)
+        episode = self.episode
+        if seeds is not None:
+            number = episode.number.numpy().copy()
+            fresh = (flags != 0) & (seeds >= 0)
+            first = (seeds.astype(np.int64) - int(kernels.NEXT_EPISODE)) % 2**32
+            number[fresh] = first[fresh].astype(np.uint32)
+            episode.number.assign(number)
+        episode.flags.assign(flags)
+        self._begin(hold=False)
+        sim = self.sim
+        self._launch(
+            self._observe, sim.state.data(), sim.last_readout.data(), self.place, self._numbers, episode,
+            self.verdict.seen,
+        )  # fmt: skip
+
+    def step(self) -> None:
+        """One period of control by `actions`; on a GPU without waiting for it."""
+        self._turn()
+
+    @property
+    def done(self) -> np.ndarray:
+        """(W) bool, worlds whose episode is over, on the host."""
+        return self._worlds.done.numpy() != 0

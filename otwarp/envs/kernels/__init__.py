@@ -1,0 +1,9 @@
+"""What of environments runs on the device: actions, resets, observations, rewards, ends. Float32; open `judge` first.
+
+types      the structs of the other files
+geometry   where spheres, traps and obstacles are
+control    actions to traps, worlds that start anew
+rows       rows of tables, copied
+terms      what observations, rewards and ends are made of, as plain functions of a world at the end of a period
+judge      one kernel for all terms of a task
+"""

@@ -1,0 +1,158 @@
+"""From actions to traps within a period of control, and worlds that start anew with random numbers of their own."""
+
+import warp as wp
+
+from otwarp.envs.kernels.types import EpisodeData, PlaceData
+from otwarp.kernels.core.random import Stream, philox, uniform, vec4u
+from otwarp.kernels.core.types import ControlData, StateData, WorldsData
+
+NEXT_EPISODE = wp.constant(wp.uint32(2654435769))
+"""Distance between the trials of one environment's episodes: 2³² over the golden ratio, so that environments of
+neighbouring seeds share no trial as long as environments × episodes stay below 1.9·10⁹ (three-distance theorem)."""
+HELD = wp.constant(1 << 20)
+"""Code of a world that has been reset and waits for the end of the period."""
+VARIANT, GOAL, SHIFT = wp.constant(0), wp.constant(1), wp.constant(2)
+"""Places among the random numbers of an episode; `SHIFT` + n is the n-th group that is moved."""
+
+
+@wp.struct
+class StartData:
+    """How episodes start: G groups of bodies and traps that are shifted together."""
+
+    seed: wp.uint32
+    variants: wp.int32  # rows of the table of randomised parameters, 1 for none
+    position: wp.array2d(dtype=wp.vec3)  # (1|V, B) reference points [µm]
+    focus: wp.array2d(dtype=wp.vec3)  # (1|V, T) [µm]
+    power: wp.array2d(dtype=wp.float32)  # (1|V, T) [mW]
+    body_group: wp.array(dtype=wp.int32)  # (B) group that shifts it, -1 none
+    trap_group: wp.array(dtype=wp.int32)  # (T)
+    half: wp.array(dtype=wp.vec3)  # (G) half widths of the boxes of shifts [µm]
+    goal: wp.vec3  # [µm]
+    goal_half: wp.vec3
+    body: wp.array2d(dtype=wp.vec3)  # out: (W, B) where the chosen worlds start [µm]
+
+
+@wp.struct
+class HandData:
+    """What the numbers of an action move and set; a number has one purpose, a trap one hand."""
+
+    axis: wp.array2d(dtype=wp.int32)  # (T, 3) number of the action that moves a trap along x, y, z, -1 none
+    power: wp.array(dtype=wp.int32)  # (T) number that sets its power, -1 none
+
+
+@wp.func
+def box_point(start: StartData, number: wp.uint32, place: int, half: wp.vec3) -> wp.vec3:
+    """A uniform point of a box about 0, with these half widths."""
+    words = philox(vec4u(wp.uint32(place), wp.uint32(0), number, wp.uint32(0)), start.seed,
+                   wp.uint32(wp.static(int(Stream.ENVIRONMENT))))  # fmt: skip
+    u = wp.vec3(uniform(words[0]), uniform(words[1]), uniform(words[2]))
+    return wp.cw_mul(half, 2.0 * u - wp.vec3(1.0))
+
+
+@wp.kernel(enable_backward=False)
+def flag_ended(worlds: WorldsData, episode: EpisodeData):
+    """Flag the worlds that have ended."""
+    world = wp.tid()
+    episode.flags[world] = wp.where(worlds.done[world] != 0, 1, 0)
+
+
+@wp.kernel(enable_backward=False)
+def draw(start: StartData, episode: EpisodeData):
+    """For each flagged world: its next trial, and where its bodies start."""
+    world = wp.tid()
+    if episode.flags[world] == 0:
+        return
+    number = episode.number[world] + NEXT_EPISODE
+    episode.number[world] = number
+    words = philox(vec4u(wp.uint32(VARIANT), wp.uint32(0), number, wp.uint32(0)), start.seed,
+                   wp.uint32(wp.static(int(Stream.ENVIRONMENT))))  # fmt: skip
+    variant = wp.int32((wp.uint64(words[0]) * wp.uint64(start.variants)) >> wp.uint64(32))
+    episode.variant[world] = variant
+    row = wp.where(start.position.shape[0] == 1, 0, variant)
+    for b in range(start.body.shape[1]):
+        place = start.position[row, b]
+        group = start.body_group[b]
+        if group >= 0:
+            place = place + box_point(start, number, SHIFT + group, start.half[group])
+        start.body[world, b] = place
+        episode.start[world, b] = place
+        episode.before[world, b] = place
+    episode.goal[world] = start.goal + box_point(start, number, GOAL, start.goal_half)
+
+
+@wp.kernel(enable_backward=False)
+def begin(
+    start: StartData, control: ControlData, state: StateData, worlds: WorldsData, hold: int, episode: EpisodeData
+):  # fmt: skip
+    """For each flagged world, after its bodies have been put there: its traps, and an empty memory."""
+    world = wp.tid()
+    if episode.flags[world] == 0:
+        return
+    row = wp.where(start.focus.shape[0] == 1, 0, episode.variant[world])
+    for t in range(episode.focus.shape[1]):
+        place = start.focus[row, t]
+        group = start.trap_group[t]
+        if group >= 0:
+            place = place + box_point(start, episode.number[world], SHIFT + group, start.half[group])
+        episode.focus[world, t] = place
+        control.trap_position[world, t] = place
+        if state.trap_position.shape[1] > 0:
+            state.trap_position[world, t] = place
+        power = start.power[wp.where(start.power.shape[0] == 1, 0, episode.variant[world]), t]
+        episode.power[world, t] = power
+        control.trap_power[world, t] = power
+    for b in range(episode.turned.shape[1]):
+        episode.turned[world, b] = state.orientation[world, b]
+    for a in range(episode.action.shape[1]):
+        episode.action[world, a] = float(0.0)
+        episode.last_action[world, a] = float(0.0)
+    episode.period[world] = 0
+    episode.held[world] = hold
+    if hold != 0:
+        worlds.done[world] = HELD
+
+
+@wp.kernel(enable_backward=False)
+def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceData, worlds: WorldsData,
+         control: ControlData, state: StateData, episode: EpisodeData):  # fmt: skip
+    """At the start of a period: remember where bodies are, take in the action, and set powers."""
+    world = wp.tid()
+    if worlds.done[world] != 0:
+        return
+    for b in range(episode.before.shape[1]):
+        episode.before[world, b] = state.position[world, b]
+    for b in range(episode.turned.shape[1]):
+        episode.turned[world, b] = state.orientation[world, b]
+    for a in range(episode.action.shape[1]):
+        episode.last_action[world, a] = episode.action[world, a]
+        episode.action[world, a] = wp.clamp(actions[world, a], -1.0, 1.0)
+    for t in range(episode.power.shape[1]):
+        if hands.power[t] >= 0:
+            share = 0.5 * (1.0 + episode.action[world, hands.power[t]])
+            power = place.low_power + share * (place.high_power - place.low_power)
+            episode.power[world, t] = power
+            control.trap_power[world, t] = power
+
+
+@wp.kernel(enable_backward=False)
+def move(hands: HandData, place: PlaceData, span: float, worlds: WorldsData, control: ControlData,
+         episode: EpisodeData):  # fmt: skip
+    """Move the foci on by `span` seconds; meanwhile the traps stand halfway, so that on average they lag by nothing."""
+    world, trap = wp.tid()
+    if worlds.done[world] != 0:
+        return
+    way = wp.vec3(0.0)
+    for axis in range(3):
+        if hands.axis[trap, axis] >= 0:
+            way[axis] = episode.action[world, hands.axis[trap, axis]]
+    way = (place.speed_limit * span / wp.max(wp.length(way), 1.0)) * way
+    focus = episode.focus[world, trap]
+    control.trap_position[world, trap] = focus + 0.5 * way
+    episode.focus[world, trap] = focus + way
+
+
+@wp.kernel(enable_backward=False)
+def settle(control: ControlData, episode: EpisodeData):
+    """At the end of a period: put the traps where they have been taken."""
+    world, trap = wp.tid()
+    control.trap_position[world, trap] = episode.focus[world, trap]

@@ -1,0 +1,76 @@
+"""Where spheres, traps and obstacles are, for the terms of tasks."""
+
+import warp as wp
+
+from otwarp.envs.kernels.types import TaskNow
+from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, moving_pose
+
+shape_distance = distance_term(tuple(SHAPES))
+
+
+@wp.func
+def body_place(now: TaskNow, body: int) -> wp.vec3:
+    """Reference point of a body [µm]."""
+    return now.state.position[now.world, body]
+
+
+@wp.func
+def body_turn(now: TaskNow, body: int) -> wp.quat:
+    """Orientation of a body; none where nothing turns."""
+    turn = wp.quat_identity()
+    if now.state.orientation.shape[1] > 0:
+        turn = now.state.orientation[now.world, body]
+    return turn
+
+
+@wp.func
+def held_place(now: TaskNow, trap: int) -> wp.vec3:
+    """Centre of the sphere that a trap holds [µm]; the trap's equilibrium if it holds none."""
+    body = now.place.held_body[trap]
+    place = now.episode.focus[now.world, trap] + now.place.equilibrium[trap]
+    if body >= 0:
+        place = body_place(now, body) + wp.quat_rotate(body_turn(now, body), now.place.held_offset[trap])
+    return place
+
+
+@wp.func
+def surface_of(now: TaskNow, obstacle: int, point: wp.vec3) -> wp.vec4:
+    """Outward normal of an obstacle's surface nearest to a point, and the distance of the point from it [µm]."""
+    pose = moving_pose(now.place.obstacles, obstacle, wp.float64(now.time))
+    local = wp.quat_rotate_inv(pose.rotation, point - pose.position)
+    found = shape_distance(now.place.obstacles, obstacle, local, FAR)
+    normal = wp.quat_rotate(pose.rotation, wp.vec3(found[0], found[1], found[2]))
+    return wp.vec4(normal[0], normal[1], normal[2], found[3])
+
+
+@wp.func
+def gap_between(now: TaskNow, body: int, obstacle: int) -> float:
+    """Least distance between the spheres of a body and the surface of an obstacle [µm], negative where they overlap."""
+    turn, place = body_turn(now, body), body_place(now, body)
+    least = float(FAR)
+    for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
+        sphere = now.place.sphere[s]
+        point = place + wp.quat_rotate(turn, wp.vec3(sphere[0], sphere[1], sphere[2]))
+        least = wp.min(least, surface_of(now, obstacle, point)[3] - sphere[3])
+    return least
+
+
+@wp.func
+def gap_of(now: TaskNow, body: int) -> float:
+    """The same to the nearest of all obstacles [µm]."""
+    least = float(FAR)
+    for obstacle in range(now.place.obstacles.shape.shape[0]):
+        least = wp.min(least, gap_between(now, body, obstacle))
+    return least
+
+
+@wp.func
+def trap_offset_of(now: TaskNow, trap: int) -> wp.vec3:
+    """Way from the sphere that a trap holds to the trap's equilibrium point."""
+    return now.episode.focus[now.world, trap] + now.place.equilibrium[trap] - held_place(now, trap)
+
+
+@wp.func
+def alignment_of(now: TaskNow, body: int, axis: wp.vec3, wanted: wp.vec3) -> float:
+    """Cosine between an axis of a body's own frame and a wanted direction."""
+    return wp.dot(wp.quat_rotate(body_turn(now, body), wp.normalize(axis)), wp.normalize(wanted))

@@ -1,0 +1,172 @@
+"""One kernel for a task: what is observed of a world, what it earns, and whether its episode is over."""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from otwarp.envs.kernels.types import EpisodeData, PlaceData, TaskNow
+from otwarp.kernels.core.functions import compiled, function_from_text
+from otwarp.kernels.core.rounding import PRECISION
+from otwarp.kernels.core.types import ReadoutData, StateData, WorldsData
+from otwarp.kernels.drivers.episodes import WorldFunction, parameters_from
+
+LIMIT = wp.constant(10.0)
+"""Scaled observations lie within ± so much."""
+CUT_OFF = wp.constant(1 << 19)
+"""Code of a world whose time is over."""
+
+
+@wp.struct
+class VerdictData:
+    """What a period led to; R rewards, O observed numbers."""
+
+    seen: wp.array2d(dtype=wp.float32)  # (W, O) scaled
+    earned: wp.array2d(dtype=wp.float32)  # (W, R) each weighted reward
+    reward: wp.array(dtype=wp.float32)  # (W) their sum
+    terminated: wp.array(dtype=wp.bool)  # (W)
+    truncated: wp.array(dtype=wp.bool)  # (W)
+    outcome: wp.array(dtype=wp.int32)  # (W) n for the n-th end, counted from 1, -1 for a fault, 0 for none
+    success: wp.array(dtype=wp.bool)  # (W)
+    last_seen: wp.array2d(dtype=wp.float32)  # (W, O) where an episode has ended in this period, else 0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Numbers that are observed: a function, and which components of its vector count; () for a number."""
+
+    function: WorldFunction
+    components: tuple[int, ...]
+
+
+def _called(functions: tuple[WorldFunction, ...], name: str, returns: tuple[Any, ...], allowed: str, names: dict):
+    """Calls of functions by texts, each with its numbers from a row of `values`."""
+    calls, first = [], 0
+    for n, function in enumerate(functions):
+        names[f"{name}_{n}"] = compiled(function.function, PRECISION, name, returns, allowed)
+        calls.append(f"{name}_{n}(now{parameters_from(function, first)})")
+        first += function.width
+    return calls
+
+
+def _names() -> dict[str, Any]:
+    return {"TaskNow": TaskNow, "Values": wp.array2d(dtype=wp.float32), "vec3": wp.vec3, "wp": wp, "LIMIT": LIMIT}
+
+
+def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
+    """`(now, values, scale, seen)`: write all observed numbers of a world; `values` (1, P), `scale` (1, O)."""
+    names, lines, column = _names(), [], 0
+    for n, reading in enumerate(readings):
+        # each kind of result is asked for by itself, so that a wrong one is told by its name
+        kinds, allowed = ((wp.vec3,), "wp.vec3") if reading.components else ((wp.float32,), "float")
+        names[f"seen_{n}"] = compiled(reading.function.function, PRECISION, "observation", kinds, allowed)
+        first = sum(r.function.width for r in readings[:n])
+        lines.append(f"    found_{n} = seen_{n}(now{parameters_from(reading.function, first)})")
+        for component in reading.components or (None,):
+            value = f"found_{n}" if component is None else f"found_{n}[{component}]"
+            lines.append(f"    seen[now.world, {column}] = wp.clamp({value} / scale[0, {column}], -LIMIT, LIMIT)")
+            column += 1
+    text = (
+        "def see(now: TaskNow, values: Values, scale: Values, seen: Values):\n"
+        '    """Write all observed numbers of a world."""\n    row = 0\n' + "\n".join(lines) + "\n"
+    )
+    return wp.func(function_from_text("see", text, names))
+
+
+def earned_term(rewards: tuple[WorldFunction, ...]) -> wp.Function:
+    """`(now, values, weight, earned) -> float`: write each weighted reward of a world; their sum."""
+    names = _names()
+    calls = _called(rewards, "reward", (wp.float32,), "float", names)
+    lines = [
+        f"    part_{n} = weight[0, {n}] * {call}\n    earned[now.world, {n}] = part_{n}\n    total = total + part_{n}\n"
+        for n, call in enumerate(calls)
+    ]
+    text = (
+        "def earn(now: TaskNow, values: Values, weight: Values, earned: Values) -> float:\n"
+        '    """Write each weighted reward of a world; their sum."""\n    row = 0\n    total = float(0.0)\n'
+        + "".join(lines) + "    return total\n"
+    )  # fmt: skip
+    return wp.func(function_from_text("earn", text, names))
+
+
+def ended_term(ends: tuple[WorldFunction, ...]) -> wp.Function:
+    """`(now, values) -> code`: 1 + the place of the first end that says so, 0 while none does."""
+    names = _names()
+    calls = _called(ends, "end", (wp.bool, wp.int32), "bool", names)
+    lines = [f"    if {call}:\n        code = {n + 1}\n" for n, call in reversed(list(enumerate(calls)))]
+    text = (
+        "def ended(now: TaskNow, values: Values) -> int:\n"
+        '    """Code of the first end that a world has come to."""\n    row = 0\n    code = int(0)\n'
+        + "".join(lines) + "    return code\n"
+    )  # fmt: skip
+    return wp.func(function_from_text("ended", text, names))
+
+
+@wp.struct
+class NumberData:
+    """Numbers of the terms, a row each."""
+
+    seen: wp.array2d(dtype=wp.float32)  # parameters of observations
+    scale: wp.array2d(dtype=wp.float32)
+    earned: wp.array2d(dtype=wp.float32)  # parameters of rewards
+    weight: wp.array2d(dtype=wp.float32)
+    ended: wp.array2d(dtype=wp.float32)  # parameters of ends
+    success: wp.array2d(dtype=wp.int32)  # (1, E) whether an end is one that was wanted
+
+
+@functools.lru_cache(maxsize=64)
+def judge_kernels(
+    readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
+) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernel that judges a period of each world, and one that observes flagged worlds after they have started anew."""
+    see, earn, ended = seen_term(readings), earned_term(rewards), ended_term(ends)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def judge(state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData, numbers: NumberData,
+              keep_last: int, episode: EpisodeData, out: VerdictData):  # fmt: skip
+        """After a period: rewards, ends and observations; a world that has just been reset is only observed."""
+        world = wp.tid()
+        period = episode.period[world]
+        out.terminated[world] = False
+        out.truncated[world] = False
+        out.outcome[world] = 0
+        out.success[world] = False
+        if episode.held[world] != 0:
+            episode.held[world] = 0
+            worlds.done[world] = 0
+            out.reward[world] = 0.0
+            for n in range(out.earned.shape[1]):
+                out.earned[world, n] = 0.0
+        else:
+            period = period + 1
+            episode.period[world] = period
+            now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
+            out.reward[world] = earn(now, numbers.earned, numbers.weight, out.earned)
+            code = ended(now, numbers.ended)
+            if code > 0:
+                out.success[world] = numbers.success[0, code - 1] != 0
+            if worlds.done[world] < 0:
+                code = -1
+                out.success[world] = False
+            out.outcome[world] = code
+            out.terminated[world] = code != 0
+            worlds.done[world] = code
+            if code == 0 and now.time >= place.time_limit - 0.5 * place.period:
+                out.truncated[world] = True
+                worlds.done[world] = CUT_OFF
+        now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
+        see(now, numbers.seen, numbers.scale, out.seen)
+        if keep_last != 0:
+            for n in range(out.seen.shape[1]):
+                out.last_seen[world, n] = wp.where(worlds.done[world] != 0, out.seen[world, n], 0.0)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def observe(state: StateData, readout: ReadoutData, place: PlaceData, numbers: NumberData, episode: EpisodeData,
+                seen: wp.array2d(dtype=wp.float32)):  # fmt: skip
+        """Observe the flagged worlds, which have just started anew."""
+        world = wp.tid()
+        if episode.flags[world] != 0:
+            see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
+
+    return judge, observe

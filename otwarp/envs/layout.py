@@ -1,0 +1,146 @@
+"""What the numbers of a task's observations and actions are, and how terms and hands become arrays of numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.envs.kernels.control import HandData
+from otwarp.envs.kernels.judge import NumberData, Reading, judge_kernels
+from otwarp.envs.task import Task
+from otwarp.envs.terms import Term
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+from otwarp.simulation.packing.arrays import device_array
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number of an observation or action.
+
+    Attributes:
+        name: Of the term or hand, with the axis.
+        unit: Of what it stands for.
+        scale: What 1 stands for, in that unit.
+        meaning: In one sentence.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    meaning: str
+
+
+class Layout:
+    """A task with the indices of its scene.
+
+    Args:
+        task: The task.
+        scene: Its scene.
+
+    Attributes:
+        seen: Columns of an observation.
+        acted: Columns of an action.
+        axis: (T, 3) number of an action that moves a trap along x, y, z, -1 none.
+        power: (T) number of an action that sets a trap's power, -1 none.
+        hand: (T) hand of each trap, -1 none.
+
+    Raises:
+        InputError: A hand or term names what the scene does not have.
+    """
+
+    def __init__(self, task: Task, scene: Scene):
+        self.task, self.scene = task, scene
+        self.seen = [column for term in task.observations for column in _columns(term)]
+        traps = [trap.prim for trap in scene.traps]
+        self.axis = np.full((len(traps), 3), -1, dtype=np.int32)
+        self.power, self.hand = np.full(len(traps), -1, dtype=np.int32), np.full(len(traps), -1, dtype=np.int32)
+        self.acted: list[Column] = []
+        #: columns of each hand's own numbers
+        self.of_hand: list[list[int]] = []
+        for n, hand in enumerate(task.hands):
+            own = [_trap(task, hand.name, prim, traps) for prim in hand.traps]
+            if not own or np.any(self.hand[own] >= 0):
+                raise InputError(f"hand {hand.name} of task {task.name}: allowed: traps that no other hand has")
+            self.hand[own] = n
+            first = len(self.acted)
+            self._add_hand(n, own)
+            self.of_hand.append(list(range(first, len(self.acted))))
+        width = len(self.acted)
+        if task.choices and any(len(row) != width for row in task.choices):
+            raise InputError(f"choices of task {task.name} have rows of another length; allowed: {width} numbers each")
+
+    def _add_hand(self, n: int, traps: list[int]) -> None:
+        """Append the numbers of a hand."""
+        task, hand = self.task, self.task.hands[n]
+        if task.action in ("velocity", "both"):
+            if not hand.axes or any(a not in "xyz" or hand.axes.count(a) > 1 for a in hand.axes):
+                raise InputError(f"hand {hand.name} of task {task.name} moves along {hand.axes!r}; "
+                                 "allowed: some of x, y, z, each once")  # fmt: skip
+            for a in hand.axes:
+                self.axis[traps, "xyz".index(a)] = len(self.acted)
+                what = f"velocity of the traps of {hand.name} along {a}; a longer vector counts as one of length 1"
+                self.acted.append(Column(f"{hand.name}.velocity.{a}", "µm/s", task.speed_limit, what))
+        if task.action in ("power", "both"):
+            low, high = task.power
+            groups = [[t] for t in traps] if task.power_each else [traps]
+            for group in groups:
+                self.power[group] = len(self.acted)
+                which = self.scene.traps[group[0]].prim.rsplit("/", 1)[-1] if task.power_each else "its traps"
+                name = f"{hand.name}.power" + (f".{which}" if task.power_each else "")
+                what = f"power of {which}, from {low:g} mW at -1 to {high:g} mW at 1"
+                self.acted.append(Column(name, "mW", (high - low) / 2, what))
+
+    def slices(self) -> dict[str, slice]:
+        """Columns of each observed term."""
+        found, first = {}, 0
+        for term in self.task.observations:
+            width = len(term.components) or 1
+            found[term.name] = slice(first, first + width)
+            first += width
+        return found
+
+    def kernels(self) -> tuple[wp.Kernel, wp.Kernel]:
+        """What judges and observes."""
+        readings = tuple(Reading(t.function, t.components) for t in self.task.observations)
+        return judge_kernels(
+            readings, tuple(t.function for t in self.task.rewards), tuple(t.function for t in self.task.ends)
+        )
+
+    def numbers(self, device: wp.Device) -> Any:
+        """`NumberData`: parameters, scales and weights."""
+        task, data = self.task, NumberData()
+
+        def row(values: list[float], kind: Any = wp.float32) -> wp.array:
+            return device_array(np.array(values or [0.0], dtype=float)[None], kind, device, ndim=2)
+
+        data.seen = row([v for t in task.observations for v in t.row(self.scene)])
+        data.earned = row([v for t in task.rewards for v in t.row(self.scene)])
+        data.ended = row([v for t in task.ends for v in t.row(self.scene)])
+        data.scale = row([column.scale for column in self.seen])
+        data.weight = row([t.weight for t in task.rewards])
+        data.success = row([float(t.success) for t in task.ends], wp.int32)
+        return data
+
+    def hands(self, device: wp.Device) -> Any:
+        """`HandData`."""
+        data = HandData()
+        data.axis = device_array(self.axis, wp.int32, device, ndim=2)
+        data.power = device_array(self.power, wp.int32, device)
+        return data
+
+
+def _columns(term: Term) -> list[Column]:
+    """Columns of a term."""
+    if not term.components:
+        return [Column(term.name, term.unit, term.scale, term.meaning)]
+    return [Column(f"{term.name}.{'xyz'[c]}", term.unit, term.scale, term.meaning) for c in term.components]
+
+
+def _trap(task: Task, hand: str, prim: str, traps: list[str]) -> int:
+    if prim not in traps:
+        raise InputError(f"hand {hand} of task {task.name} has the trap {prim}; allowed: {', '.join(traps) or 'none'}")
+    return traps.index(prim)

@@ -1,0 +1,73 @@
+"""A task's scene as terms read it: spheres, held spheres, obstacles; and as its environments step it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from otwarp.envs.kernels.types import EpisodeData, PlaceData
+from otwarp.envs.layout import Layout
+from otwarp.envs.task import Task
+from otwarp.scene import Scene, Track
+from otwarp.simulation.model import Model
+from otwarp.simulation.packing.arrays import device_array
+from otwarp.simulation.packing.bodies import pack_obstacles
+
+
+def stepped_scene(task: Task, scene: Scene) -> Scene:
+    """The scene with the traps of hands at rest where they start: actions move them, not time samples."""
+    held = {prim for hand in task.hands for prim in hand.traps}
+    still = [
+        replace(
+            trap, position=Track.constant(trap.position.at(0.0)), power=Track.constant(float(trap.power.at(0.0)[0]))
+        )
+        if trap.prim in held
+        else trap
+        for trap in scene.traps
+    ]
+    return replace(scene, traps=tuple(still), judged=True)
+
+
+def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
+    """`PlaceData`, and the meshes that must outlive it."""
+    task, scene, place = layout.task, model.scene, model.place
+    device = place.device
+    data = PlaceData()
+    spheres = [
+        [*(np.array(s.offset) - model.reference[b]), s.radius]
+        for b, body in enumerate(scene.bodies)
+        for s in body.spheres
+    ]
+    data.sphere_start = device_array([0, *np.cumsum([len(b.spheres) for b in scene.bodies])], wp.int32, device)
+    data.sphere = device_array(spheres, wp.vec4, device)
+    held = [
+        np.array(scene.bodies[b].spheres[i].offset) - model.reference[b] if b >= 0 else np.zeros(3)
+        for b, i in model.held
+    ]
+    data.held_body = device_array([b for b, _ in model.held], wp.int32, device)
+    data.held_offset = device_array(held, wp.vec3, device)
+    away = model.data.traps.equilibrium.numpy()[:, None] * model.data.traps.axis.numpy()
+    data.equilibrium = device_array(away, wp.vec3, device)
+    data.hand = device_array(layout.hand, wp.int32, device)
+    data.obstacles, meshes = pack_obstacles(scene, True, place)
+    data.period, data.time_limit = 1.0 / task.rate, task.time_limit
+    data.speed_limit = task.speed_limit
+    data.low_power, data.high_power = task.power
+    return data, meshes
+
+
+def episode_data(layout: Layout, model: Model) -> Any:
+    """`EpisodeData`, all zero."""
+    data, w, f = EpisodeData(), model.worlds, model.features
+    traps, bodies, numbers = len(model.scene.traps), len(model.scene.bodies), len(layout.acted)
+    shapes = {
+        "goal": (w,), "focus": (w, traps), "power": (w, traps), "start": (w, bodies), "before": (w, bodies),
+        "turned": (w, bodies if f.rigid else 0), "action": (w, numbers), "last_action": (w, numbers), "period": (w,),
+        "held": (w,), "number": (w,), "flags": (w,), "variant": (w,),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        setattr(data, name, wp.zeros(shape, dtype=EpisodeData.vars[name].type.dtype, device=model.device))
+    return data

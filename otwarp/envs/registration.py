@@ -1,0 +1,82 @@
+"""The shipped environments by name, for Gymnasium to make."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from otwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from otwarp.envs.task import Task
+
+TASKS = {
+    "otwarp/Navigate-v0": "navigate",
+}
+"""Name of an environment → file of `otwarp.envs.tasks`, whose function `task` makes its task."""
+
+
+def task_of(name: str, **changes: Any) -> Task:
+    """The task of a shipped environment.
+
+    Args:
+        name: Such as `otwarp/Navigate-v0`.
+        changes: Attributes of `Task` that are to be others.
+
+    Raises:
+        InputError: There is none of that name, or an attribute that `Task` does not have.
+    """
+    if name not in TASKS:
+        raise InputError(f"environment {name!r} is unknown; allowed: {', '.join(TASKS)}")
+    task = import_module(f"otwarp.envs.tasks.{TASKS[name]}").task()
+    fields = {f.name for f in dataclasses.fields(task)}
+    for change in changes:
+        if change not in fields:
+            raise InputError(f"option {change!r} of {name} is unknown; allowed: {', '.join(sorted(fields))}")
+    return dataclasses.replace(task, **changes)
+
+
+ENV_OPTIONS = ("device",)
+VECTOR_OPTIONS = ("device", "arrays", "autoreset_mode")
+
+
+def _split(options: dict[str, Any], own: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of an environment, and those that change its task."""
+    return {k: v for k, v in options.items() if k in own}, {k: v for k, v in options.items() if k not in own}
+
+
+def make_env(name: str, **options: Any) -> Any:
+    """One environment; see `Env` and `task_of` for its options."""
+    from otwarp.envs.single import Env
+
+    own, changes = _split(options, ENV_OPTIONS)
+    return Env(task_of(name, **changes), **own)
+
+
+def make_vector(name: str, num_envs: int = 1, **options: Any) -> Any:
+    """Many environments; see `VectorEnv` and `task_of` for their options."""
+    from otwarp.envs.vector import VectorEnv
+
+    own, changes = _split(options, VECTOR_OPTIONS)
+    return VectorEnv(task_of(name, **changes), num_envs, **own)
+
+
+def register_all() -> None:
+    """Register the shipped environments with Gymnasium.
+
+    Raises:
+        InputError: Gymnasium is not installed.
+    """
+    try:
+        import gymnasium
+    except ImportError:
+        raise InputError("otwarp.envs needs gymnasium; allowed: pip install 'otwarp[envs]'") from None
+    for name in TASKS:
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point="otwarp.envs.registration:make_env",
+                vector_entry_point="otwarp.envs.registration:make_vector",
+                kwargs={"name": name},
+            )

@@ -1,0 +1,80 @@
+"""`Env`: one environment of a task."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from otwarp.envs.actions import check, write_actions
+from otwarp.envs.batch import Batch
+from otwarp.envs.results import blank, information, reader
+from otwarp.envs.spaces import action_space, observation_space
+from otwarp.envs.task import Task
+from otwarp.errors import InputError
+
+
+class Env(gymnasium.Env):
+    """One environment of a task: environment 0 of a `VectorEnv` of the same seed, bit for bit.
+
+    Args:
+        task: The task.
+        device: `"cpu"`, `"cuda:0"`, … or None for the CPU, where one world steps fastest.
+
+    Raises:
+        InputError: A task that its scene does not allow, or an argument out of range.
+    """
+
+    def __init__(self, task: Task, *, device: str | None = "cpu"):
+        self.metadata = {"render_modes": [], "render_fps": task.rate}
+        self.batch = Batch(task, 1, device=device, autoreset="off")
+        self.task = task
+        self.observation_space, self.action_space = (
+            observation_space(self.batch.layout),
+            action_space(self.batch.layout),
+        )
+        self._read = reader("numpy")
+        self._started = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode: the first one of a seed, or the next one.
+
+        Raises:
+            InputError: A seed or an option that is none.
+        """
+        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
+            raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or None")
+        if options:
+            raise InputError(f"option {next(iter(options))!r} of reset is unknown; allowed: none")
+        super().reset(seed=None if seed is None else int(seed))
+        first = -1 if seed is None else int(seed) % 2**32
+        if first < 0 and not self._started:
+            first = int(self.np_random.integers(0, 2**32))
+        self.batch.restart(None, np.array([first]))
+        self._started = True
+        return self._read(self.batch.verdict.seen)[0], {name: value[0] for name, value in blank(self.batch).items()}
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One period of control.
+
+        Raises:
+            InputError: An action of another shape or type, or that is not finite; an episode that is over, or that
+                has not begun. The environment stays as it is.
+        """
+        batch, out = self.batch, self.batch.verdict
+        if not self._started or batch.done[0]:
+            raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
+        try:
+            given = np.asarray(action)
+        except (TypeError, ValueError):
+            given = np.array(None)
+        check(given.dtype.kind in "fiu", str(given.dtype), given.shape, self.action_space.shape or (), "numbers")
+        write_actions(self.task, given[None], batch.actions)
+        batch.step()
+        info = {name: value[0] for name, value in information(batch, self._read).items()}
+        seen = self._read(out.seen)[0]
+        ended = bool(out.terminated.numpy()[0]), bool(out.truncated.numpy()[0])
+        return seen, float(out.reward.numpy()[0]), *ended, info

@@ -1,0 +1,129 @@
+"""What an environment is made of: a scene, hands that move its traps, terms, randomisation, and an expert."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from otwarp.envs.terms import Term
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+
+ActionKind = Literal["velocity", "power", "both"]
+Policy = Callable[[Mapping[str, np.ndarray], np.ndarray], np.ndarray]
+"""`(seen, fresh) -> (N, A)`: observed columns by name, each (N) in their own units, and (N) bool, whether an episode
+has just begun; returns numbers within ±1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """Traps that an action moves together.
+
+    Attributes:
+        name: In the names of the numbers of an action, and of the agent in PettingZoo.
+        traps: Prim paths of its traps.
+        axes: Along which it moves.
+    """
+
+    name: str
+    traps: tuple[str, ...]
+    axes: str = "xy"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """Bodies and traps that start elsewhere in each episode, moved together, uniformly within a box.
+
+    Attributes:
+        bodies, traps: Prim paths.
+        half: Half widths of the box [µm].
+    """
+
+    bodies: tuple[str, ...] = ()
+    traps: tuple[str, ...] = ()
+    half: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """An environment's task.
+
+    Attributes:
+        name: Of the environment, such as `otwarp/Navigate-v0`.
+        scene: The scene, or the file of one.
+        hands: What actions move; traps of no hand stay as the scene has them.
+        observations: Terms that are observed, one after the other.
+        rewards: Terms that are earned, each times its `weight`; their sum is the reward.
+        ends: Terms that terminate an episode, the first one that says so; those with `success` are what is wanted.
+        description: What is to be done, in a sentence.
+        action: What the numbers of an action set: the velocities of hands, powers of traps, or both.
+        power: Least and largest power of a trap [mW], where actions set powers.
+        power_each: Whether each trap has a power of its own, instead of one for all traps of a hand.
+        choices: Rows of numbers, where an action is one of them instead: (n, A).
+        speed_limit: Largest speed of a hand [µm/s].
+        rate: Control periods a second [Hz].
+        time_limit: After which an episode is truncated [s].
+        goal: Place of the goal [µm]; None for the scene's, or 0.
+        goal_half: Half widths of the box about it in which the goal of an episode lies [µm].
+        shifts: What starts elsewhere in each episode.
+        randomise: What differs from episode to episode: axes of `otwarp.studies` by name, such as
+            `{"trap_power": ot.studies.random(4, 6, 64, unit="mW")}`; one value of each axis is chosen anew.
+        expert: Makes a scripted policy, which remembers what it needs between the steps of its environments.
+    """
+
+    name: str
+    scene: Scene | str | Path = field(repr=False)
+    hands: tuple[Hand, ...]
+    observations: tuple[Term, ...] = field(repr=False)
+    rewards: tuple[Term, ...] = field(repr=False)
+    ends: tuple[Term, ...] = field(repr=False)
+    description: str = ""
+    action: ActionKind = "velocity"
+    power: tuple[float, float] = (0.0, 10.0)
+    power_each: bool = False
+    choices: tuple[tuple[float, ...], ...] = field(default=(), repr=False)
+    speed_limit: float = 10.0
+    rate: float = 20.0
+    time_limit: float = 20.0
+    goal: tuple[float, float, float] | None = None
+    goal_half: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shifts: tuple[Shift, ...] = ()
+    randomise: Mapping[Any, Any] = field(default_factory=dict, repr=False)
+    expert: Callable[[], Policy] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.hands or not self.observations or not self.rewards or not self.ends:
+            raise InputError(f"task {self.name}: allowed: at least one hand, observation, reward and end")
+        if self.action not in ("velocity", "power", "both"):
+            raise InputError(f"action of task {self.name} is {self.action!r}; allowed: velocity, power, both")
+        for name in ("speed_limit", "rate", "time_limit"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"{name} of task {self.name} is {value!r}; allowed: finite, above 0")
+        low, high = self.power
+        if not 0.0 <= low < high < math.inf:
+            raise InputError(f"power of task {self.name} is {self.power}; allowed: two finite numbers, 0 ≤ low < high")
+        for kind, terms, wanted in (
+            ("observation", self.observations, ("vector", "number")),
+            ("reward", self.rewards, ("number",)),
+            ("end", self.ends, ("truth",)),
+        ):
+            names = [t.name for t in terms]
+            for t in terms:
+                if t.result not in wanted:
+                    raise InputError(f"{kind} {t.name} of task {self.name} is a {t.result}; allowed: {wanted[0]}")
+                if names.count(t.name) > 1:
+                    raise InputError(f"task {self.name} has two {kind}s {t.name}; allowed: {t.name}(name=…)")
+
+    def load(self) -> Scene:
+        """Its scene.
+
+        Raises:
+            InputError: As `Scene.load`.
+        """
+        return self.scene if isinstance(self.scene, Scene) else Scene.load(self.scene)

@@ -1,0 +1,99 @@
+"""Randomised parameters: a table of variants of a scene, of which each episode takes a row, on the device."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+import numpy as np
+
+from otwarp.envs.task import Task
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+from otwarp.simulation.packing.parameters import PARAMETERS, scene_values
+from otwarp.simulation.packing.traps import trap_parameters
+from otwarp.studies.axes import Axis, dimensions
+from otwarp.studies.targets import Target, target_of
+
+MOST = 1024
+"""Rows of a table; of more combinations, so many are chosen once and for all."""
+
+
+class Variants:
+    """Rows of a table of a scene's parameters and starts.
+
+    Args:
+        task: Whose `randomise` says what varies.
+        scene: Its scene.
+
+    Attributes:
+        count: Rows, 1 where nothing varies.
+        parameters: `(V, …)` values by names of `otwarp.simulation.packing.parameters.PARAMETERS`.
+        starts: (V, B, 3) shifts of where bodies start [µm], or None.
+
+    Raises:
+        InputError: A name or value that the scene does not have, or that cannot differ from world to world.
+    """
+
+    def __init__(self, task: Task, scene: Scene):
+        found = dimensions(dict(task.randomise))
+        rows = _combinations([len(d) for d in found])
+        self.count = len(rows)
+        self.parameters: dict[str, np.ndarray] = {}
+        self.starts: np.ndarray | None = None
+        for n, dimension in enumerate(found):
+            for name, axis in dimension.columns.items():
+                self._put(task, scene, name, axis, rows[:, n])
+
+    def _put(self, task: Task, scene: Scene, name: str, axis: Axis, rows: np.ndarray) -> None:
+        """Write the values of one axis into the table."""
+        if name.startswith("/"):
+            raise InputError(f"randomise of task {task.name} has {name}, an attribute of the stage; "
+                             "allowed: parameters that differ from world to world, start:PRIM")  # fmt: skip
+        target = target_of(name, scene, cast(Any, None))
+        if target.kind not in ("parameter", "start"):
+            raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters, start:PRIM")
+        values = target.values(axis)[rows]
+        if target.kind == "start":
+            self._put_start(target, scene, values)
+            return
+        table = self.parameters.get(target.key)
+        if table is None:
+            table = np.repeat(_authored(task, scene, target.key)[None], self.count, axis=0)
+        part = table if target.index is None else table[:, target.index]
+        part = part if target.component is None else part[..., target.component]
+        part[...] = values.reshape(self.count, *(1,) * (part.ndim - values.ndim), *values.shape[1:])
+        self.parameters[target.key] = table
+
+    def _put_start(self, target: Target, scene: Scene, values: np.ndarray) -> None:
+        """Write where a body starts, as a shift from where the scene has it."""
+        if self.starts is None:
+            self.starts = np.zeros((self.count, len(scene.bodies), 3))
+        assert target.index is not None
+        place = np.array(scene.bodies[target.index].position)
+        if target.component is None:
+            self.starts[:, target.index] = values - place
+        else:
+            self.starts[:, target.index, target.component] = values - place[target.component]
+
+    def rows(self, worlds: int) -> dict[str, np.ndarray]:
+        """Parameters of so many worlds at first: the rows one after the other."""
+        chosen = np.arange(worlds) % self.count
+        return {name: table[chosen] for name, table in self.parameters.items()}
+
+
+def _combinations(lengths: list[int]) -> np.ndarray:
+    """(V, D) indices: all combinations, or `MOST` of them drawn once."""
+    total = math.prod(lengths)
+    if total <= MOST:
+        return np.stack(np.unravel_index(np.arange(total), lengths), axis=1) if lengths else np.zeros((1, 0), dtype=int)
+    draws = np.random.Generator(np.random.Philox(0))
+    return np.stack([draws.integers(0, n, MOST) for n in lengths], axis=1)
+
+
+def _authored(task: Task, scene: Scene, name: str) -> np.ndarray:
+    """What the scene has of a parameter: () of medium and flow, (T) or (T, 3) of traps."""
+    known = trap_parameters(scene) if PARAMETERS[name].of == "traps" else scene_values(scene)
+    if name not in known or PARAMETERS[name].of == "bodies":
+        raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters of medium, flow and traps")
+    return known[name][0] if PARAMETERS[name].of else np.array(float(np.ravel(known[name])[0]))

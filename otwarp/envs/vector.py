@@ -1,0 +1,160 @@
+"""`VectorEnv`: many environments of a task, stepped on a device at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
+from gymnasium.vector.utils import batch_space
+
+from otwarp.envs.actions import is_tensor, write_actions
+from otwarp.envs.batch import Batch
+from otwarp.envs.results import Arrays, blank, information, masked, reader
+from otwarp.envs.spaces import action_space, observation_space
+from otwarp.envs.task import Task
+from otwarp.errors import InputError
+
+MODES = {AutoresetMode.NEXT_STEP: "next", AutoresetMode.SAME_STEP: "same", AutoresetMode.DISABLED: "off"}
+_OPTIONS = ("reset_mask",)
+
+
+class VectorEnv(GymnasiumVectorEnv):
+    """N environments of a task, which are worlds of one simulation.
+
+    Environment i of seed s is environment 0 of seed s + i, bit for bit, whatever stands beside it.
+
+    Args:
+        task: The task.
+        num_envs: N.
+        device: `"cpu"`, `"cuda:0"`, … or None for the best available.
+        arrays: `numpy`, arrays of the caller's own; or `torch`, tensors on the memory of the environments, which the
+            next call overwrites.
+        autoreset_mode: One of `gymnasium.vector.AutoresetMode`, or its value.
+
+    Raises:
+        InputError: A task that its scene does not allow, or an argument out of range.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        num_envs: int = 1,
+        *,
+        device: str | None = None,
+        arrays: Arrays = "numpy",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    ):
+        try:
+            mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            allowed = ", ".join(m.value for m in AutoresetMode)
+            raise InputError(f"autoreset_mode is {autoreset_mode!r}; allowed: {allowed}") from None
+        self._read = reader(arrays)
+        self.batch = Batch(task, num_envs, device=device, autoreset=MODES[mode])  # type: ignore[arg-type]
+        self.task, self.num_envs, self.arrays = task, num_envs, arrays
+        self.metadata = {"autoreset_mode": mode, "render_modes": [], "render_fps": task.rate}
+        self.mode = mode
+        self.single_observation_space = observation_space(self.batch.layout)
+        self.single_action_space = action_space(self.batch.layout)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._started = False
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start environments anew.
+
+        Args:
+            seed: Of environment 0, the next ones have the next whole numbers; or one for each, None for those that go
+                on with their next episode; None for all of them, at first with seeds of the system.
+            options: `reset_mask`, (N) bool, for some environments only.
+
+        Raises:
+            InputError: A seed or an option that is none.
+        """
+        mask = self._mask(options)
+        seeds = self._seeds(seed)
+        if not self._started and mask is not None and not mask.all():
+            raise InputError("reset_mask leaves environments out that were never reset; allowed: a reset of all first")
+        if not self._started:
+            fresh = self._first_seeds(seeds)
+            seeds = np.where(seeds < 0, fresh, seeds)
+        self.batch.restart(mask, seeds)
+        self._started = True
+        everyone = np.ones(self.num_envs, dtype=bool) if mask is None else mask
+        return self._read(self.batch.verdict.seen), masked(blank(self.batch), everyone)
+
+    def _first_seeds(self, seeds: np.ndarray) -> np.ndarray:
+        """(N) consecutive seeds, from the system where none is given."""
+        first = int(self.np_random.integers(0, 2**32))
+        return (first + np.arange(self.num_envs, dtype=np.int64)) % 2**32
+
+    def _seeds(self, seed: Any) -> np.ndarray:
+        """(N) whole numbers, -1 for none."""
+        if seed is None:
+            return np.full(self.num_envs, -1, dtype=np.int64)
+        if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+            given: list[Any] = [int(seed) + i for i in range(self.num_envs)]
+            super().reset(seed=int(seed)) if seed >= 0 else None
+        else:
+            given = list(seed) if isinstance(seed, Sequence | np.ndarray) else [seed]
+        good = all(s is None or (isinstance(s, int | np.integer) and not isinstance(s, bool) and s >= 0) for s in given)
+        if len(given) != self.num_envs or not good:
+            raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or {self.num_envs} of them or None")
+        return np.array([-1 if s is None else int(s) % 2**32 for s in given], dtype=np.int64)
+
+    def _mask(self, options: dict[str, Any] | None) -> np.ndarray | None:
+        """(N) bool, or None for all."""
+        for name in options or {}:
+            if name not in _OPTIONS:
+                raise InputError(f"option {name!r} of reset is unknown; allowed: {', '.join(_OPTIONS)}")
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return None
+        mask = mask.cpu().numpy() if is_tensor(mask) else np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise InputError(f"reset_mask is {mask.dtype} of shape {mask.shape} with {np.count_nonzero(mask)} set; "
+                             f"allowed: bool of shape ({self.num_envs},), one of them at least")  # fmt: skip
+        return mask
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """One period of control.
+
+        Args:
+            actions: (N, A) numbers within ±1, or (N) choices.
+
+        Returns:
+            Observations (N, O), rewards, terminated, truncated (N), and the information of the period.
+
+        Raises:
+            InputError: Actions of another shape, type or device; a number that is not finite; no reset yet; an
+                episode that is over, in the mode DISABLED. The environments stay as they are.
+        """
+        if not self._started:
+            raise InputError("step before the first reset; allowed: reset() first")
+        batch, read = self.batch, self._read
+        if self.mode is AutoresetMode.DISABLED and batch.done.any():
+            over = np.flatnonzero(batch.done)
+            raise InputError(f"step of environment {over[0]}, whose episode is over; "
+                             'allowed: reset(options={"reset_mask": …}) first')  # fmt: skip
+        write_actions(self.task, actions, batch.actions)
+        batch.step()
+        out = batch.verdict
+        terminated, truncated = read(out.terminated), read(out.truncated)
+        everyone = read(out.terminated) | True
+        info = masked(information(batch, read), everyone)
+        if self.mode is AutoresetMode.SAME_STEP:
+            self._add_final(info, terminated | truncated)
+        return read(out.seen), read(out.reward), terminated, truncated, info
+
+    def _add_final(self, info: dict[str, Any], over: Any) -> None:
+        """Of the episodes that have ended: their last observations, and the information of their last period."""
+        if self.arrays == "numpy" and not over.any():
+            return
+        last = {name: value for name, value in info.items() if not name.startswith("_")}
+        info |= {"final_obs": self._read(self.batch.verdict.last_seen), "_final_obs": over}
+        info |= {"final_info": masked(last, over), "_final_info": over}

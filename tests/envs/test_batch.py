@@ -1,0 +1,100 @@
+"""Worlds of a task: how episodes start, what is randomised, and what a period of control is made of."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from otwarp import studies
+from otwarp.envs import Batch
+from otwarp.envs.registration import task_of
+from otwarp.errors import InputError
+
+TASK = task_of("otwarp/Navigate-v0")
+PLACE = np.array([-10.0, 0.0, 5.0])
+VISCOSITY = studies.values([1.0, 2.0], unit="mPa·s")
+STIFFNESS = studies.values([1.0, 3.0], unit="pN/µm per mW")
+
+
+def test_episodes_start_within_their_boxes_and_differ(device):
+    """Uniform within ± h: means within 5 standard errors, h/√(3 n), of 0."""
+    n, half = 2000, np.array([1.0, 6.0, 0.0])
+    batch = Batch(TASK, n, device=device)
+    batch.restart(seeds=np.arange(n))
+    for _ in range(2):
+        bead = batch.sim.state.position.numpy()[:, 0] - PLACE
+        goal = batch.episode.goal.numpy() - [10.0, 0.0, 5.0]
+        for shift in (bead, goal):
+            assert np.all(np.abs(shift) <= half + 1e-6) and len(np.unique(shift[:, 1])) > 0.99 * n
+            assert np.all(np.abs(shift.mean(axis=0)) <= 5.0 * half / np.sqrt(3 * n) + 1e-6)
+        assert abs(np.corrcoef(bead[:, 1], goal[:, 1])[0, 1]) < 5.0 / np.sqrt(n)
+        assert np.allclose(batch.sim.control.trap_position.numpy()[:, 0], bead + PLACE, atol=1e-6)
+        before = bead.copy()
+        batch.restart()
+        assert not np.any(batch.sim.state.position.numpy()[:, 0, 1] - 0.0 == before[:, 1])
+
+
+def test_each_episode_takes_a_row_of_what_is_randomised(device):
+    task = dataclasses.replace(
+        TASK,
+        randomise={
+            "trap_power": studies.values([2.0, 4.0, 8.0], unit="mW"),
+            ("medium_viscosity", "trap_stiffness"): (
+                VISCOSITY,
+                STIFFNESS,
+            ),
+        },
+    )
+    batch = Batch(task, 50, device=device)
+    seen = set()
+    for k in range(3):
+        batch.restart(seeds=np.arange(50) if k == 0 else None)
+        power = batch.sim.control.trap_power.numpy()[:, 0]
+        data = batch.sim.model.data
+        stiffness, viscosity = data.traps.stiffness.numpy()[:, 0], data.medium.viscosity.numpy()
+        assert np.allclose(stiffness, np.where(viscosity > 1.5e-3, 3.0, 1.0))
+        seen |= set(zip(power.tolist(), stiffness.tolist(), strict=True))
+    assert seen == {(p, s) for p in (2.0, 4.0, 8.0) for s in (1.0, 3.0)}
+    few = Batch(task, 2, device=device)
+    few.restart(seeds=np.array([7, 31]))
+    batch.restart(seeds=np.arange(50))
+    assert np.array_equal(few.sim.control.trap_power.numpy(), batch.sim.control.trap_power.numpy()[[7, 31]])
+    for one in (few, batch):
+        one.actions.fill_(0.5)
+        for _ in range(5):
+            one.step()
+    assert np.array_equal(few.verdict.seen.numpy(), batch.verdict.seen.numpy()[[7, 31]])
+
+
+def test_powers_go_by_the_numbers_of_actions(device):
+    task = dataclasses.replace(TASK, action="both", power=(2.0, 6.0))
+    batch = Batch(task, 3, device=device)
+    assert [c.name for c in batch.layout.acted] == ["hand.velocity.x", "hand.velocity.y", "hand.power"]
+    batch.restart(seeds=np.arange(3))
+    batch.actions.assign(np.array([[0, 0, -1], [0, 0, 0.5], [0, 0, 9]], dtype=np.float32))
+    batch.step()
+    assert np.allclose(batch.sim.control.trap_power.numpy()[:, 0], [2.0, 5.0, 6.0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"randomise": {"external_force": studies.values([[1.0, 0, 0]], unit="pN")}},
+            "allowed: parameters of medium, flow and",
+        ),
+        ({"randomise": {"/World/bead/sphere.radius": studies.values([1.0], unit="µm")}}, "an attribute of the stage"),
+        ({"randomise": {"turn:/World/bead": studies.values([[0, 0, 1.0]], unit="rad")}}, "allowed: parameters, start"),
+        ({"speed_limit": 0.0}, "speed_limit of task otwarp/Navigate-v0 is 0.0; allowed: finite, above 0"),
+        ({"action": "force"}, "allowed: velocity, power, both"),
+        ({"hands": ()}, "at least one hand"),
+    ],
+)
+def test_tasks_that_cannot_be_are_told_in_one_line(changes, said):
+    with pytest.raises(InputError) as error:
+        Batch(dataclasses.replace(TASK, **changes), device="cpu")
+    assert said in str(error.value) and "\n" not in str(error.value)
