@@ -85,6 +85,8 @@ BEAD = ["--radius", "0.5", "--worlds", "8", *ONCE]
 COMMANDS: dict[str, list[str]] = {
     "scenes list": [],
     "scenes copy": ["capture"],
+    "new": ["chamber", "mine.usda"],
+    "import": ["cube.stl", "--into", "mine.usda", "--position", "0,30,0"],
     "info": ["bead.usda", *CPU],
     "validate": ["scenes/cell_delivery.usda"],
     "study plan": ["capture.toml", *CPU],

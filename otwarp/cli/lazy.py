@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import keyword
 from typing import Any
 
 import click
@@ -12,7 +13,7 @@ class LazyGroup(click.Group):
     """A group that knows its commands by name.
 
     Args:
-        package: Where they live, dotted: each in the module of its name, under its name.
+        package: Where they live, dotted: each in the module of its name, under its name; `import` in `import_`.
         rows: Their one-line help, by name, in the order of the help.
         settings: Of `click.Group`.
     """
@@ -29,7 +30,8 @@ class LazyGroup(click.Group):
         """Import and return one command, None for an unknown name."""
         if cmd_name not in self._rows:
             return None
-        return getattr(importlib.import_module(f"{self._package}.{cmd_name}"), cmd_name)
+        name = cmd_name + "_" * keyword.iskeyword(cmd_name)
+        return getattr(importlib.import_module(f"{self._package}.{name}"), name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing any."""

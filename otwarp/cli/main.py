@@ -18,6 +18,8 @@ COMMANDS = {
     "run": "Simulate a scene and record it.",
     "info": "Say what a scene holds, how it will be stepped, and why.",
     "scenes": "What comes with otwarp: scenes, studies and data sets, by name.",
+    "new": "Write a scene or study to begin with.",
+    "import": "Make a mesh of a file an obstacle of a scene.",
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
     "view": "Play recorded runs back in the browser.",

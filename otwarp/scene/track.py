@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.scene.transforms import align_z, rotate
 
 
 def _same(a: object, b: object) -> bool:
@@ -65,6 +68,72 @@ class Track(ByValue):
     def constant(cls, value: object) -> Track:
         """A track that never changes; `value` is a scalar or a vector."""
         return cls(times=np.zeros(1), values=np.atleast_1d(np.asarray(value, dtype=float))[None, :])
+
+    @classmethod
+    def line(cls, start: Sequence[float], end: Sequence[float], *, speed: float, rest: float = 0.0) -> Track:
+        """A straight way: see `polyline`."""
+        return cls.polyline([start, end], speed=speed, rest=rest)
+
+    @classmethod
+    def polyline(cls, points: Sequence[Sequence[float]] | np.ndarray, *, speed: float, rest: float = 0.0) -> Track:
+        """A way from point to point, at one speed.
+
+        Args:
+            points: (n, 3) places [µm], each another one than the last.
+            speed: [µm/s].
+            rest: Seconds at the first point before it begins.
+
+        Raises:
+            InputError: A speed that is not positive, fewer than two points, or two equal ones in a row.
+        """
+        p = np.asarray(points, dtype=float)
+        if p.ndim != 2 or p.shape[1] != 3 or len(p) < 2:
+            raise InputError(f"Track: points = shape {p.shape}: must be (n, 3), n ≥ 2")
+        if not (math.isfinite(speed) and speed > 0.0 and math.isfinite(rest) and rest >= 0.0):
+            raise InputError(f"Track: speed, rest = {speed:g} µm/s, {rest:g} s: must be in (0, inf) and [0, inf)")
+        times = rest + np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))]) / speed
+        still = rest > 0.0
+        return cls(times=np.concatenate([[0.0] * still, times]), values=np.concatenate([p[:1].repeat(still, 0), p]))
+
+    @classmethod
+    def circle(
+        cls,
+        center: Sequence[float],
+        radius: float,
+        *,
+        speed: float,
+        turns: float = 1.0,
+        normal: Sequence[float] = (0.0, 0.0, 1.0),
+        start: float = 0.0,
+        rest: float = 0.0,
+    ) -> Track:
+        """A way round a circle, counter-clockwise about its normal; chords of 3° stay within 0.04 % of the radius.
+
+        Args:
+            center: [µm].
+            radius: [µm].
+            speed: [µm/s].
+            turns: How often round [1]; negative for clockwise.
+            normal: Axis of the circle, of any length.
+            start: Angle where it begins [degrees], from the axis x, turned with the normal.
+            rest: Seconds at the start before it begins.
+
+        Raises:
+            InputError: A radius or speed that is not positive, no turns, or a normal without length.
+        """
+        if not (math.isfinite(radius) and radius > 0.0 and math.isfinite(turns) and turns != 0.0):
+            raise InputError(f"Track: radius, turns = {radius:g} µm, {turns:g}: must be in (0, inf), and not 0")
+        axis = np.asarray(normal, dtype=float)
+        if not (np.isfinite(axis).all() and np.linalg.norm(axis) > 0.0):
+            raise InputError(f"Track: normal = {tuple(normal)}: must be a direction")
+        angles = math.radians(start) + 2.0 * math.pi * turns * np.linspace(0.0, 1.0, math.ceil(120 * abs(turns)) + 1)
+        flat = radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+        points = np.asarray(center, dtype=float) + rotate(align_z(axis / np.linalg.norm(axis)), flat)
+        return cls.polyline(points, speed=speed, rest=rest)
+
+    def shifted(self, by: Sequence[float]) -> Track:
+        """The same way, displaced by `by` (k,), or by any that `values` can be added to."""
+        return Track(times=self.times, values=self.values + np.asarray(by, dtype=float))
 
     @property
     def animated(self) -> bool:

@@ -32,6 +32,9 @@ SCENES = {
 }
 """What each shipped scene shows."""
 
+TEMPLATES = {"channel": "channel.usda", "robot": "robot.usda", "chamber": "chamber.usda", "study": "study.toml"}
+"""Files of `otwarp new`, with comments, in the folder `templates` of the package."""
+
 
 def folder(kind: str) -> Path:
     """The folder of a kind of shipped files, of the wheel or of the checkout."""
@@ -97,3 +100,8 @@ def about(kind: str, name: str) -> str:
     text = " ".join(head)
     ends = [n for mark in (". ", ", for a network", "; ", ": `") if (n := text.find(mark)) > 0]
     return text[: min(ends, default=len(text))].rstrip(".") + "."
+
+
+def template(kind: str) -> str:
+    """The text of a template, a row of `TEMPLATES`."""
+    return (Path(__file__).resolve().parent / "templates" / TEMPLATES[kind]).read_text(encoding="utf-8")

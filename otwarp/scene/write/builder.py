@@ -25,6 +25,7 @@ from otwarp.scene.vocabulary.values import authored
 from otwarp.scene.write.attributes import author_values
 from otwarp.scene.write.export import export_layer
 from otwarp.scene.write.obstacles import define_obstacle
+from otwarp.scene.write.pieces import Pieces
 from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks, rounded
 
 register()
@@ -34,7 +35,7 @@ _FOCAL_LENGTH = 50.0
 _LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
 
 
-class SceneBuilder:
+class SceneBuilder(Pieces):
     """Authors a scene: one stage, native units (µm), every value written out.
 
     Args:
