@@ -1,7 +1,7 @@
 """`python -m benchmarks.delivery_cubes [--write]`: why the shipped cell delivery fails at some speeds between others.
 
 The trials of two points that fail and of their neighbours that do not, with more of them, with half the time step, and
-without the cube that they meet. `--write` puts the table between the markers of docs/studies.md.
+without the cube that they meet. `--write` puts the table between the markers of docs/studies_shipped.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from otwarp.studies import delivered, first_lost, place
 from otwarp.studies.quantity import quantity
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "studies.md"
+PAGE = ROOT / "docs" / "studies_shipped.md"
 BEGIN, END = "<!-- begin delivery -->", "<!-- end delivery -->"
 SCENE = ROOT / "scenes" / "cell_delivery.usda"
 SPEEDS = (19.0, 25.0, 32.0, 40.0)
@@ -79,7 +79,7 @@ def rows() -> str:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Why the shipped cell delivery fails at some speeds between others.")
-    parser.add_argument("--write", action="store_true", help="write docs/studies.md")
+    parser.add_argument("--write", action="store_true", help="write docs/studies_shipped.md")
     given = parser.parse_args()
     text = rows()
     print(text)

@@ -1,7 +1,7 @@
 """`python -m benchmarks.shipped_studies [NAME …] [--write]`: run the shipped studies and draw their pictures.
 
 Results are kept in out/, where a study goes on that was interrupted. `--write` puts pictures into docs/images, and the
-table of speeds, beside what the equation of drag says, between the markers of docs/studies.md.
+table of speeds, beside what the equation of drag says, between the markers of docs/studies_shipped.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from otwarp.studies.figure import COLORS, draw
 from otwarp.studies.results import choices_of, taken
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "studies.md"
+PAGE = ROOT / "docs" / "studies_shipped.md"
 BEGIN, END = "<!-- begin transport -->", "<!-- end transport -->"
 DRAWN = {
     "capture": "trapped",
@@ -121,6 +121,8 @@ def draw_places(store: Store, file: Path) -> None:
         there = taken(raw)
     for n, name in enumerate(names):
         mine = there & (end == (n + 1) % len(names))
+        if not mine.any():
+            continue
         label = f"{name.replace('_', ' ')}: {mine.sum()} trials"
         axes.plot(x[mine], y[mine], "o", color=COLORS[n], markersize=3, alpha=0.5, label=label)
     axes.set(xlabel="x [µm]", ylabel="y [µm]", aspect="equal", xlim=(-83, 83), ylim=(-44, 44))
@@ -135,10 +137,10 @@ def compute(name: str, *, write: bool) -> None:
     store = open_store(folder)
     picture = (ROOT / "docs" / "images" if write else folder.parent) / f"study_{name}.png"
     if name != "transport":
-        print(draw(store, picture, name=DRAWN[name], level=0.9))
+        print(draw(store, picture, name=DRAWN[name]))
         beside = {n: picture.with_name(f"study_{name}_{n}.png") for n in ("success", "places", "survival")}
         if name == "delivery":
-            print(draw(store, beside["success"], name="delivered", level=0.9))
+            print(draw(store, beside["success"], name="delivered"))
             draw_places(store, beside["places"])
         if name == "capture":
             print(draw(store, beside["survival"], name="first_passage", survival=True, at={"trap_power": WEAK}))
@@ -154,7 +156,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Run the shipped studies and draw their pictures.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(DRAWN)}; default: all")
-    parser.add_argument("--write", action="store_true", help="write docs/images and docs/studies.md")
+    parser.add_argument("--write", action="store_true", help="write docs/images and docs/studies_shipped.md")
     given = parser.parse_args()
     wrong = [name for name in given.names if name not in DRAWN]
     if wrong:

@@ -43,7 +43,9 @@ class Axis:
             InputError: They have a unit of another kind, or are no numbers.
         """
         if self.values.dtype.kind not in "fiu":
-            raise InputError(f"{what} is {self.values[0]!r}; allowed: numbers{f' in {wanted}' if wanted else ''}")
+            raise InputError(
+                f"{what} is {self.values[0].item()!r}; allowed: numbers{f' in {wanted}' if wanted else ''}"
+            )
         return self.values * ratio(self.unit, wanted, what)
 
 
@@ -228,6 +230,15 @@ def label(name: str) -> str:
     prim, _, attribute = where.partition(".")
     parts = (what.replace(".", "_"), prim.rsplit("/", 1)[-1], attribute.rsplit(":", 1)[-1])
     return "_".join(part for part in parts if part)
+
+
+def spoken(name: str) -> str:
+    """The same for a picture: start.x:/World/bead becomes start x of bead, trap_power trap power."""
+    what, _, where = name.partition(":") if not name.startswith("/") else ("", "", name)
+    prim, _, attribute = where.partition(".")
+    what = what.replace(".", " ").replace("_", " ") or attribute.rsplit(":", 1)[-1]
+    owner = prim.rsplit("/", 1)[-1].replace("_", " ")
+    return f"{what} of {owner}" if owner else what
 
 
 def _named_apart(found: list[Dimension]) -> tuple[Dimension, ...]:

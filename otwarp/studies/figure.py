@@ -11,6 +11,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import save_picture
+from otwarp.studies.axes import spoken
 from otwarp.studies.contours import equal_factors
 from otwarp.studies.rare.figure import draw_escapes
 from otwarp.studies.results import choices_of, table
@@ -19,6 +20,12 @@ from otwarp.studies.survival_figure import draw_survival
 
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
 """Okabe and Ito's, which colour-blind people tell apart; more things than these share them."""
+
+TRACED = 6
+"""Values along both axes of a map from which on a contour is drawn: on fewer it shows the grid."""
+
+DECADES = 30.0
+"""Factor between rates of a map from which on its colours go by factors."""
 
 PANELS = 4
 """Values of a third dimension that are drawn side by side; of more, the one in the middle."""
@@ -77,7 +84,7 @@ def draw(
     where = _places(found, at or {})
     over = found["largest"].dims if shown.kind == "largest" else found["trials"].dims
     if shown.kind == "survival" or (shown.kind == "time" and not any(found.sizes[d] > 1 for d in over)):
-        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+        figure = Figure(figsize=(7.6, 4.2), layout="constrained")
         drawn = draw_survival(figure.add_subplot(), store, shown.name, where, COLORS)
     elif shown.kind == "escape":
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
@@ -155,7 +162,7 @@ def _sheets(found: Any, panels: str | None) -> list[tuple[str, Any]]:
     if panels is None:
         return [("", found)]
     about, x = found[panels].attrs if panels in found.coords else {}, _coordinate(found, panels)[0]
-    label = str(about.get("long_name", panels)).rsplit("/", 1)[-1].rsplit(":", 1)[-1]
+    label = spoken(str(about.get("long_name", panels)))
     return [(f"{label} = {v:g} {about.get('units', '')}", found.isel({panels: n})) for n, v in enumerate(x)]
 
 
@@ -183,8 +190,9 @@ def _coordinate(found: Any, dim: str) -> tuple[np.ndarray, str, bool]:
     """Numbers along a dimension, their label, and whether equal factors lie between them."""
     if dim not in found.coords or found[dim].dtype.kind not in "fiu":
         return np.arange(found.sizes[dim], dtype=float), dim, False
-    x = np.asarray(found[dim].values, dtype=float)
-    return x, _label(found, dim), equal_factors(x)
+    x, about = np.asarray(found[dim].values, dtype=float), found[dim].attrs
+    unit = f" [{about['units']}]" if about.get("units") else ""
+    return x, spoken(str(about.get("long_name", dim))) + unit, equal_factors(x)
 
 
 def _scaled(axes: Any, found: Any, dims: list[str], *, last: bool = True) -> None:
@@ -225,33 +233,50 @@ def _maps(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: list[s
         values, text = [(high, low, high, t) for _, low, high, t in values], f"none seen: upper end of {text}"
         unseen = [np.zeros_like(none) for none in unseen]
     ends = (0.0, 1.0) if shown.kind == "probability" else _range([v[0].values for v in values])
-    if shown.kind == "time":
-        ends = (0.0, ends[1])
+    norm, marked = _norm(shown, ends, [v[0].values for v in values])
     mesh = None
     for place, (title, found), (value, low, high, _), none in zip(axes, sheets, values, unseen, strict=False):
         x, y, z = _sorted(found, value, dims)
         for row, column in np.argwhere(_sorted(found, value.copy(data=none), dims)[2]):
-            place.text(x[column], y[row], "▼", color="white", fontsize=6, ha="center", va="center")
+            place.text(x[column], y[row], "▼", color=marked, fontsize=6, ha="center", va="center")
             title = "▼ none seen"
-        mesh = place.pcolormesh(x, y, z, cmap="cividis", shading="nearest", vmin=ends[0], vmax=ends[1])
+        mesh = place.pcolormesh(x, y, z, cmap="cividis", shading="nearest", norm=norm)
         if shown.kind == "probability":
-            for part, style in ((value, "solid"), (low, "dotted"), (high, "dotted")):
-                p = _sorted(found, part, dims)[2]
-                if np.nanmin(p) < shown.level < np.nanmax(p):
-                    place.contour(x, y, p, levels=[shown.level], colors="white", linewidths=1.4, linestyles=style)
-            z_known = z[np.isfinite(z)]
-            nowhere = not np.any(z_known < shown.level) or not np.any(z_known > shown.level)
-            said = f"nowhere {shown.level:g}" if nowhere else f"line {shown.level:g}, dotted: its interval"
-            title = title or said
+            parts = [_sorted(found, part.where(np.isfinite(value)), dims)[2] for part in (value, low, high)]
+            title = title or _contours(place, x, y, parts, shown.level)
         _scaled(place, found, dims, last=place is axes[0])
         place.set_title(title, fontsize=9)
     figure.colorbar(mesh, ax=axes[0] if width else axes, label=text)
     if width:
-        _, low, high, _ = values[0]
-        x, y, z = _sorted(sheets[0][1], 0.5 * (high - low), dims)
+        value, low, high, _ = values[0]
+        x, y, z = _sorted(sheets[0][1], (0.5 * (high - low)).where(np.isfinite(value)), dims)
         mesh = axes[1].pcolormesh(x, y, z, cmap="Greys", shading="nearest", vmin=0.0)
         _scaled(axes[1], sheets[0][1], dims, last=False)
         figure.colorbar(mesh, ax=axes[1], label="half the width of the interval")
+
+
+def _norm(shown: Shown, ends: tuple[float | None, float | None], maps: list[np.ndarray]) -> tuple[Any, str]:
+    """The scale of colours, rates by factors where they are decades apart; and the colour of marks where none is."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    if shown.kind != "time":
+        return Normalize(*ends), "white"
+    above = np.concatenate([v[np.isfinite(v) & (v > 0.0)] for v in maps])
+    if len(above) and above.max() > DECADES * above.min():
+        return LogNorm(float(above.min()), float(above.max())), "0.4"
+    return Normalize(0.0, ends[1]), "white"
+
+
+def _contours(place: Any, x: np.ndarray, y: np.ndarray, parts: list[np.ndarray], level: float) -> str:
+    """Draw the contour of a probability, and those of the ends of its interval; what they are, for a title."""
+    if min(len(x), len(y)) < TRACED:
+        return ""
+    for p, style in zip(parts, ("solid", "dotted", "dotted"), strict=True):
+        if np.nanmin(p) < level < np.nanmax(p):
+            place.contour(x, y, p, levels=[level], colors="white", linewidths=1.4, linestyles=style)
+    known = parts[0][np.isfinite(parts[0])]
+    nowhere = not np.any(known < level) or not np.any(known > level)
+    return f"nowhere {level:g}" if nowhere else f"line: P = {level:g}, dotted: by the ends of intervals"
 
 
 def _range(values: list[np.ndarray]) -> tuple[float | None, float | None]:
@@ -267,17 +292,22 @@ def _choices(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: lis
 
     colors = np.array([to_rgb(COLORS[n % len(COLORS)]) for n in range(len(shown.choices))])
     axes = np.atleast_1d(figure.subplots(1, len(sheets), sharey=True))
+    came = np.zeros(len(shown.choices), dtype=bool)
     for place, (title, found) in zip(axes, sheets, strict=True):
         parts = [_sorted(found, found[f"{shown.name}_{c}"], dims) for c in shown.choices]
         share = np.nan_to_num(np.stack([z for _, _, z in parts]))
+        came |= np.any(share > 0.0, axis=(1, 2))
         first, most = share.argmax(axis=0), share.max(axis=0)[..., None]
         x, y, _ = parts[0]
         place.pcolormesh(x, y, 1.0 - most * (1.0 - colors[first]), shading="nearest")
         _scaled(place, found, dims, last=place is axes[0])
         place.set_title(title, fontsize=9)
-    seen = [Patch(color=c, label=n.replace("_", " ")) for n, c in zip(shown.choices, colors, strict=True)]
+    named = [(n.replace("_", " "), c) for n, c, there in zip(shown.choices, colors, came, strict=True) if there]
     figure.legend(
-        handles=seen, loc="outside right upper", title=f"{shown.name.replace('_', ' ')};\npale: less often", fontsize=8
+        handles=[Patch(color=c, label=n) for n, c in named],
+        loc="outside right upper",
+        title=f"{shown.name.replace('_', ' ')};\npale: less often",
+        fontsize=8,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import importlib.util
 import inspect
@@ -63,7 +64,9 @@ def observable_of(given: dict[str, Any], what: str, folder: Path) -> Any:
         make = NAMED[kind]
         allowed = ", ".join(inspect.signature(make).parameters)
     else:
-        raise InputError(f"{what} has the kind {kind!r}; allowed: {', '.join(NAMED)}, or file and function")
+        near = difflib.get_close_matches(str(kind), NAMED, n=1)
+        raise InputError(f"{what} has the kind {kind!r}{f'; did you mean {near[0]}?' if near else ''}; "
+                         f"allowed: {', '.join(NAMED)}, or file and function")  # fmt: skip
     if "until" in rest:
         rest["until"] = quantity(rest["until"], "s", f"until of {what}")
     if "radius" in rest and kind == "delivered":

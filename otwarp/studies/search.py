@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.studies.axes import Dimension
+from otwarp.studies.axes import Dimension, spoken
 from otwarp.studies.intervals import interval
 from otwarp.studies.stopping import Stop, budget, contour, half_width, trials
 
@@ -157,8 +157,7 @@ def largest_in(found: Any, name: str, probability: float, along: str) -> Any:
     _, never = boundary(high >= probability, known)
     unit = {"units": found[along].attrs["units"]} if "units" in found[along].attrs else {}
     what = str(found[along].attrs.get("long_name", along))
-    what = along if what.startswith("/") else what.partition(":")[0]
-    title = f"largest {what} with P({name}) ≥ {probability:g}"
+    title = f"largest {spoken(what)} with P({name}) ≥ {probability:g}"
     dims = rows[0].dims[:-1]
     parts = {
         "largest": np.where(inside, between, np.nan),

@@ -20,7 +20,11 @@ from otwarp.studies.axes import Dimension
 from otwarp.studies.intervals import METHODS, Method, check_level, interval
 
 GROWTH = 1.5
-"""A point that goes on gets at least half as many trials again."""
+"""A point that goes on for a contour or a budget gets half as many trials again."""
+
+LEAST_MORE, MOST_MORE = 1.25, 4.0
+"""How many times its trials a point gets at least and at most that goes on until its interval is narrow: what a small
+count says of how many that takes is uncertain, and nine in ten points of a map need few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +78,15 @@ class Stop:
             return np.full(len(trials), self.at_most)
         low, high = interval(successes, trials, level=self.level, method=self.method)
         wide = np.any(0.5 * (high - low) > self.half_width, axis=0)
-        # what a normal interval of the present estimate would take, drawn into the middle as a small count is uncertain
+        # what a normal interval of the present estimate would take, drawn into the middle as a small count is
+        # uncertain; exact intervals are wider by about half a trial to either side
         share = (successes + 1.0) / (trials + 2.0)
         guess = np.max(share * (1.0 - share), axis=0) * (_quantile(self.level) / self.half_width) ** 2
-        return self._more(wide, np.clip(guess, np.ceil(GROWTH * trials), self.at_most), trials)
+        guess = np.ceil(guess + 1.0 / self.half_width)
+        return self._more(wide, np.clip(guess, np.ceil(LEAST_MORE * trials), MOST_MORE * trials), trials)
 
     def _more(self, on: np.ndarray, to: np.ndarray, trials: np.ndarray) -> np.ndarray:
-        """(n) trials: up to `to` for points that go on, `at_least` for all."""
+        """(n) trials: `to` for points that go on, `at_least` for all, and before anything is known."""
         first = np.minimum(np.maximum(to * on, self.at_least), self.at_most)
         return np.where(on | (trials < self.at_least), first, trials).astype(int)
 

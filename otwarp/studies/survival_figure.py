@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.studies.axes import spoken
 from otwarp.studies.intervals import interval, rate_interval, survival
 from otwarp.studies.results import place_of, taken
 from otwarp.studies.store import Store
@@ -116,7 +117,9 @@ def draw_survival(axes: Any, store: Store, name: str, where: dict[str, int], col
     axes.set_xlim(left=0.0)
     axes.set_title(f"band {100 * level:g} %", fontsize=9)
     if any(c.label or not c.events for c in curves):
-        axes.legend(fontsize=8, title=_axis(store, where), title_fontsize=8)
+        axes.legend(
+            fontsize=8, title=_axis(store, where), title_fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0)
+        )
     return sum(c.trials for c in curves)
 
 
@@ -124,6 +127,7 @@ def _axis(store: Store, where: dict[str, int]) -> str | None:
     """The name of the axis along which curves are drawn."""
     with store.read() as raw:
         free = [d for d in raw["trials"].dims if d not in where and raw.sizes[d] > 1]
-        return (
-            None if not free else str(raw[free[-1]].attrs.get("long_name", free[-1]) if free[-1] in raw else free[-1])
-        )
+        if not free:
+            return None
+        along = str(free[-1])
+        return spoken(str(raw[along].attrs.get("long_name", along) if along in raw else along))

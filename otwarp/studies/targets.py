@@ -68,7 +68,7 @@ class Target:
             if self.kind == "attribute" and not axis.unit:
                 return axis.values
             raise InputError(
-                f"axis {self.name} has the value {axis.values[0]!r}; allowed: numbers in {self.unit or '1'}"
+                f"axis {self.name} has the value {axis.values[0].item()!r}; allowed: numbers in {self.unit or '1'}"
             )
         values = axis.in_unit(self.unit, f"axis {self.name}")
         if self.kind != "attribute" and (values.ndim == 2) != self.vector:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
-from otwarp.studies.axes import normal, random, sobol, values
+from otwarp.studies.axes import label, normal, random, sobol, spoken, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.observables import contact_dose, contact_force, orientation_error, trapped
@@ -42,6 +42,18 @@ def test_random_and_normal_values():
     bell = normal(2.0, 0.25, 4_000, unit="µm", seed=5).values
     assert abs(bell.mean() - 2.0) < 5.0 * 0.25 / np.sqrt(4_000)
     assert abs(bell.std(ddof=1) - 0.25) < 5.0 * 0.25 / np.sqrt(8_000)
+
+
+def test_names_of_axes_for_people():
+    """As tables name them, and as pictures do."""
+    named = {
+        "trap_power": ("trap_power", "trap power"),
+        "trap_power:/World/Traps/left_hub": ("trap_power_left_hub", "trap power of left hub"),
+        "start.x:/World/bead": ("start_x_bead", "start x of bead"),
+        "/World/cell.ot:cell:youngsModulus": ("cell_youngsModulus", "youngsModulus of cell"),
+        "/World/bead/sphere.radius": ("sphere_radius", "radius of sphere"),
+    }
+    assert {name: (label(name), spoken(name)) for name in named} == named
 
 
 def test_sobol_points_are_even():

@@ -154,7 +154,7 @@ def test_plan_and_files(scene, tmp_path, capsys):
     out = str(tmp_path / "out")
     assert main(["study", "plan", *line]) == 0
     said = capsys.readouterr().out
-    assert "trials    300, of a budget of 300 for all points" in said and "MiB for 300 trials at once" in said
+    assert "trials    300, of a budget of 300 for all points" in said and "iB for 300 trials at once" in said
     assert main(["study", "run", *line, "-o", out, "--shard", "1/2"]) == 2
     assert "allowed for a study with a budget: none" in (error := capsys.readouterr().err) and error.count("\n") == 1
     assert not (tmp_path / "out").exists()

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 
 import numpy as np
 import pytest
+import xarray
 
 import otwarp as ot
 from otwarp.cli import progress
 from otwarp.cli.main import main
+from otwarp.cli.study.table import columns
 from otwarp.studies.axes import grid, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.observables import trapped
@@ -45,13 +48,47 @@ def test_show_says_what_was_searched_first(scene, tmp_path, capsys):
     found = table(run_study(study, out, devices=["cpu"]))
     assert main(["study", "show", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["trap_power", "[mW]", "largest", "[µm]", "largest_low", "[µm]", "largest_high", "[µm]"]
-    assert len(lines) == 4 and lines[1].split() == ["0.1", *(f"{float(found[n][0]):.4g}" for n in
-                                                             ("largest", "largest_low", "largest_high"))]  # fmt: skip
+    assert lines[0].split() == ["trap_power", "[mW]", "largest", "[µm]"]
+    value, low, high = (float(found[n][0]) for n in ("largest", "largest_low", "largest_high"))
+    assert len(lines) == 4 and lines[1].split() == ["0.1", f"{value:.4g}", f"({low:.3g}", "–", f"{high:.3g})"]
     looked = int(np.sum(found["trials"] > 0))
     assert lines[3].startswith(f"{looked} of 80 points were looked at; all of them: --json") and looked < 60
     assert main(["study", "show", str(out), "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)) == 80
+
+
+def test_a_table_for_people():
+    """A column for each thing that was asked, with its interval or error; bounds of what was not seen; what came."""
+    asked = {
+        "observables": [
+            {"name": "trapped", "kind": "probability", "end": "reached"},
+            {"name": "first_passage", "kind": "time"},
+            {"name": "outcome", "kind": "choice", "choices": []},
+            {"name": "squeeze", "kind": "number", "unit": "pN"},
+        ]
+    }
+    ends = {"reached": (0.25, 6.5), "none": (0.75, math.nan)}
+    point = {
+        "power": 5.0, "trials": 4, "faults": 0, "trapped": 1.0, "trapped_low": 0.3976, "trapped_high": 1.0,
+        "first_passage_rate": 0.0, "first_passage_rate_low": 0.0, "first_passage_rate_high": 1.234,
+        "first_passage_events": 0, "first_passage_median": math.nan,
+        **{f"outcome_{end}": share for end, (share, _) in ends.items()},
+        **{f"squeeze_{end}": mean for end, (_, mean) in ends.items()},
+    }  # fmt: skip
+    found = xarray.Dataset(
+        {n: ("power", [v]) for n, v in point.items() if n != "power"} | {"squeeze": ("power", [3.0], {"units": "pN"})},
+        coords={"power": ("power", [5.0], {"units": "mW"})},
+    )
+    shown = columns({**asked, "observables": [*asked["observables"][:2], *asked["observables"][3:]]}, found)
+    assert [heading for heading, _ in shown][:3] == ["power [mW]", "trapped", "first_passage_rate [1/s]"]
+    said = {heading: text({**point, "squeeze": 3.0, "squeeze_error": 0.125}) for heading, text in shown}
+    assert said == {
+        "power [mW]": "5", "trapped": "1 (0.398 – 1)", "first_passage_rate [1/s]": "< 1.23",
+        "first_passage_median [s]": "–", "squeeze [pN]": "3 ± 0.12", "trials": "4",
+    }  # fmt: skip
+    shown = columns(asked, found)
+    said = {heading: text(point) for heading, text in shown}
+    assert said["outcome [%]"] == "none 75, reached 25" and said["squeeze [pN]"] == "reached 6.5"
 
 
 def test_analyse_on_escapes(scene, tmp_path, capsys):

@@ -44,6 +44,17 @@ def test_coverage_where_trials_go_on_until_the_interval_is_narrow(p, width, meth
     assert covered >= level - 5.0 * np.sqrt(level * (1.0 - level) / count)
 
 
+def test_trials_follow_from_what_is_seen():
+    """A point that is sure stops after the first look, one of even odds takes what its interval does, and 3 % more."""
+    rule = half_width(0.05)
+    assert rule.wanted(np.zeros((1, 3)), np.zeros(3, dtype=int)).tolist() == [64, 64, 64]
+    seen, done = np.array([[0, 64, 32]]), np.full(3, 64)
+    assert rule.wanted(seen, done).tolist() == [64, 64, 256]
+    last = int(rule.wanted(np.array([[128]]), np.array([256]))[0])
+    enough = next(n for n in range(300, 500) if np.diff(interval(n // 2, n), axis=0)[0] <= 0.1)
+    assert enough <= last <= 1.03 * enough
+
+
 def test_a_sequence_holds_at_every_look():
     """Looked at after every trial, 1 − level of the sequences at most ever miss; Clopper–Pearson misses more often."""
     count, n, p = 1_000, 400, 0.3

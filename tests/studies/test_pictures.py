@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from otwarp.cli.main import main
@@ -74,6 +75,11 @@ def test_a_map_of_rates_some_of_which_were_not_seen(store, drawn, monkeypatch):
     axes, bar = drawn[0].axes
     assert [t.get_text() for t in axes.texts].count("▼") == int(np.sum(table(store)["first_passage_events"] == 0))
     assert bar.get_ylim()[0] == 0.0
+    far = table(store)
+    far["first_passage_rate"][1, 2] = 100.0 * far["first_passage_rate"][0, 2]
+    monkeypatch.setattr(figure, "table", lambda _: far)
+    figure.draw(store, Path("a.png"))
+    assert isinstance(drawn.pop().axes[0].collections[0].norm, LogNorm)
     part = table(store).isel(start_x_bead=[0, 0])
     monkeypatch.setattr(figure, "table", lambda _: part)
     figure.draw(store, Path("a.png"))

@@ -79,4 +79,4 @@ def test_plan_says_what_needs_models(folder, capsys):
     assert main(["study", "plan", str(folder / "p.toml"), "--device", "cpu"]) == 0
     said = capsys.readouterr().out
     assert "points    1 (1 trap_power), in 1 model\n" in said
-    assert re.search(r"^memory    \d+ MiB for 1,200 paths at once, .* free$", said, re.MULTILINE)
+    assert re.search(r"^memory    [\d.,]+ [KM]iB for 1,200 paths at once, .* free$", said, re.MULTILINE)

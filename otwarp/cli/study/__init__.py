@@ -1,6 +1,7 @@
 """`otwarp study`: batched studies of a scene; one module for every command.
 
-`plan`, `run`, `status`, `show`, `export`: a command each, which asks `otwarp.studies` (open `run` first).
+`plan`, `run`, `status`, `show`, `export`: a command each, which asks `otwarp.studies` (open `run` first). `table`
+is what `show` prints.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     own = f" to {found.longest_step:.3g} s" if found.longest_step > found.time_step else ""
     click.echo(f"steps     of {found.time_step:.3g} s{own}, up to {found.horizon / found.time_step:,.0f} a trial")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
-    click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(f"results   {_memory(found.bytes)} before compression")
     click.echo(f"memory    {_memory(room.each * at_once)} for {at_once:,} trials at once, {_memory(room.free)} free")
     click.echo(
         f"time      {spelled(seconds[0])}" + ("" if least == most else f" to {spelled(seconds[1])}") + f" on {where}"
@@ -80,7 +80,7 @@ def _escapes(study: EscapeStudy, device: str | None, as_json: bool) -> None:
     steps = f"{found.time_step:.3g}" + (f" to {found.longest_step:.3g}" if found.longest_step > found.time_step else "")
     click.echo(f"steps     of {steps} s; how many follows from how rare escapes are")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")
-    click.echo(f"results   {found.bytes / 2**20:.3g} MiB before compression")
+    click.echo(f"results   {_memory(found.bytes)} before compression")
     click.echo(f"memory    {_memory(room.each * at_once)} for {at_once:,} paths at once, {_memory(room.free)} free")
     click.echo(f"time      {spelled(seconds)} on {where}, from runs of {min(3, found.points)} points")
 
@@ -93,4 +93,8 @@ def _points(study: Study, found: Plan | EscapePlan) -> str:
 
 
 def _memory(size: int) -> str:
-    return f"{size / 2**30:,.1f} GiB" if size >= 2**30 else f"{size / 2**20:,.0f} MiB"
+    """Bytes as people say them."""
+    for scale, unit in ((2**30, "GiB"), (2**20, "MiB")):
+        if size >= scale:
+            return f"{size / scale:,.1f} {unit}"
+    return f"{size / 2**10:,.0f} KiB"

@@ -49,8 +49,15 @@ def run(file: Path, out: Path | None, shard: str | None, engine: str, address: s
     stop.begin()
     what = "block" if study.stop.budget is None else "trial"
     kept = ", where the same line goes on: finished blocks are kept"
-    with parts(what, f"{what}s") as progress, with_room(folder, kept):
-        store = run_study(study, folder, shard=share, progress=progress, allow_version=how["allow_version"], **where)
+    try:
+        with parts(what, f"{what}s") as progress, with_room(folder, kept):
+            store = run_study(
+                study, folder, shard=share, progress=progress, allow_version=how["allow_version"], **where
+            )
+    except KeyboardInterrupt:
+        if (folder / "study.json").exists():
+            click.echo(f"otwarp: finished blocks are kept in {folder}: the same line goes on", err=True)
+        raise
     done, blocks = len(store.finished()), store.asked()["blocks"]
     if share is not None and share[0] > blocks:
         click.echo(f"shard {shard} has none of the {blocks} block{'s' if blocks > 1 else ''}: nothing to compute")

@@ -75,7 +75,8 @@ def show(folder: Path, plot: Path | None, observable: str | None, contour: float
         return
     found = table(store)
     if contour is not None:
-        name = observable or store.asked()["observables"][0]["name"]
+        kinds = {o["name"]: o["kind"] for o in store.asked()["observables"]}
+        name = observable or next((n for n, kind in kinds.items() if kind == "probability"), next(iter(kinds)))
         lines = contour_lines(found, name, contour)
         if not how["as_json"] and "estimate" not in lines["through"].values:
             ends = [float(v(found[name])) for v in (np.nanmin, np.nanmax)]
@@ -89,14 +90,16 @@ def show(folder: Path, plot: Path | None, observable: str | None, contour: float
     if "largest" in flat:  # what was searched, not what was looked at on the way
         flat = flat[[n for n in flat.data_vars if str(n).startswith("largest")]]
     if not flat.sizes or any(flat.sizes.values()):
-        _print(flat, folder)
+        _print(store.asked(), flat, folder)
     if "largest" in flat:
         click.echo(f"{looked:,} of {found['trials'].size:,} points were looked at; "
                    f"all of them: --json, or otwarp study export {folder} -o FILE.nc")  # fmt: skip
 
 
 def _frame(flat: Any) -> Any:
-    return flat.to_dataframe().reset_index() if flat.sizes else flat.expand_dims("point").to_dataframe()
+    """A row for each point, in the order of the study's axes."""
+    order = [*flat["trials"].dims] if "trials" in flat else None
+    return flat.to_dataframe(order).reset_index() if flat.sizes else flat.expand_dims("point").to_dataframe()
 
 
 def _rows(found: Any, flat: Any) -> list[dict[str, Any]]:
@@ -109,25 +112,30 @@ def _rows(found: Any, flat: Any) -> list[dict[str, Any]]:
     return rows
 
 
-def _print(flat: Any, folder: Path) -> None:
+def _print(asked: dict[str, Any], flat: Any, folder: Path) -> None:
     """The first points of a table: where they are, what was found, and at last from how many trials."""
     from rich.table import Table
     from rich.text import Text
 
-    from otwarp.studies.rare.results import SHOWN
+    from otwarp.cli.study.table import columns
 
     frame = _frame(flat)
-    shown = [c for c in frame.columns if not c.endswith(("_count", "_exposure"))]
-    if "escape_rate" in flat:
-        shown = [c for c in frame.columns if c in flat.coords or c in SHOWN]
-    last = [c for c in ("trials", "faults") if c in shown and "escape_rate" not in flat]
-    shown = [c for c in shown if c not in last] + last
+    # a contour is no result of trials: all that it has are places
+    shown = columns(asked, flat) if "trials" in flat or "largest" in flat else _all(frame, flat)
     grid = Table(box=None)
-    for name in shown:
-        unit = flat[name].attrs.get("units") if name in flat else None
-        grid.add_column(Text(f"{name} [{unit}]" if unit else name), justify="right")
-    for row in frame.head(ROWS)[shown].itertuples(index=False):
-        grid.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row))
-    tables_console(60 + 20 * len(shown)).print(grid)
+    for heading, _ in shown:
+        grid.add_column(Text(heading), justify="right", no_wrap=True)
+    rows = [[text(row) for _, text in shown] for row in frame.head(ROWS).to_dict("records")]
+    for row in rows:
+        grid.add_row(*row)
+    widths = [max(map(len, (heading, *column))) for (heading, _), *column in zip(shown, *rows, strict=True)]
+    tables_console(sum(widths) + 2 * len(widths)).print(grid)
     if len(frame) > ROWS:
         click.echo(f"… {len(frame) - ROWS:,} more; all of them: otwarp study export {folder} -o FILE.nc")
+
+
+def _all(frame: Any, flat: Any) -> list[Any]:
+    """A column for each of a table's."""
+    from otwarp.cli.study.table import heading, plain
+
+    return [(heading(flat, name) if name in flat else name, plain(name)) for name in frame.columns]

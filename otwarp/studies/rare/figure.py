@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.studies.axes import spoken
+
 COLOUR, BESIDE = "#0072b2", "#d55e00"
 """Of the rate, and of what is compared with it: told apart by colour-blind people, too."""
 
@@ -31,7 +33,6 @@ def draw_escapes(figure: Any, found: Any) -> None:
 def _curve(figure: Any, found: Any, dim: str) -> None:
     """Mean times over one axis, and below them the rate over that with half the step."""
     x = found[dim].values
-    values = found[dim].attrs
     time, low, high = (found[f"escape_time{n}"].values.ravel() for n in ("", "_low", "_high"))
     halved = "step_ratio" in found and bool(np.any(np.isfinite(found["step_ratio"].values)))
     upper = figure.add_subplot(4, 1, (1, 3) if halved else (1, 4))
@@ -46,7 +47,7 @@ def _curve(figure: Any, found: Any, dim: str) -> None:
     upper.set_title(f"{_method(found)}: {int(found['trials'].values.max())} runs a point, "
                     f"{float(found['steps'].values.sum()):.1e} world-steps"
                     + ("; ▲ bound: none seen" if np.any(unseen) else ""), fontsize=9)  # fmt: skip
-    label = f"{values.get('long_name', dim)} [{values['units']}]" if values.get("units") else dim
+    label = _label(found, dim)
     if halved:
         lower = figure.add_subplot(4, 1, 4, sharex=upper)
         ratio, error = (found[n].values.ravel() for n in ("step_ratio", "step_ratio_error"))
@@ -74,7 +75,7 @@ def _map(figure: Any, found: Any, dims: list[str]) -> None:
 
 def _label(found: Any, dim: str) -> str:
     known = found[dim].attrs
-    return f"{known.get('long_name', dim)}" + (f" [{known['units']}]" if known.get("units") else "")
+    return spoken(str(known.get("long_name", dim))) + (f" [{known['units']}]" if known.get("units") else "")
 
 
 def _profile(figure: Any, found: Any) -> None:

@@ -75,9 +75,6 @@ def escape_table(store: Store) -> Any:
 _OWN = ("basin", "interface_at", "relax", "time_step")
 _APART = (*_OWN, "trials")
 
-SHOWN = ("escape_time", "escape_time_low", "escape_time_high", "step_ratio", "step_ratio_error", "faults")
-"""What is printed of a point; all else stands in the table."""
-
 
 def halved_rates(out: Any, raw: Any, good: np.ndarray, dims: tuple[str, ...], per: dict[str, Any]) -> None:
     """The rate with half the step, and the ratio of both."""
