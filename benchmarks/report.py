@@ -37,7 +37,7 @@ def commit() -> str:
 
 def _git(*words: str) -> str:
     """What git says of this repository."""
-    done = subprocess.run(["git", *words], cwd=PAGES.parent, capture_output=True, text=True, check=True)
+    done = subprocess.run(["git", *words], cwd=PAGES.parents[1], capture_output=True, text=True, check=True)
     return done.stdout.strip()
 
 

@@ -11,10 +11,8 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
+from otwarp.vision.replay import Replay, exposed
 from otwarp.vision.view import camera_of
-
-BLUR_SAMPLES = 16
-"""Moments of an exposure that are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +40,12 @@ def moments(
     seed: int = 0,
     device: str | None = None,
     center: str | None = None,
+    exposure: float | None = None,
 ) -> Moments:
     """The bodies of a scene at a time, or of a recorded run in the frame nearest to it.
 
     A scene is simulated up to that time; where its camera exposes for longer than a moment, on through the exposure.
+    So is a recorded run, from its frame on.
 
     Args:
         path: Of a scene, or the folder of a recorded run.
@@ -54,35 +54,21 @@ def moments(
         seed: Of the simulation.
         device: Of the simulation.
         center: A body that must be there.
+        exposure: How long the shutter is open [s]; None: as the camera says.
 
     Raises:
         InputError: No such scene, run, world, time or body.
     """
     path = Path(path)
     if path.is_dir():
-        return _recorded(path, time, world, center)
+        return _recorded(path, time, world, center, exposure, device)
     scene = Scene.load(path, duration=max(time, 1e-9) if time > 0.0 else None)
     check_body(scene, center)
-    exposure = camera_of(scene).exposure
-    if time == 0.0 and exposure == 0.0:
+    shutter = camera_of(scene).exposure if exposure is None else exposure
+    if time == 0.0 and shutter == 0.0:
         place, turn = ([getattr(b, name) for b in scene.bodies] for name in ("position", "orientation"))
         return Moments(scene, time, np.array(place).reshape(1, -1, 3), np.array(turn).reshape(1, -1, 4))
-    sim = Simulation(scene, seed=seed, device=device)
-    _advance(sim, time)
-    places, turns = [], []
-    for n in range(BLUR_SAMPLES if exposure > 0.0 else 1):
-        if n:
-            _advance(sim, time + exposure * n / (BLUR_SAMPLES - 1))
-        position, orientation = sim.prim_poses()
-        places.append(np.array(position[0], dtype=float))
-        turns.append(np.array(orientation[0], dtype=float))
-    return Moments(scene, time, np.array(places), np.array(turns))
-
-
-def _advance(sim: Simulation, time: float) -> None:
-    steps = round((time - sim.time) / sim.time_step)
-    if steps > 0:
-        sim.step(steps)
+    return Moments(scene, time, *exposed(Simulation(scene, seed=seed, device=device), time, shutter))
 
 
 def check_body(scene: Scene, name: str | None) -> None:
@@ -96,8 +82,10 @@ def check_body(scene: Scene, name: str | None) -> None:
         raise InputError(f"--center is {name}; allowed: {', '.join(names[:8]) or 'nothing, there is no body'}")
 
 
-def _recorded(folder: Path, time: float, world: int, center: str | None) -> Moments:
-    """Poses from `run.nc`, of the frame nearest to a time; an exposure is not resolved by frames, and left out."""
+def _recorded(
+    folder: Path, time: float, world: int, center: str | None, exposure: float | None, device: str | None
+) -> Moments:
+    """Poses from `run.nc`, of the frame nearest to a time, and on from there through an exposure."""
     import netCDF4
 
     file = folder / "run.nc"
@@ -116,6 +104,10 @@ def _recorded(folder: Path, time: float, world: int, center: str | None) -> Mome
         frame = int(np.argmin(np.abs(times - time)))
         position = np.asarray(data["position"][frame, world], dtype=float)
         orientation = np.asarray(data["orientation"][frame, world], dtype=float)
+        shutter = camera_of(scene).exposure if exposure is None else exposure
+        if shutter > 0.0:
+            replay, step = Replay(scene, data, world, device=device), int(data["step"][frame])
+            return Moments(scene, float(times[frame]), *replay.during(position, orientation, step, shutter))
     return Moments(scene, float(times[frame]), position[None], orientation[None])
 
 

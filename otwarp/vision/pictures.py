@@ -33,6 +33,7 @@ class Picture:
         margin: Around the image, where light was computed as well [µm].
         error: (f) what few source points may have cost, as of `Exposed.error`; None where that is not known.
         left_out: Names of bodies of which some solids are at the edge of the margin, and were left out.
+        cut: Names of bodies that are in the image and reach beyond it.
     """
 
     focus: np.ndarray
@@ -44,6 +45,7 @@ class Picture:
     margin: float
     error: np.ndarray | None
     left_out: tuple[str, ...]
+    cut: tuple[str, ...]
 
 
 def picture(
@@ -80,6 +82,7 @@ def picture(
     how, where = rendering or Rendering(), Fourier(device)
     planes = camera.focus + np.asarray(focus, dtype=float)
     total, middle, left_out, error = np.zeros((len(planes), height, width)), None, {}, None
+    half, cut = 0.5 * microscope.pixel * np.array([width, height]), {}
     owners = np.array([b.name for b in scene.bodies for _ in range(len(b.spheres) + len(b.rods))])
     for position, orientation in zip(seen.position, seen.orientation, strict=True):
         specimen = specimen_of(scene, position, orientation)
@@ -94,6 +97,7 @@ def picture(
         if not there.inside and len(whole):
             _refuse_empty(whole, owners)
         left_out.update(dict.fromkeys(names))
+        cut.update(dict.fromkeys(_cut(whole, owners, half)))
         exposed = expose(
             there.specimen, microscope, width, height, focus=planes, rendering=there.rendering, fourier=where
         )
@@ -105,7 +109,15 @@ def picture(
     return Picture(
         np.asarray(focus, dtype=float), total, levels, microscope.pixel, solids=len(there.specimen),
         sources=exposed.sources, margin=exposed.margin, error=error, left_out=tuple(left_out),
+        cut=tuple(cut),
     )  # fmt: skip
+
+
+def _cut(solids: Specimen, owners: np.ndarray, half: np.ndarray) -> list[str]:
+    """Names of bodies that are in an image of half the sides `half` (2) [µm] and reach beyond it."""
+    low, high = (corner[:, :2] for corner in solids.boxes())
+    within, beyond = np.all((high > -half) & (low < half), axis=1), np.any((low < -half) | (high > half), axis=1)
+    return [name for name in dict.fromkeys(owners[within]) if np.any(beyond[owners == name])]
 
 
 def _refuse_empty(solids: Specimen, owners: np.ndarray) -> None:

@@ -46,10 +46,17 @@ def _size(context: click.Context, parameter: click.Parameter, value: str | None)
     return width, height
 
 
+def _named(bodies: tuple[str, ...]) -> str:
+    """Some of them, and how many more there are."""
+    return ", ".join(bodies[:4]) + (f" and {len(bodies) - 4} more" if len(bodies) > 4 else "")
+
+
 @click.command()
 @click.argument("path", type=SCENE_OR_RUN)
 @click.option("--time", type=Number(0.0, unit="s"), default=0.0, show_default=True, metavar="SECONDS",
               help="When: a scene is simulated up to then, of a run the nearest frame is taken.")  # fmt: skip
+@click.option("--exposure", type=Number(0.0, 10.0, unit="s"), metavar="SECONDS",
+              help="How long the shutter is open from then on, while bodies move; default: the camera's.")  # fmt: skip
 @click.option("--world", type=Number(0, whole=True), default=0, show_default=True, help="Of a recorded run.")
 @click.option("--focus", callback=_planes, default="0", show_default=True, metavar="PLANES",
               help="Focal planes [µm] from the camera's own: FROM:TO:STEP, or numbers with commas.")  # fmt: skip
@@ -70,6 +77,7 @@ def _size(context: click.Context, parameter: click.Parameter, value: str | None)
 def render(
     path: Path,
     time: float,
+    exposure: float | None,
     world: int,
     focus: list[float],
     size: tuple[int, int] | None,
@@ -95,7 +103,7 @@ def render(
     file = out or Path(f"{path.resolve().stem}_microscope.png")
     check_ending(file)
     how = Rendering(method=method, thickness=thickness, rings=rings, margin=margin)
-    seen = moments(path, time=time, world=world, seed=seed, device=device, center=center)
+    seen = moments(path, time=time, world=world, seed=seed, device=device, center=center, exposure=exposure)
     found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
     save_stack(file, found.intensity, found.levels, found.focus, found.pixel)
     click.echo(f"{len(found.focus)} focal planes of {found.levels.shape[2]} × {found.levels.shape[1]} pixels of "
@@ -103,6 +111,8 @@ def render(
                f"a margin of {found.margin:.3g} µm, {clock() - begun:.2g} s")  # fmt: skip
     if found.error is not None:
         click.echo(f"for want of more source points off by up to {found.error.max():.1g} of the contrast")
+    if found.cut:
+        click.echo(f"cut by the edge of the image: {_named(found.cut)}")
     if found.left_out:
-        click.echo(f"left out, as they reach beyond the margin: {', '.join(found.left_out[:8])}")
+        click.echo(f"left out, as they reach beyond the margin: {_named(found.left_out)}")
     click.echo(f"wrote {file}")

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
               help="Of the frames, that is lost.")  # fmt: skip
 @click.option("--rate", type=Number(0.0, 1e5, unit="Hz"), default=1000.0, show_default=True, metavar="HZ",
               help="Of predictions between frames; 0 for none.")  # fmt: skip
+@click.option("--exposure", type=Number(0.0, 10.0, unit="s"), metavar="SECONDS",
+              help="How long the shutter is open, while bodies move; default: the camera's.")  # fmt: skip
 @click.option("--rings", type=Auto(1, whole=True), default="auto", show_default=True,
               help="Rings of source points over the condenser; auto: a lattice, as dense as depths need.")  # fmt: skip
 @click.option("--thickness", type=Number(0.0, 10.0, above=True, unit="µm"), default=0.2, show_default=True,
@@ -58,6 +60,7 @@ def track(
     delay: float,
     drop: float,
     rate: float,
+    exposure: float | None,
     rings: int | Literal["auto"],
     thickness: float,
     seed: int,
@@ -85,7 +88,8 @@ def track(
         raise InputError(f"--out is {file}; allowed: a file that ends with .nc")
     network = None if net is None else load(net, device=device)
     pick_device(device)
-    recorded = RecordedBody.load(run, body, world=world, every=every, frames=frames, camera=camera)
+    recorded = RecordedBody.load(run, body, world=world, every=every, frames=frames, camera=camera, exposure=exposure,
+                                 device=device)  # fmt: skip
     how = Rendering(rings=rings, thickness=thickness)
     stop.begin()
     source, size = _source(recorded, network, size, how, device, seed, any_robot)

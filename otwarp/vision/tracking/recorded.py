@@ -19,6 +19,7 @@ from otwarp.vision.fourier import Fourier
 from otwarp.vision.frame import framed
 from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.rendering import Rendering, expose
+from otwarp.vision.replay import Replay
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.consistency import squared_error
 from otwarp.vision.tracking.measurement import Measurement, of_estimate
@@ -52,6 +53,9 @@ class RecordedBody:
         time: (n) [s].
         position, orientation: (n, B, 3) [µm] and (n, B, 4) of the prims of all bodies.
         commands: Positions and powers of the traps.
+        exposure: How long the shutter is open from the time of a frame on [s].
+        replay: What moves bodies while it is; None: they stand still.
+        step: (n) of the run at each frame, for it.
     """
 
     scene: Scene
@@ -61,6 +65,9 @@ class RecordedBody:
     position: np.ndarray
     orientation: np.ndarray
     commands: Commands
+    exposure: float = 0.0
+    replay: Replay | None = None
+    step: np.ndarray | None = None
 
     @classmethod
     def load(
@@ -72,6 +79,8 @@ class RecordedBody:
         every: int = 1,
         frames: int | None = None,
         camera: str | None = None,
+        exposure: float | None = None,
+        device: str | None = None,
     ) -> RecordedBody:
         """Read a run.
 
@@ -82,9 +91,12 @@ class RecordedBody:
             every: Take one frame of so many.
             frames: At most so many; None: all.
             camera: Prim of the scene's camera, or its last part; None: whatever it is called.
+            exposure: How long the shutter is open [s]; None: as the camera says.
+            device: On which the run goes on while it is.
 
         Raises:
-            InputError: No run, no frames, no such world, body or camera.
+            InputError: No run, no frames, no such world, body or camera; an exposure longer than the time to the next
+                frame.
         """
         import netCDF4
 
@@ -92,7 +104,7 @@ class RecordedBody:
         if not file.is_file():
             raise InputError(f"{folder}: holds no run.nc; allowed: the folder of a recorded run")
         scene = Scene.load(Path(folder) / "run.usda")
-        found = camera_of(scene).prim
+        found, shutter = camera_of(scene).prim, camera_of(scene).exposure if exposure is None else exposure
         if camera is not None and camera not in (found, found.rsplit("/", 1)[-1]):
             raise InputError(f"--camera is {camera}; allowed: {found}")
         index = body_index(scene, body)
@@ -109,6 +121,11 @@ class RecordedBody:
             if len(pick) < 2:
                 raise InputError(f"{file}: frames = {len(pick)} to track; allowed: 2 or more")
             time = np.asarray(data["time"][:], dtype=float)
+            if shutter > (between := float(np.diff(time[pick]).min())) * (1.0 + 1e-6):
+                raise InputError(f"--exposure (or the camera's) is {shutter:g} s; allowed: up to {between:.4g} s, the "
+                                 "time from frame to frame")  # fmt: skip
+            replay = Replay(scene, data, world, device=device) if shutter > 0.0 else None
+            step = np.asarray(data["step"][:]).astype(int)[pick] if shutter > 0.0 else None
             position = np.asarray(data["position"][:, world], dtype=float)[pick]
             orientation = np.asarray(data["orientation"][:, world], dtype=float)[pick]
             if scene.traps:
@@ -118,8 +135,15 @@ class RecordedBody:
                 commands = Commands(np.zeros(1), np.zeros((1, 0)))
         return cls(
             scene=scene, body=scene.bodies[index].name, index=index, time=time[pick], position=position,
-            orientation=orientation, commands=commands,
+            orientation=orientation, commands=commands, exposure=shutter, replay=replay, step=step,
         )  # fmt: skip
+
+    def during(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """(e, B, 3) and (e, B, 4) poses of all bodies while the shutter is open."""
+        if self.replay is None or self.step is None:
+            return self.position[frame, None], self.orientation[frame, None]
+        here = self.position[frame], self.orientation[frame]
+        return self.replay.during(*here, int(self.step[frame]), self.exposure)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -170,27 +194,32 @@ def check_size(recorded: RecordedBody, size: int) -> None:
 
 
 def photograph(
-    recorded: RecordedBody, frame: int, middle: np.ndarray, size: int, how: Rendering, fourier: Fourier, seed: int
+    recorded: RecordedBody,
+    poses: tuple[np.ndarray, np.ndarray],
+    middle: np.ndarray,
+    size: int,
+    how: Rendering,
+    fourier: Fourier,
+    seed: int,
 ) -> np.ndarray:
     """(size, size) grey levels of a piece of a frame, whatever bodies reach into it.
 
     Args:
         recorded: The run.
-        frame: Which.
+        poses: (e, B, 3) and (e, B, 4) of all bodies while the shutter is open, as of `RecordedBody.during`.
         middle: (2) of the piece, from the middle of the camera's frame [µm].
         size: [pixels].
         how, fourier: Of the rendering.
         seed: Of the sensor's noise.
     """
-    scene = recorded.scene
-    microscope, camera = microscope_of(scene), camera_of(scene)
-    solids = specimen_of(scene, recorded.position[frame], recorded.orientation[frame]).moved(
-        [-middle[0], -middle[1], 0]
-    )
-    planes = np.array([camera.focus])
-    there = framed(solids, microscope, size, size, planes, how)
-    light = expose(there.specimen, microscope, size, focus=planes, rendering=there.rendering, fourier=fourier)
-    return sensor_of(scene).levels(light.images(planes)[0], seed=seed)
+    scene, total = recorded.scene, np.zeros((size, size))
+    microscope, planes = microscope_of(scene), np.array([camera_of(scene).focus])
+    for place, turn in zip(*poses, strict=True):
+        solids = specimen_of(scene, place, turn).moved([-middle[0], -middle[1], 0])
+        there = framed(solids, microscope, size, size, planes, how)
+        light = expose(there.specimen, microscope, size, focus=planes, rendering=there.rendering, fourier=fourier)
+        total += light.images(planes)[0] / len(poses[0])
+    return sensor_of(scene).levels(total, seed=seed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -200,6 +229,7 @@ class Step:
     Attributes:
         time: [s].
         image: (size, size) grey levels.
+        shown: Place of the body's prim (3) [µm], the mean while the shutter was open, and orientation (4) halfway.
         middle: (2) of the image, from the middle of the camera's frame [µm].
         seen: What the source said of it; None: nothing, or it was dropped.
         pose: By what had come in by then; None before the first measurement.
@@ -210,6 +240,7 @@ class Step:
 
     time: float
     image: np.ndarray
+    shown: tuple[np.ndarray, np.ndarray]
     middle: np.ndarray
     seen: Measurement | None
     pose: Pose | None
@@ -280,19 +311,21 @@ class _Follower:
         self.camera = camera_of(recorded.scene)
         body = MobileBody(recorded.scene, recorded.body)
         self.shape = Shape.of(recorded.scene, recorded.body, body.reference)
-        lag = delay + 2.0 * float(np.diff(recorded.time).max())
+        lag = delay + recorded.exposure + 2.0 * float(np.diff(recorded.time).max())
         self.tracker = Tracker(body, self.shape, recorded.commands, lag=lag)
         self.waiting: list[tuple[float, int, Measurement]] = []
         self.put_in: dict[int, dict[str, float]] = {}
 
     def step(self, frame: int, lost: bool, seed: int, rate: float) -> Step:
         """Take a frame, look at it, and say where the body is by what has come in."""
-        time = float(self.recorded.time[frame])
-        middle, guess = self._expected(time)
-        image = photograph(self.recorded, frame, middle, self.size, self.how, self.fourier, seed)
-        seen = None if lost else self._looked(image, middle, guess, time)
+        time, open_for = float(self.recorded.time[frame]), self.recorded.exposure
+        # what is seen is where the body was halfway, and is known when the shutter has closed
+        middle, guess = self._expected(time + 0.5 * open_for)
+        poses = self.recorded.during(frame)
+        image = photograph(self.recorded, poses, middle, self.size, self.how, self.fourier, seed)
+        seen = None if lost else self._looked(image, middle, guess, time + 0.5 * open_for)
         if seen is not None:
-            self.waiting.append((time + self.delay, frame, seen))
+            self.waiting.append((time + open_for + self.delay, frame, seen))
         end = float(self.recorded.time[frame + 1]) if frame + 1 < len(self.recorded) else time
         self._arrive(time)
         pose = self.tracker.predict(time) if self.tracker.hypotheses else None
@@ -301,8 +334,8 @@ class _Follower:
             nees, freedom = squared_error(pose.belief, self.shape, *self._truth(frame))
         between = tuple(self._between(time, end, rate))
         return Step(
-            time=time, image=image, middle=middle, seen=seen, pose=pose, nis=math.nan, degrees=0, accepted=False,
-            nees=nees, freedom=freedom, between=between,
+            time=time, image=image, shown=self._shown(poses), middle=middle, seen=seen, pose=pose, nis=math.nan,
+            degrees=0, accepted=False, nees=nees, freedom=freedom, between=between,
         )  # fmt: skip
 
     def _between(self, start: float, end: float, rate: float) -> Iterator[Pose]:
@@ -319,6 +352,11 @@ class _Follower:
             update = self.tracker.add(seen)
             found = {"nis": update.nis, "degrees": update.degrees, "accepted": update.accepted}
             self.put_in[frame] = found
+
+    def _shown(self, poses: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Mean place and middle orientation of the body's prim while the shutter was open."""
+        places, turns = (p[:, self.recorded.index] for p in poses)
+        return places.mean(axis=0), turns[len(turns) // 2]
 
     def _truth(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Centre of diffusion and orientation."""

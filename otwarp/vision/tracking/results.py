@@ -47,9 +47,10 @@ def errors_of(recorded: RecordedBody, shape: Shape, steps: list[Step]) -> Errors
         centre = recorded.position[k, recorded.index] + turn @ (shape.arm - shape.origin)
         axis = turn @ shape.axis
         if step.seen is not None:
-            raw[k] = step.seen.position - centre
+            place, shown = step.shown[0], rotation_matrix(step.shown[1])
+            raw[k] = step.seen.position - place - shown @ (shape.arm - shape.origin)
             if step.seen.axis is not None:
-                axes[0, k] = _between(step.seen.axis, axis, shape.reversible)
+                axes[0, k] = _between(step.seen.axis, shown @ shape.axis, shape.reversible)
         if step.pose is not None:
             its = rotation_matrix(step.pose.orientation)
             filtered[k] = step.pose.position + its @ (shape.arm - shape.origin) - centre
