@@ -13,7 +13,8 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
     rendering                  all of these together: `expose` once, look in many planes
     frame                      which solids of a scene an image is computed of
-    view, moment, pictures     a scene's camera and bodies; where they are at a time; what is recorded of it
+    view, replay, moment       a scene's camera and bodies; how they move in an exposure; where they are at a time
+    pictures                   what the camera records of it
     stack                      images on disk
     kernels                    what runs between Fourier transforms
     calibration                pixels, planes and depths in µm, from images of targets
