@@ -24,6 +24,7 @@ from benchmarks import (
     time_step,
     vision,
     vision_networks,
+    vision_shifted,
     vision_tracking,
     worlds,
 )
@@ -45,6 +46,7 @@ BENCHMARKS = {
     "escape": escape.measure,
     "vision": vision.measure,
     "vision_networks": vision_networks.measure,
+    "vision_shifted": vision_shifted.measure,
     "vision_tracking": vision_tracking.measure,
     "closed_loop": closed_loop.measure,
     "stability": stability.measure,
