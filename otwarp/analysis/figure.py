@@ -124,7 +124,8 @@ def _calibration(axes: Any, found: Any) -> None:
     axes.set_ylim(-0.6, len(methods) - 0.1)
     axes.set_xlabel(f"stiffness ({found['stiffness'].attrs['units'].replace('um', 'µm')})")
     title = "dashed: slope of the twin's own force" if "known_stiffness" in found else None
-    axes.legend(frameon=False, title=title, ncols=3, fontsize=8, title_fontsize=8, loc="upper center")
+    how = {"ncols": 3, "fontsize": 8, "title_fontsize": 8, "loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+    axes.legend(frameon=False, title=title, **how)
 
 
 def _work(axes: Any, found: Any) -> None:

@@ -41,7 +41,7 @@ def calibrate(
     """Stiffness and drag of a trajectory by several methods, and what they are.
 
     Args:
-        trajectory: Dataset with `displacement`, as of `load_trajectory`.
+        trajectory: Dataset with `displacement`, as of `load_trajectory`, or a track, as of `track`.
         methods: Names of `METHODS`.
         temperature: [K]; None: that of the trajectory.
         drag: γ where it is to be taken as known [pN·s/µm].
@@ -56,11 +56,15 @@ def calibrate(
         `known_drag`, where the run knows them.
 
     Raises:
-        InputError: A method that is none, an unknown temperature, or a track that is none or not trapped.
+        InputError: A method that is none, an unknown temperature, something that is no track, or one not trapped.
     """
     unknown = [m for m in methods if m not in METHODS]
     if unknown:
         raise InputError(f"method {unknown[0]!r} is none; allowed: {', '.join(METHODS)}")
+    if hasattr(trajectory, "to_dataset") and not hasattr(trajectory, "data_vars"):
+        trajectory = trajectory.to_dataset(name="displacement")
+    if "displacement" not in getattr(trajectory, "data_vars", ()):
+        raise InputError("trajectory; allowed: a Dataset with displacement (load_trajectory), or a track (see track)")
     kelvin = float(trajectory.attrs.get("temperature", math.nan)) if temperature is None else temperature
     if not 0.0 < kelvin < math.inf:
         raise InputError(f"temperature is {kelvin}; allowed: above 0, in K (older runs do not say it: give it)")

@@ -195,6 +195,9 @@ def test_an_axis_that_is_not_trapped_leaves_the_others():
     trapped = harmonic_tracks([1.0], DRAG, RELAXATION / 8, 2048, seed=1).values[0]
     free = np.cumsum(0.01 * np.random.Generator(np.random.Philox(4)).standard_normal((2048, 1)), axis=0)
     both = track(np.hstack([trapped, free]), RELAXATION / 8)
-    found = calibrate(both.to_dataset(name="displacement"), temperature=TEMPERATURE)
+    found = calibrate(both, temperature=TEMPERATURE)
+    assert found.identical(calibrate(both.to_dataset(name="displacement"), temperature=TEMPERATURE))
+    with pytest.raises(InputError, match="trajectory; allowed: a Dataset with displacement"):
+        calibrate(both.values, temperature=TEMPERATURE)
     assert np.all(np.isfinite(found["stiffness"].values[:4, 0])) and np.all(np.isnan(found["stiffness"].values[:4, 1]))
     assert "axis y" in found.attrs["notes"]
