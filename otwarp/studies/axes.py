@@ -101,7 +101,7 @@ def random(low: ArrayLike, high: ArrayLike, count: int, *, unit: str = "", seed:
         low, high: Numbers or vectors of three, in `unit`.
         count: Number of values, 1 or more.
         unit: Of the values, such as `mW`; empty for pure numbers.
-        seed: 0 … 2³² − 1.
+        seed: 0 … 2³² − 1; of names that go together each needs another one.
 
     Raises:
         InputError: No such range.
@@ -118,7 +118,7 @@ def normal(mean: ArrayLike, deviation: ArrayLike, count: int, *, unit: str = "",
         mean, deviation: Numbers or vectors of three, in `unit`; no deviation below 0.
         count: Number of values, 1 or more.
         unit: Of the values, such as `µm`; empty for pure numbers.
-        seed: 0 … 2³² − 1.
+        seed: 0 … 2³² − 1; of names that go together each needs another one.
 
     Raises:
         InputError: A deviation that is negative, or numbers that are not finite.
@@ -298,6 +298,46 @@ def axis_of(given: Mapping[str, Any], what: str) -> Axis:
         raise InputError(f"{what}: {error}") from None
     except (TypeError, ValueError):
         raise InputError(f"{what}: {kind} is {given[kind]!r}; allowed: a table of from, to and count") from None
+
+
+def together_of(rows: Sequence[Mapping[str, Any]]) -> list[Axis]:
+    """Axes of names that go together, as a study file writes them.
+
+    Random numbers are drawn for each name anew, and `sobol` of several names is one sequence in as many dimensions:
+    with one for each, all of their points would lie on a diagonal.
+
+    Args:
+        rows: A table for each name, as for `axis_of`.
+
+    Raises:
+        InputError: Anything else, or Sobol sequences of different lengths or seeds.
+    """
+    own = [dict(row) for row in rows]
+    for n, row in enumerate(own):
+        for kind in ("random", "normal"):
+            if isinstance(row.get(kind), Mapping):
+                row[kind] = {"seed": n} | dict(row[kind])
+    columns = [axis_of(row, f"axis {row['name']}") for row in own]
+    joint = [n for n, row in enumerate(own) if "sobol" in row]
+    if len(joint) < 2:
+        return columns
+    tables = [own[n]["sobol"] for n in joint]
+    for what, default in (("count", None), ("seed", 0)):
+        if len({table.get(what, default) for table in tables}) > 1:
+            names = ", ".join(own[n]["name"] for n in joint)
+            raise InputError(
+                f"axes {names}: sobol has a {what} of its own for each; allowed: the same, they go together"
+            )
+    ends = [
+        [np.atleast_1d(table.get(a, table.get(b))) for table in tables] for a, b in (("from", "low"), ("to", "high"))
+    ]
+    low, high = (np.concatenate(parts) for parts in ends)
+    drawn = sobol(low, high, tables[0]["count"], unit=[""] * low.size, seed=tables[0].get("seed", 0))
+    points = np.stack([axis.values for axis in drawn], axis=-1)
+    parts = np.split(points, np.cumsum([part.size for part in ends[0]])[:-1], axis=-1)
+    for n, part in zip(joint, parts, strict=True):
+        columns[n] = Axis(part.reshape(columns[n].values.shape), columns[n].unit)
+    return columns
 
 
 def scatter_of(text: Any, what: str) -> Scatter:

@@ -35,7 +35,7 @@ from typing import Any
 from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.simulation.options import StepOptions
-from otwarp.studies.axes import Axis, axis_of, scatter_of
+from otwarp.studies.axes import scatter_of, together_of
 from otwarp.studies.named import observable_of
 from otwarp.studies.plan import PER_POINT
 from otwarp.studies.quantity import quantity
@@ -106,21 +106,15 @@ def _axes(tables: list[dict[str, Any]]) -> dict[Any, Any]:
         rows = table["together"] if set(table) == {"together"} else [table]
         if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
             raise InputError(f"axis {n} has together = {rows!r}; allowed: a list of tables")
-        names, columns = [], []
         for row in rows:
             if not isinstance(row.get("name"), str):
                 raise InputError(f"axis {n} has the name {row.get('name')!r}; allowed: a text such as 'trap_power'")
-            names.append(row["name"])
-            columns.append(axis_of(row, f"axis {row['name']}"))
+        names, columns = [row["name"] for row in rows], together_of(rows)
         # a list that holds one is one, so that a name that stands there twice is seen
         if any(name in axes or (name,) in axes for name in names):
             raise InputError(f"axis {names[0]} stands there twice; allowed: once")
-        axes[tuple(names)] = _several(columns)
+        axes[tuple(names)] = tuple(columns)
     return axes
-
-
-def _several(columns: list[Axis]) -> tuple[Axis, ...]:
-    return tuple(columns)
 
 
 def _options(given: Mapping[str, Any]) -> StepOptions:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
-from otwarp.studies.axes import label, normal, random, sobol, spoken, values
+from otwarp.studies.axes import label, normal, random, sobol, spoken, together_of, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.observables import contact_dose, contact_force, orientation_error, trapped
@@ -63,6 +64,23 @@ def test_sobol_points_are_even():
         parts = np.floor(64 * (axis.values - low) / (high - low)).astype(int)
         assert sorted(parts) == list(range(64))
     assert (power.unit, height.unit) == ("mW", "µm")
+
+
+def test_together_in_files_they_fill_the_box():
+    """One Sobol sequence of several names, evenly in the plane of each two; random numbers that are not the same."""
+    box = {"from": 0.0, "to": 1.0, "count": 64}
+    cube = {"from": [0.0, 0.0, 0.0], "to": [1.0, 1.0, 1.0], "count": 64}
+    power, start = together_of(
+        [{"name": "trap_power", "sobol": box, "unit": "mW"}, {"name": "start:/a", "sobol": cube, "unit": "µm"}]
+    )
+    assert (power.unit, start.unit, start.values.shape) == ("mW", "µm", (64, 3))
+    for k in range(3):
+        cells = np.histogram2d(power.values, start.values[:, k], bins=4, range=[[0, 1], [0, 1]])[0]
+        assert np.all(np.abs(cells - 4.0) <= 2.0)
+    a, b = together_of([{"name": n, "random": box | {"count": 400}} for n in ("a", "b")])
+    assert abs(np.corrcoef(a.values, b.values)[0, 1]) < 5.0 / np.sqrt(400)
+    with pytest.raises(InputError, match="axes a, b: sobol has a count of its own for each"):
+        together_of([{"name": "a", "sobol": box}, {"name": "b", "sobol": box | {"count": 32}}])
 
 
 def test_axes_that_go_together(scene):
