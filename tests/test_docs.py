@@ -17,7 +17,7 @@ from tests.documents import DOCUMENTS, ROOT, Document
 FACADES = {"otwarp", "otwarp.scene", "otwarp.optics", "otwarp.hydrodynamics"}
 """Where README's imports of the package end."""
 
-WRITTEN = ("scene.md", "paper.md")
+WRITTEN = ("scene.md", "paper.md", "environments_tables.md")
 """Pages that commands write, beside those of benchmarks and validation."""
 
 every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=str)

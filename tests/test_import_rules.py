@@ -85,6 +85,7 @@ INNER: dict[str, set[str]] = {
     "bench.terms": {"bench", "bench.speed"},
     "cli": set(),
     "cli.bench": {"cli"},
+    "cli.envs": {"cli"},
     "cli.haptics": {"cli"},
     "cli.operators": {"cli"},
     "cli.scenes": {"cli"},
@@ -151,6 +152,7 @@ ADAPTERS |= {
     for name in ("augment", "heads", "loss", "network", "resnet", "small", "vgg")
 }
 ADAPTERS |= {"otwarp/envs/single.py": "gymnasium", "otwarp/envs/vector.py": "gymnasium"}
+ADAPTERS |= {"otwarp/envs/pettingzoo.py": "pettingzoo"}
 """Files that are made of a package, and that others import by name when it is wanted."""
 
 

@@ -9,6 +9,6 @@ command lives in the module of its name and imports its room when it is called, 
   commands share, those of a sphere in its beam, of a live session, of a camera that feeds it, of `forces`, of pages.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
 - Commands: `new`, `import_`, `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `view`, `teleop`, `ros1`,
-  `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`: commands with
+  `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`, `envs`: commands with
   commands of their own.
 """

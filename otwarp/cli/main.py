@@ -26,6 +26,7 @@ COMMANDS = {
     "analyse": "Calibrate traps, and more, from a recorded run or a study.",
     "study": "Batched studies: trials of a scene at many points.",
     "vision": "What the microscope of a scene sees.",
+    "envs": "Environments of Gymnasium: tasks in scenes, thousands at once.",
     "teleop": "Run a scene live: traps by mouse or by hand, felt and seen.",
     "ros1": "Run a scene live with the paper's ROS 1 topics.",
     "ros2": "Run a scene live with ROS 2 topics.",

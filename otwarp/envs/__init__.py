@@ -16,6 +16,11 @@ spaces         spaces of observations and actions
 single         `Env`, one environment
 vector         `VectorEnv`, many
 check          what vector environments promise, checked bit for bit
+picture        pictures of worlds
+rollout        episodes of a policy
+describe       tables of what the numbers mean
+goal_task      any scene with a goal as a task
+pettingzoo     hands as agents
 registration   the shipped ones by name
 tasks          the shipped tasks
 kernels        what runs on the device
@@ -31,6 +36,7 @@ from otwarp.lazy import lazy_names
 if TYPE_CHECKING:
     from otwarp.envs.batch import Batch as Batch
     from otwarp.envs.check import check_vector as check_vector
+    from otwarp.envs.goal_task import from_scene as from_scene
     from otwarp.envs.kernels.types import TaskNow as TaskNow
     from otwarp.envs.registration import task_of as task_of
     from otwarp.envs.single import Env as Env
@@ -44,6 +50,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "batch": ("Batch",),
     "check": ("check_vector",),
+    "goal_task": ("from_scene",),
     "kernels.types": ("TaskNow",),
     "registration": ("task_of",),
     "single": ("Env",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
@@ -37,8 +38,22 @@ def task_of(name: str, **changes: Any) -> Task:
     return dataclasses.replace(task, **changes)
 
 
-ENV_OPTIONS = ("device",)
-VECTOR_OPTIONS = ("device", "arrays", "autoreset_mode")
+def task_named(name: str) -> Task:
+    """The task of a shipped environment, or of a scene with a goal.
+
+    Args:
+        name: Of an environment, or a USD file.
+
+    Raises:
+        InputError: Neither.
+    """
+    from otwarp.envs.goal_task import from_scene
+
+    return from_scene(name) if Path(name).suffix in (".usd", ".usda", ".usdc") else task_of(name)
+
+
+ENV_OPTIONS = ("device", "render_mode")
+VECTOR_OPTIONS = ("device", "arrays", "autoreset_mode", "render_mode", "render_envs")
 
 
 def _split(options: dict[str, Any], own: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:

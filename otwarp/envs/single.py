@@ -9,6 +9,7 @@ import numpy as np
 
 from otwarp.envs.actions import check, write_actions
 from otwarp.envs.batch import Batch
+from otwarp.envs.picture import Picture
 from otwarp.envs.results import blank, information, reader
 from otwarp.envs.spaces import action_space, observation_space
 from otwarp.envs.task import Task
@@ -21,20 +22,24 @@ class Env(gymnasium.Env):
     Args:
         task: The task.
         device: `"cpu"`, `"cuda:0"`, … or None for the CPU, where one world steps fastest.
+        render_mode: `rgb_array` for pictures by the preview, or None. `otwarp envs play` opens the page instead.
 
     Raises:
         InputError: A task that its scene does not allow, or an argument out of range.
     """
 
-    def __init__(self, task: Task, *, device: str | None = "cpu"):
-        self.metadata = {"render_modes": [], "render_fps": task.rate}
+    def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": task.rate}
         self.batch = Batch(task, 1, device=device, autoreset="off")
-        self.task = task
+        self.task, self.render_mode = task, render_mode
         self.observation_space, self.action_space = (
             observation_space(self.batch.layout),
             action_space(self.batch.layout),
         )
         self._read = reader("numpy")
+        self._picture = Picture(self.batch) if render_mode else None
         self._started = False
 
     def reset(
@@ -78,3 +83,7 @@ class Env(gymnasium.Env):
         seen = self._read(out.seen)[0]
         ended = bool(out.terminated.numpy()[0]), bool(out.truncated.numpy()[0])
         return seen, float(out.reward.numpy()[0]), *ended, info
+
+    def render(self) -> np.ndarray | None:
+        """(height, width, 3) picture in the mode `rgb_array`; None without one."""
+        return None if self._picture is None else self._picture.draw(0)

@@ -12,10 +12,12 @@ from gymnasium.vector.utils import batch_space
 
 from otwarp.envs.actions import is_tensor, write_actions
 from otwarp.envs.batch import Batch
+from otwarp.envs.picture import Picture
 from otwarp.envs.results import Arrays, blank, information, masked, reader
 from otwarp.envs.spaces import action_space, observation_space
 from otwarp.envs.task import Task
 from otwarp.errors import InputError
+from otwarp.simulation.packing.arguments import whole
 
 MODES = {AutoresetMode.NEXT_STEP: "next", AutoresetMode.SAME_STEP: "same", AutoresetMode.DISABLED: "off"}
 _OPTIONS = ("reset_mask",)
@@ -33,6 +35,8 @@ class VectorEnv(GymnasiumVectorEnv):
         arrays: `numpy`, arrays of the caller's own; or `torch`, tensors on the memory of the environments, which the
             next call overwrites.
         autoreset_mode: One of `gymnasium.vector.AutoresetMode`, or its value.
+        render_mode: `rgb_array` for pictures of `render_envs` by the preview, or None.
+        render_envs: Indices of the environments that are drawn.
 
     Raises:
         InputError: A task that its scene does not allow, or an argument out of range.
@@ -46,21 +50,27 @@ class VectorEnv(GymnasiumVectorEnv):
         device: str | None = None,
         arrays: Arrays = "numpy",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        render_envs: Sequence[int] = (0,),
     ):
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
             allowed = ", ".join(m.value for m in AutoresetMode)
             raise InputError(f"autoreset_mode is {autoreset_mode!r}; allowed: {allowed}") from None
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self._read = reader(arrays)
         self.batch = Batch(task, num_envs, device=device, autoreset=MODES[mode])  # type: ignore[arg-type]
-        self.task, self.num_envs, self.arrays = task, num_envs, arrays
-        self.metadata = {"autoreset_mode": mode, "render_modes": [], "render_fps": task.rate}
+        self.task, self.num_envs, self.arrays, self.render_mode = task, num_envs, arrays, render_mode
+        self.metadata = {"autoreset_mode": mode, "render_modes": ["rgb_array"], "render_fps": task.rate}
         self.mode = mode
         self.single_observation_space = observation_space(self.batch.layout)
         self.single_action_space = action_space(self.batch.layout)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self._picture = Picture(self.batch) if render_mode else None
+        self._drawn = tuple(whole("render_envs", n, 0, num_envs - 1) for n in render_envs)
         self._started = False
 
     def reset(
@@ -158,3 +168,7 @@ class VectorEnv(GymnasiumVectorEnv):
         last = {name: value for name, value in info.items() if not name.startswith("_")}
         info |= {"final_obs": self._read(self.batch.verdict.last_seen), "_final_obs": over}
         info |= {"final_info": masked(last, over), "_final_info": over}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """(height, width, 3) pictures of `render_envs`; None without a render mode."""
+        return None if self._picture is None else tuple(self._picture.draw(n) for n in self._drawn)

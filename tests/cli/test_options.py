@@ -39,6 +39,8 @@ NEEDED = {
     "study run": [STUDY],
     "study show": ["absent"],
     "study export": ["absent"],
+    "envs describe": ["otwarp/Navigate-v0"],
+    "envs play": [HANDS, "--no-open", "--duration", "0.1"],
     "operators run": [str(Path(HANDS).parent / "cell_delivery.usda")],
     "operators sweep": [str(Path(HANDS).parent / "cell_delivery.usda")],
     "operators show": ["absent"],

@@ -11,6 +11,8 @@ NEXT_EPISODE = wp.constant(wp.uint32(2654435769))
 neighbouring seeds share no trial as long as environments × episodes stay below 1.9·10⁹ (three-distance theorem)."""
 HELD = wp.constant(1 << 20)
 """Code of a world that has been reset and waits for the end of the period."""
+STANDING = wp.constant(2)
+"""In `EpisodeData.held`: the world has ended before, and stands still until it is reset."""
 VARIANT, GOAL, SHIFT = wp.constant(0), wp.constant(1), wp.constant(2)
 """Places among the random numbers of an episode; `SHIFT` + n is the n-th group that is moved."""
 
@@ -118,6 +120,8 @@ def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceDat
     """At the start of a period: remember where bodies are, take in the action, and set powers."""
     world = wp.tid()
     if worlds.done[world] != 0:
+        if episode.held[world] == 0:
+            episode.held[world] = STANDING
         return
     for b in range(episode.before.shape[1]):
         episode.before[world, b] = state.position[world, b]

@@ -133,8 +133,9 @@ def judge_kernels(
         out.outcome[world] = 0
         out.success[world] = False
         if episode.held[world] != 0:
+            if episode.held[world] == 1:
+                worlds.done[world] = 0
             episode.held[world] = 0
-            worlds.done[world] = 0
             out.reward[world] = 0.0
             for n in range(out.earned.shape[1]):
                 out.earned[world, n] = 0.0

@@ -36,7 +36,7 @@ class EpisodeData:
     action: wp.array2d(dtype=wp.float32)  # (W, A) of this period, within ±1
     last_action: wp.array2d(dtype=wp.float32)  # (W, A) of the one before
     period: wp.array(dtype=wp.int32)  # (W) periods since the start of the episode
-    held: wp.array(dtype=wp.int32)  # (W) 1: the world has just been reset, and waits for the end of the period
+    held: wp.array(dtype=wp.int32)  # (W) 1: reset in this period, and waits for its end; 2: ended before
     number: wp.array(dtype=wp.uint32)  # (W) trial, which all random numbers of the episode go by
     flags: wp.array(dtype=wp.int32)  # (W) worlds that start anew
     variant: wp.array(dtype=wp.int32)  # (W) row of the table of randomised parameters

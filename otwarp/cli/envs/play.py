@@ -1,0 +1,71 @@
+"""`otwarp envs play`: take an environment into your own hands, or watch a policy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from otwarp.cli.live_options import live_options, open_session, read_session, run_session
+from otwarp.cli.types import OutputPath
+from otwarp.errors import InputError
+
+PICTURES = 150
+"""Most pictures of a movie."""
+
+
+@click.command()
+@click.argument("name")
+@click.option("--policy", type=click.Choice(["random", "expert", "still"]), help="Let this policy act, without a page.")
+@click.option("--movie", type=OutputPath(), metavar="GIF", help="With --policy: draw its first episode into a movie.")
+@live_options(page=True, browser=True)
+def play(name: str, policy: str | None, movie: Path | None, **options: Any) -> int:
+    """Open the page of a live session on the scene of the environment NAME, or a scene with a goal, in your hands.
+
+    With --policy an episode is run by a policy instead, and said what came of it; --movie draws it.
+    """
+    from otwarp.envs.registration import task_named
+
+    task = task_named(name)
+    if policy is not None:
+        _watch(task, policy, movie, options["seed"])
+        return 0
+    if movie is not None:
+        raise InputError("--movie without --policy; allowed: both")
+    file = task.load().file
+    if file is None:
+        raise InputError(f"scene of {name} has no file, which a session needs; allowed: --policy")
+    scene, session = read_session(file, options)
+    return run_session(open_session(scene, session, options, None), options)
+
+
+def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
+    """Run an episode, draw it if that is wanted, and say what came of it."""
+    from otwarp.envs.picture import Picture
+    from otwarp.envs.rollout import policy_of, run_policy
+    from otwarp.preview.image import save_movie
+
+    every = max(1, round(task.rate / 10.0), -(-round(task.time_limit * task.rate) // PICTURES))
+    frames: list[Any] = []
+    drawn: list[Any] = []
+
+    def keep(batch: Any) -> None:
+        """Draw every few periods."""
+        if not drawn:
+            drawn.append(Picture(batch))
+        if int(batch.episode.period.numpy()[0]) % every == 0:
+            frames.append(drawn[0].draw(0))
+
+    found = run_policy(task, policy_of(task, policy, seed=seed), episodes=1, seed=seed, device="cpu",
+                       watch=None if movie is None else keep)  # fmt: skip
+    end = int(found.outcome[0])
+    why = task.ends[end - 1].name if end > 0 else "out of time" if end == 0 else "no longer physical"
+    seconds = found.periods[0] / task.rate
+    word = "success" if found.success[0] else "failure"
+    click.echo(
+        f"{task.name}, {policy}, seed {seed}: {word} ({why}) after {seconds:.2f} s, return {found.earned[0]:.3f}"
+    )
+    if movie is not None:
+        count = save_movie(frames, movie, task.rate / every)
+        click.echo(f"wrote {movie} ({count} pictures)")

@@ -1,0 +1,100 @@
+"""Any scene that has a goal as an environment, by one call."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from otwarp.envs import terms as t
+from otwarp.envs.task import Hand, Task
+from otwarp.envs.terms import Term
+from otwarp.errors import InputError
+from otwarp.scene import Scene
+
+SCALE = 20.0
+"""Of places in the scene, where 1 is observed [µm]."""
+
+
+def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
+    """The task that a scene's goal sets: bring its cell there, with the hands that its traps name.
+
+    Observed are the ways from the cell to the goal and to each robot, velocities, and for each hand what its first trap
+    pulls by; success is the cell within the goal's tolerance; lost robots or a lost cell end an episode.
+
+    Args:
+        scene: With an `OtGoalAPI`, and traps that name a hand; or its file.
+        changes: Attributes of `Task` that are to be others.
+
+    Returns:
+        A task, for `Env`, `VectorEnv` or `Batch`.
+
+    Raises:
+        InputError: No goal, no trap of a hand, or an attribute that `Task` does not have.
+
+    Example:
+        >>> import otwarp.envs as envs
+        >>> task = envs.from_scene("scenes/teleop_small.usda", time_limit=15.0)
+        >>> [hand.name for hand in task.hands]
+        ['left', 'right']
+    """
+    loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
+    where = loaded.file or loaded.root
+    goal = loaded.goal
+    if goal is None:
+        raise InputError(f"{where}: has no goal; allowed: a scene with an OtGoalAPI prim")
+    hands = [
+        Hand(name=side, traps=traps, axes="xyz")
+        for side in ("left", "right")
+        if (traps := tuple(trap.prim for trap in loaded.traps if trap.hand == side))
+    ]
+    if not hands:
+        raise InputError(f"{where}: no trap has ot:trap:hand = left or right; allowed: a scene with traps for hands")
+    fields = {f.name for f in dataclasses.fields(Task)}
+    for name in changes:
+        if name not in fields:
+            raise InputError(f"option {name!r} of from_scene is unknown; allowed: {', '.join(sorted(fields))}")
+    ends = [
+        t.reached(body=goal.cell, radius=goal.tolerance, success=True),
+        t.lost(distance=goal.lost_distance),
+    ]
+    if len(goal.robots) == 2:
+        left, right = goal.robots
+        far = goal.cell_lost_distance
+        ends.append(t.left_behind(distance=far, cell=goal.cell, left=left, right=right))
+    limits = [trap.speed_limit for trap in loaded.traps if trap.hand != "none"]
+    made: dict[str, Any] = {
+        "name": f"otwarp/{Path(where).stem}",
+        "scene": loaded,
+        "description": "Bring the cell of the scene to its goal.",
+        "hands": tuple(hands),
+        "observations": tuple(_observed(loaded, hands)),
+        "rewards": (
+            t.progress(body=goal.cell, weight=0.1),
+            t.passing(weight=-0.05),
+            t.arrival(body=goal.cell, radius=goal.tolerance),
+        ),
+        "ends": tuple(ends),
+        "time_limit": max(loaded.settings.duration, 1.0),
+        "speed_limit": min([10.0, *limits]),
+    }
+    return Task(**(made | changes))
+
+
+def _observed(scene: Scene, hands: list[Hand]) -> list[Term]:
+    """What is observed of a scene with a goal."""
+    goal = scene.goal
+    assert goal is not None
+    seen = [
+        t.goal_offset(body=goal.cell, scale=SCALE),
+        t.body_velocity(body=goal.cell, name="cell_velocity"),
+        t.gap(body=goal.cell, name="cell_gap"),
+    ]
+    for robot in goal.robots:
+        short = robot.rsplit("/", 1)[-1]
+        seen += [
+            t.body_offset(body=goal.cell, other=robot, scale=SCALE, name=f"{short}_offset"),
+            t.body_velocity(body=robot, name=f"{short}_velocity"),
+            t.gap(body=robot, name=f"{short}_gap"),
+        ]
+    return seen + [t.trap_offset(trap=hand.traps[0], name=f"{hand.name}_trap_offset") for hand in hands]

@@ -1,0 +1,97 @@
+"""Hands as agents: a parallel environment of PettingZoo, in which each hand decides its own numbers."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from pettingzoo import ParallelEnv as PettingZooParallelEnv
+
+from otwarp.envs.single import Env
+from otwarp.envs.task import Task
+from otwarp.errors import InputError
+
+
+class ParallelEnv(PettingZooParallelEnv):
+    """One environment of a task whose hands are agents: all see the same, earn the same, and end together.
+
+    Args:
+        task: With hands whose names are those of the agents; no choices.
+        device: As of `Env`.
+        render_mode: As of `Env`.
+
+    Raises:
+        InputError: As `Env`; a task with choices, which are of all hands together.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "otwarp", "render_modes": ["rgb_array"], "is_parallelizable": True}
+
+    def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
+        from gymnasium import spaces
+
+        if task.choices:
+            raise InputError(f"task {task.name} has choices, which are of all hands; allowed: tasks without")
+        self.env = Env(task, device=device, render_mode=render_mode)
+        self.render_mode = render_mode
+        self.possible_agents = [hand.name for hand in task.hands]
+        self.agents: list[str] = []
+        self._columns = dict(zip(self.possible_agents, self.env.batch.layout.of_hand, strict=True))
+        sizes = {agent: (len(columns),) for agent, columns in self._columns.items()}
+        self.action_spaces = {agent: spaces.Box(-1.0, 1.0, size, np.float32) for agent, size in sizes.items()}
+        self.observation_spaces = {agent: self.env.observation_space for agent in self.possible_agents}
+
+    def observation_space(self, agent: str) -> Any:
+        """The same of all agents."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Any:
+        """The numbers of its hand."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Start an episode; see `Env.reset`. Options mean nothing, as PettingZoo's test wants."""
+        seen, info = self.env.reset(seed=seed)
+        self.agents = list(self.possible_agents)
+        return self._all(seen), {agent: dict(info) for agent in self.agents}
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, Any]]:
+        """One period of control.
+
+        Raises:
+            InputError: Not one action of each agent, or as `Env.step`.
+        """
+        if set(actions) != set(self.agents):
+            raise InputError(f"actions of {', '.join(map(str, actions)) or 'nobody'}; "
+                             f"allowed: of {', '.join(self.agents) or 'nobody, before a reset'}")  # fmt: skip
+        joined = np.zeros(len(self.env.batch.layout.acted), dtype=np.float32)
+        for agent, columns in self._columns.items():
+            given = np.asarray(actions[agent])
+            if given.shape != (len(columns),) or given.dtype.kind != "f":
+                raise InputError(f"action of {agent} is {given.dtype} of shape {given.shape}; "
+                                 f"allowed: floating-point numbers of shape ({len(columns)},)")  # fmt: skip
+            joined[columns] = given
+        seen, reward, terminated, truncated, info = self.env.step(joined)
+        agents = self.agents
+        result = (
+            self._all(seen),
+            dict.fromkeys(agents, reward),
+            dict.fromkeys(agents, terminated),
+            dict.fromkeys(agents, truncated),
+            {agent: dict(info) for agent in agents},
+        )
+        if terminated or truncated:
+            self.agents = []
+        return result
+
+    def _all(self, seen: np.ndarray) -> dict[str, np.ndarray]:
+        return {agent: seen.copy() for agent in self.agents}
+
+    def render(self) -> np.ndarray | None:
+        """As `Env.render`."""
+        return self.env.render()
+
+    def close(self) -> None:
+        """As `Env.close`."""
+        self.env.close()

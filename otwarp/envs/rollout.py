@@ -1,0 +1,144 @@
+"""Episodes of a policy in many environments: how often it succeeds, what it earns, and pictures of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from otwarp.envs.batch import Batch
+from otwarp.envs.results import information
+from otwarp.envs.task import Policy, Task
+from otwarp.errors import InputError
+
+POLICIES = ("random", "expert", "still")
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What a policy has done.
+
+    Attributes:
+        success: (E) bool, episodes that came to what was wanted.
+        outcome: (E) int, why they ended: n for the n-th end, counted from 1, -1 for a fault, 0 for out of time.
+        earned: (E) float, sums of rewards.
+        periods: (E) int, how long they took.
+    """
+
+    success: np.ndarray
+    outcome: np.ndarray
+    earned: np.ndarray
+    periods: np.ndarray
+
+    @property
+    def rate(self) -> float:
+        """Share of episodes that succeeded."""
+        return float(np.mean(self.success)) if len(self.success) else float("nan")
+
+
+@dataclass
+class _Account:
+    """What is kept of the episodes so far."""
+
+    rows: dict[str, list[Any]] = field(default_factory=lambda: {n: [] for n in ("success", "outcome", "earned", "n")})
+
+
+def policy_of(task: Task, name: str, *, seed: int = 0) -> Policy:
+    """A policy by name: random numbers within ±1, the task's own script, or zeros.
+
+    Raises:
+        InputError: None of that name, or a task without a script.
+    """
+    if name == "expert":
+        if task.expert is None:
+            raise InputError(f"task {task.name} has no scripted expert; allowed: random, still")
+        return task.expert()
+    width = len(task.choices[0]) if task.choices else None
+    if name == "random":
+        draws = np.random.Generator(np.random.Philox(seed))
+
+        def policy(seen: Any, fresh: np.ndarray) -> np.ndarray:
+            """Uniform numbers, or rows of the choices."""
+            if width is not None:
+                return np.array(task.choices)[draws.integers(0, len(task.choices), len(fresh))]
+            return draws.uniform(-1.0, 1.0, (len(fresh), numbers_of(task)))
+
+        return policy
+    if name == "still":
+        return lambda seen, fresh: np.zeros((len(fresh), numbers_of(task)))
+    raise InputError(f"policy is {name!r}; allowed: {', '.join(POLICIES)}")
+
+
+def numbers_of(task: Task) -> int:
+    """How many numbers an action has."""
+    from otwarp.envs.layout import Layout
+
+    return len(Layout(task, task.load()).acted)
+
+
+def run_policy(
+    task: Task,
+    policy: Policy,
+    *,
+    episodes: int = 100,
+    worlds: int | None = None,
+    seed: int = 0,
+    device: str | None = None,
+    watch: Callable[[Batch], None] | None = None,
+) -> Rollout:
+    """Run a policy for the first episodes of as many environments, so that short ones do not count more often.
+
+    Args:
+        task: The task.
+        policy: `(seen, fresh) -> (N, A)`, see `Policy`.
+        episodes: How many, one in each environment.
+        worlds: Environments at a time; None for all.
+        seed: Of the first environment.
+        device: Where; None for the best available.
+        watch: Called with the batch at the start and after each period.
+
+    Raises:
+        InputError: The task cannot be, or the policy returns something else.
+    """
+    count = min(worlds or episodes, episodes)
+    batch = Batch(task, count, device=device, autoreset="off")
+    account = _Account()
+    for first in range(0, episodes, count):
+        _run_block(batch, policy, min(count, episodes - first), seed + first, account, watch)
+    rows = {name: np.concatenate(parts) for name, parts in account.rows.items()}
+    return Rollout(rows["success"], rows["outcome"], rows["earned"], rows["n"])
+
+
+def _run_block(
+    batch: Batch, policy: Policy, wanted: int, seed: int, account: _Account, watch: Callable[[Batch], None] | None
+) -> None:
+    """An episode of each world, of which the first `wanted` count."""
+    w, columns, out = batch.worlds, batch.layout.seen, batch.verdict
+    batch.restart(seeds=(seed + np.arange(w)) % 2**32)
+    scale = np.array([c.scale for c in columns])
+    earned, periods = np.zeros(w), np.zeros(w, dtype=int)
+    success, outcome, running = np.zeros(w, dtype=bool), np.zeros(w, dtype=int), np.ones(w, dtype=bool)
+    fresh = np.ones(w, dtype=bool)
+    if watch is not None:
+        watch(batch)
+    while running[:wanted].any():
+        seen = out.seen.numpy() * scale
+        acted = np.asarray(policy({c.name: seen[:, n] for n, c in enumerate(columns)}, fresh), dtype=np.float32)
+        if acted.shape != batch.actions.shape or not np.all(np.isfinite(acted)):
+            raise InputError(f"policy returned numbers of shape {acted.shape}; allowed: finite, {batch.actions.shape}")
+        batch.actions.assign(acted)
+        batch.step()
+        info = information(batch, lambda array: array.numpy())
+        # a world that stands still is judged again: its first end counts
+        ended = running & (out.terminated.numpy() | out.truncated.numpy())
+        earned[running] += out.reward.numpy()[running]
+        periods[running] += 1
+        success[ended], outcome[ended] = info["success"][ended], info["outcome"][ended]
+        running &= ~ended
+        fresh = np.zeros(w, dtype=bool)
+        if watch is not None:
+            watch(batch)
+    for name, row in (("success", success), ("outcome", outcome), ("earned", earned), ("n", periods)):
+        account.rows[name].append(row[:wanted])
