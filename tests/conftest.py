@@ -62,6 +62,7 @@ THOROUGH = (
     "simulation/test_periodic.py",
     "simulation/test_walls.py",
     "studies/test_engines.py",
+    "studies/test_rerun.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_examples.py",
@@ -73,6 +74,7 @@ THOROUGH = (
     "validation/test_tilted_pair.py",
     "validation/test_weak_order.py",
     "view/test_browser.py",
+    "view/test_edit_page.py",
     "vision/",
 )
 """Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`

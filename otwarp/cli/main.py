@@ -23,6 +23,7 @@ COMMANDS = {
     "validate": "Check a scene without running it.",
     "preview": "Draw a scene or a recorded run.",
     "view": "Play recorded runs back in the browser.",
+    "edit": "Draw a scene in the browser: traps, cells, obstacles, goals, paths.",
     "analyse": "Calibrate traps, and more, from a recorded run or a study.",
     "study": "Batched studies: trials of a scene at many points.",
     "vision": "What the microscope of a scene sees.",

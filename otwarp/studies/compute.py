@@ -99,13 +99,13 @@ def _run(study: AnyStudy, points: np.ndarray, nth: np.ndarray, place: _Place) ->
             at = {t: v for t, v in study.design.at(points[mine]).items() if not t.grouped}
             trial = study.stop.streams(points[mine], study.design.shape) * study.stop.at_most + nth[mine]
             runner = study.runner.in_steps(int(steps))
-            beside = {t: v for t, v in study.design.at(_spread(study, int(own[0]))).items() if not t.grouped}
+            beside = {t: v for t, v in study.design.at(spread(study, int(own[0]))).items() if not t.grouped}
             out = runner.run(scene, at, trial, beside=beside, device=place.device, threads=place.threads)
             code[mine], time[mine], numbers[mine] = out.code, out.time, out.numbers
     return Outcomes(code=code, time=time, numbers=numbers)
 
 
-def _spread(study: AnyStudy, point: int) -> np.ndarray:
+def spread(study: AnyStudy, point: int) -> np.ndarray:
     """Points that stand for all that share a model and a step with one: all, or the extremes and some between them."""
     whole = study.design.group_of(point)
     whole = whole[study.step_counts[whole] == study.step_counts[point]]

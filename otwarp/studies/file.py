@@ -48,8 +48,13 @@ KEYS = ("scene", "seed", "horizon", "every", "time_step", "axis", "observable", 
 OPTIONS = ("integrator", "noise", "precision", "fast_math")
 
 
-def load_study(file: str | Path) -> Study:
+def load_study(file: str | Path, *, scene: Path | None = None, sources: Path | None = None) -> Study:
     """The study that a file describes.
+
+    Args:
+        file: In TOML.
+        scene: Instead of the scene that it names.
+        sources: Folder of the functions that it names, instead of its own.
 
     Raises:
         InputError: The file is not there, is no TOML, or says what is not allowed; one line that names it.
@@ -63,7 +68,9 @@ def load_study(file: str | Path) -> Study:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:
-        arguments = _arguments(said, path)
+        arguments = _arguments(said, path, sources or path.parent)
+        if scene is not None:
+            arguments["scene"] = scene
         if "escape" in said:
             study = EscapeStudy(**escape_arguments(arguments, said, _table(said, "escape")))
         else:
@@ -76,7 +83,7 @@ def load_study(file: str | Path) -> Study:
         raise InputError(why if why.startswith(str(path)) else f"{path}: {why}") from None
 
 
-def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:
+def _arguments(said: dict[str, Any], path: Path, sources: Path) -> dict[str, Any]:
     unknown = [key for key in said if key not in KEYS]
     if unknown:
         raise InputError(f"{unknown[0]} is none of its entries; allowed: {', '.join(KEYS)}")
@@ -86,7 +93,7 @@ def _arguments(said: dict[str, Any], path: Path) -> dict[str, Any]:
     found: dict[str, Any] = {
         "scene": shipped.find("scenes", said["scene"], beside=path.parent),
         "axes": _axes(_tables(said, "axis")),
-        "observables": [observable_of(o, f"observable {n + 1}", path.parent) for n, o in enumerate(observables)],
+        "observables": [observable_of(o, f"observable {n + 1}", sources) for n, o in enumerate(observables)],
         "seed": said.get("seed", 0),
         "scatter": {name: scatter_of(text, f"scatter of {name}") for name, text in _table(said, "scatter").items()},
         "options": _options(_table(said, "options")),

@@ -6,7 +6,7 @@ Open `show` first, then `page`.
 
 | file | what it holds |
 |---|---|
-| `show` | `show_runs`: what `otwarp view` does |
+| `show` | `show_runs`, `edit_scene`: what `otwarp view` and `otwarp edit` do |
 | `serve` | a guarded server, its address, its end |
 | `source` | `Source`: moments of one world, whatever they come from |
 | `recorded` | a recorded run as a source, mapped from disk |
@@ -15,7 +15,10 @@ Open `show` first, then `page`.
 | `curves`, `plots` | curves over a whole run, thinned so that peaks stay; their plots |
 | `sight` | presets of the camera, scale bar, legend |
 | `measure`, `tape` | where a click meets the scene; the measuring tool |
+| `scale_bars` | a scale bar in each window |
 | `theme` | colours, dark and light |
+| `edit_page`, `edit_controls` | a scene that is drawn: the page's one thread; its buttons and keys |
+| `items`, `new_items` | what of a scene can be taken, and which of it a ray meets; what is added to it |
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ from otwarp.lazy import lazy_names
 if TYPE_CHECKING:
     from otwarp.view.recorded import RecordedRun as RecordedRun
     from otwarp.view.serve import ServeOptions as ServeOptions
+    from otwarp.view.show import edit_scene as edit_scene
     from otwarp.view.show import show_runs as show_runs
 
 __getattr__, __dir__ = lazy_names(
-    __name__, {"recorded": ("RecordedRun",), "serve": ("ServeOptions",), "show": ("show_runs",)}
+    __name__, {"recorded": ("RecordedRun",), "serve": ("ServeOptions",), "show": ("edit_scene", "show_runs")}
 )

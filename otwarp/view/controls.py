@@ -10,6 +10,7 @@ from otwarp.teleop.page.front import overlay
 from otwarp.teleop.page.protocol import Drawing
 from otwarp.teleop.page.scene_view import SceneView
 from otwarp.view.playback import SPEEDS, Playback
+from otwarp.view.scale_bars import ScaleBars
 from otwarp.view.sight import PRESETS
 from otwarp.view.source import Source
 from otwarp.view.theme import Theme
@@ -37,6 +38,7 @@ class Controlled(Protocol):
     """What the controls need of a page."""
 
     playback: Playback
+    scale_bars: ScaleBars
 
     @property
     def view(self) -> SceneView | None:
@@ -67,10 +69,6 @@ class Controlled(Protocol):
         """Draw the same moment anew."""
         ...
 
-    def rescale(self) -> None:
-        """Draw scale bars anew."""
-        ...
-
     def legend(self) -> str:
         """What colours mean, as HTML."""
         ...
@@ -91,7 +89,6 @@ class Controls:
 
     def __init__(self, page: Controlled, server: viser.ViserServer, theme: Theme):
         self._page, self._gui, self._theme = page, server.gui, theme
-        self.scale_bar = True
         self._legend_on = True
         self._measuring = False
         self._scene = self._gui.add_html("")
@@ -216,13 +213,7 @@ class Controls:
             box = gui.add_checkbox(label, True)
             self._changed(box, lambda value, name=name: self._of_view(name, value))
         bar, names = gui.add_checkbox("Scale bar", True), gui.add_checkbox("Legend", True)
-
-        def bars(on: bool) -> None:
-            """Scale bars of all windows."""
-            self.scale_bar = on
-            page.rescale()
-
-        self._changed(bar, bars)
+        self._changed(bar, lambda on: page.scale_bars.show(on))
         self._changed(names, lambda on: setattr(self, "_legend_on", on))
 
     def _of_view(self, name: str, value: Any) -> None:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from otwarp.teleop.page.compose import compose
-from otwarp.teleop.page.front import overlay
 from otwarp.teleop.page.protocol import BallGroup, BodyDrawing, Drawing, MeshPart, MovingDrawing
 from otwarp.teleop.page.readout import table
 from otwarp.teleop.page.scene_view import SceneView
@@ -22,7 +21,8 @@ from otwarp.view.controls import Controls
 from otwarp.view.curves import charts
 from otwarp.view.playback import Playback
 from otwarp.view.plots import Plots
-from otwarp.view.sight import Look, legend, length_text, pixels_per_micrometre, preset, round_length
+from otwarp.view.scale_bars import ScaleBars
+from otwarp.view.sight import legend, preset
 from otwarp.view.source import Source
 from otwarp.view.tape import Tape
 from otwarp.view.theme import Theme
@@ -51,7 +51,6 @@ class ViewPage:
     def __init__(self, server: viser.ViserServer, theme: Theme):
         self._server, self._theme = server, theme
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._scales: dict[int, Any] = {}
         self._views: list[SceneView] = []
         self._sources: list[Source] = []
         self._drawings: list[Drawing] = []
@@ -72,8 +71,7 @@ class ViewPage:
         self._side.dock_left()
         self._side.set_width(PLOTS_WIDTH)
         self._plots = Plots(gui, self._side.add_tab("Plots"), theme)
-        server.on_client_connect(self._connected)
-        server.on_client_disconnect(self._disconnected)
+        self.scale_bars = ScaleBars(server, self.post)
 
     @property
     def side(self) -> Any:
@@ -227,40 +225,6 @@ class ViewPage:
             self._failures += 1
             if self._failures <= MOST_FAILURES:
                 traceback.print_exc()
-
-    async def _connected(self, client: Any) -> None:
-        self.post(lambda: self._visit(client))
-
-    async def _disconnected(self, client: Any) -> None:
-        self.post(lambda: self._scales.pop(client.client_id, None))
-
-    def _visit(self, client: Any) -> None:
-        """A window has opened: its scale bar follows its camera."""
-        self._scales[client.client_id] = client.gui.add_html(overlay("scale"))
-        self._scale(client)
-
-        async def moved(_: Any) -> None:
-            self.post(lambda: self._scale(client))
-
-        client.camera.on_update(moved)
-
-    def _scale(self, client: Any) -> None:
-        handle, camera = self._scales.get(client.client_id), client.camera
-        if handle is None or not camera.image_height or not camera.fov:
-            return
-        look = Look(tuple(camera.position), tuple(camera.look_at))  # type: ignore[arg-type]
-        per = pixels_per_micrometre(look, float(camera.fov), camera.image_height)
-        length = round_length(per)
-        content = overlay("scale", length_text(length), pixels=length * per)
-        if not self.controls.scale_bar:
-            content = overlay("scale")
-        if handle.content != content:
-            handle.content = content
-
-    def rescale(self) -> None:
-        """Draw scale bars anew."""
-        for client in self._server.get_clients().values():
-            self._scale(client)
 
 
 def ghost(drawing: Drawing, first: Drawing) -> Drawing:

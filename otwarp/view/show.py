@@ -1,4 +1,4 @@
-"""What `otwarp view` does: opens what is to be shown, refuses what cannot be, serves the page."""
+"""What `otwarp view` and `otwarp edit` do: open what is to be shown, refuse what cannot be, serve the page."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from otwarp.errors import InputError
+from otwarp.scene.write.edit import StageEditor
+from otwarp.teleop.page.front import DRAGS
 from otwarp.view.controls import KEYS
+from otwarp.view.edit_page import KEYS as EDIT_KEYS
+from otwarp.view.edit_page import EditPage
 from otwarp.view.page import ViewPage
 from otwarp.view.recorded import RecordedRun
 from otwarp.view.serve import ServeOptions, served
@@ -46,3 +50,35 @@ def show_runs(
         page = ViewPage(server, THEMES[theme])
         page.show(runs)
         page.run(stopped)
+
+
+def edit_scene(
+    scene: Path,
+    options: ServeOptions,
+    *,
+    out: Path | None = None,
+    theme: str = "dark",
+    say: Callable[[str], None] = print,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Draw a scene on a page, until stopped.
+
+    Args:
+        scene: A USD file.
+        options: Where the page is served.
+        out: File that is proposed to be saved; None for one beside the scene.
+        theme: `dark` or `light`.
+        say: Gets the line with the page's address.
+        stopped: Asked ten times a second.
+
+    Raises:
+        InputError: The scene cannot be loaded, or not be edited.
+    """
+    editor = StageEditor(scene)
+    try:
+        proposed = out if out is not None else scene.with_name(f"{scene.stem}_edited.usda")
+        clicks = (("click", "take a thing"), ("arrows of its handle", "move it"), *DRAGS)
+        with served(options, f"otwarp · edit {scene.stem}", EDIT_KEYS, say, clicks) as server:
+            EditPage(server, editor, proposed, THEMES[theme]).run(stopped)
+    finally:
+        editor.close()
