@@ -9,7 +9,7 @@ from scipy.special import sph_harm_y
 from otwarp.vision.harmonics import bessel, legendre, tangential, wigner
 from otwarp.vision.scattering import Cluster, axial_translation, frame
 from otwarp.vision.specimen import Specimen
-from tests.reference.pairs import EXTINCTION, INDEX, MEDIUM, RADIUS, WAVELENGTH
+from tests.reference.pairs import ANGLES, DIFFERENTIAL, EXTINCTION, INDEX, MEDIUM, RADIUS, WAVELENGTH
 
 
 @pytest.mark.quick
@@ -92,8 +92,12 @@ def test_touching_spheres_obey_the_optical_theorem() -> None:
 def test_a_pair_takes_what_another_code_says(along: tuple[float, float, float], wanted: float) -> None:
     step = RADIUS * np.array(along) / np.linalg.norm(along)
     cluster = Cluster(Specimen.of_spheres([step, -step], RADIUS, INDEX), MEDIUM, WAVELENGTH)
-    forward, taken = np.array([[0.0, 0.0, 1.0]]), []
+    forward, taken, sideways = np.array([[0.0, 0.0, 1.0]]), [], []
+    theta, phi = np.radians(ANGLES).T
+    there = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
     for axis, polarisation in enumerate(np.eye(3)[:2]):
-        far = cluster.far_field(cluster.scattered(forward, polarisation[None]), forward)[0, 0]
-        taken.append(4.0 * np.pi / cluster.k * far[axis].imag)
+        waves = cluster.scattered(forward, polarisation[None])
+        taken.append(4.0 * np.pi / cluster.k * cluster.far_field(waves, forward)[0, 0][axis].imag)
+        sideways.append(np.sum(np.abs(cluster.far_field(waves, there)[0]) ** 2, axis=1))
     assert np.mean(taken) == pytest.approx(wanted, rel=1e-5)
+    assert np.mean(sideways, axis=0) == pytest.approx(DIFFERENTIAL[along], rel=3e-4)

@@ -38,7 +38,7 @@ def draw_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
         _image(figure.add_subplot(grid[0, n]), recorded, int(k), steps[int(k)], legend=n == 0)
     time, quantities = np.array([s.time for s in steps]), _quantities(recorded, steps)
     panels = [grid[1, :3], grid[1, 3:], grid[2, :3], grid[2, 3:]]
-    for place, (name, (truth, track, spread, seen)) in zip(panels, quantities, strict=True):
+    for place, (name, (truth, track, spread, seen)) in zip(panels[: len(quantities)], quantities, strict=True):
         axes = figure.add_subplot(place)
         axes.plot(time, seen, ".", color=SEEN, markersize=2.5, label="seen")
         axes.fill_between(time, track - 2 * spread, track + 2 * spread, color=TRACK, alpha=0.2, linewidth=0)
@@ -48,7 +48,7 @@ def draw_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
         axes.tick_params(labelsize=7)
         if place is panels[0]:
             axes.legend(fontsize=7, ncols=3, loc="upper right")
-        if place in panels[2:]:
+        if place in panels[len(quantities) - 2 :]:
             axes.set_xlabel("time [s]", fontsize=8)
     with written(file, f"--out {file}") as part:
         figure.savefig(part, dpi=130, format="png")
@@ -90,7 +90,7 @@ def _outline(
 
 
 def _quantities(recorded: RecordedBody, steps: list[Step]) -> list[tuple[str, list[np.ndarray]]]:
-    """x, y, z of the prim [µm] and the tilt of the axis [°]: truth, track, its standard deviation, what was seen."""
+    """x, y, z of the prim [µm] and, with an axis, its tilt [°]: truth, track, its standard deviation, what was seen."""
     from otwarp.vision.tracking.shape import Shape
 
     shape = Shape.of(recorded.scene, recorded.body, np.zeros(3))
@@ -112,7 +112,8 @@ def _quantities(recorded: RecordedBody, steps: list[Step]) -> list[tuple[str, li
         if step.seen is not None and step.seen.axis is not None:
             sign = -1.0 if shape.reversible and step.seen.axis @ (turn @ shape.axis) < 0.0 else 1.0
             seen[k, 3] = _tilt(sign * step.seen.axis, normal)
-    names = ("x [µm]", "y [µm]", "z [µm]", "tilt [°]")
+    # a lone sphere has no axis
+    names = ("x [µm]", "y [µm]", "z [µm]", "tilt [°]")[: 4 if np.any(shape.axis) else 3]
     return [(name, [values[:, k] for values in (truth, track, spread, seen)]) for k, name in enumerate(names)]
 
 
