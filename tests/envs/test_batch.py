@@ -11,10 +11,10 @@ pytest.importorskip("gymnasium")
 
 from otwarp import studies
 from otwarp.envs import Batch
-from otwarp.envs.registration import task_of
 from otwarp.errors import InputError
+from tests.envs.bead_task import task as bead_task
 
-TASK = task_of("otwarp/Navigate-v0")
+TASK = bead_task()
 PLACE = np.array([-10.0, 0.0, 5.0])
 VISCOSITY = studies.values([1.0, 2.0], unit="mPa·s")
 STIFFNESS = studies.values([1.0, 3.0], unit="pN/µm per mW")
@@ -89,7 +89,7 @@ def test_powers_go_by_the_numbers_of_actions(device):
         ),
         ({"randomise": {"/World/bead/sphere.radius": studies.values([1.0], unit="µm")}}, "an attribute of the stage"),
         ({"randomise": {"turn:/World/bead": studies.values([[0, 0, 1.0]], unit="rad")}}, "allowed: parameters, start"),
-        ({"speed_limit": 0.0}, "speed_limit of task otwarp/Navigate-v0 is 0.0; allowed: finite, above 0"),
+        ({"speed_limit": 0.0}, "speed_limit of task tests/Bead-v0 is 0.0; allowed: finite, above 0"),
         ({"action": "force"}, "allowed: velocity, power, both"),
         ({"hands": ()}, "at least one hand"),
     ],

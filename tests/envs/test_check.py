@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -10,9 +11,9 @@ import pytest
 pytest.importorskip("gymnasium")
 
 from otwarp.envs import VectorEnv, check_vector
-from otwarp.envs.registration import task_of
+from tests.envs.bead_task import task as bead_task
 
-TASK = task_of("otwarp/Navigate-v0", time_limit=2.0, goal=(-8.0, 0.0, 5.0))
+TASK = dataclasses.replace(bead_task(), time_limit=2.0, goal=(-8.0, 0.0, 5.0))
 """Short episodes, some of which reach the goal."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -16,17 +18,19 @@ from otwarp.envs.registration import task_of
 from otwarp.envs.rollout import policy_of, run_policy
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from tests.envs.bead_task import task as bead_task
 
 NAVIGATE = "otwarp/Navigate-v0"
-TASK = task_of(NAVIGATE)
-SHORT = task_of(NAVIGATE, time_limit=0.2)
+TASK = bead_task()
+SHORT = dataclasses.replace(TASK, time_limit=0.2)
 TWO_HANDS = "scenes/teleop_small.usda"
 
 
+@pytest.mark.quick
 def test_gymnasium_has_nothing_to_say():
     env = gymnasium.make(NAVIGATE, device="cpu").unwrapped
     check_env(env, skip_render_check=True)
-    check_environments_match(env, Env(TASK), 8, skip_rew=False, skip_render=True)
+    check_environments_match(env, Env(task_of(NAVIGATE)), 8, skip_rew=False, skip_render=True)
     env.close()
 
 
@@ -47,6 +51,7 @@ def refused(call, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.quick
 def test_bad_actions_are_refused_and_change_nothing():
     env, many = Env(SHORT, device="cpu"), VectorEnv(SHORT, 2, device="cpu", autoreset_mode="Disabled")
     refused(lambda: env.step(np.zeros(2, dtype=np.float32)), "allowed: reset() first")

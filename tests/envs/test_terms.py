@@ -11,9 +11,10 @@ pytest.importorskip("gymnasium")
 
 from otwarp.envs import Batch, TaskNow, term
 from otwarp.envs import terms as t
-from otwarp.envs.registration import task_of
 from otwarp.errors import InputError
+from tests.envs.bead_task import task as bead_task
 
+TASK = bead_task()
 BEAD, TRAP = "/World/bead", "/World/trap"
 TOLERANCE = 2e-5
 """Of float32 numbers of some 10, a few roundings apart."""
@@ -27,7 +28,7 @@ def height(now: TaskNow, body: int, above: float = 0.0) -> float:
 
 def test_what_is_seen_and_earned_follows_from_the_state(device):
     task = dataclasses.replace(
-        task_of("otwarp/Navigate-v0"),
+        TASK,
         observations=(
             t.goal_offset(body=BEAD, scale=4.0),
             t.body_velocity(body=BEAD, axes="yx"),
@@ -70,7 +71,7 @@ def test_what_is_seen_and_earned_follows_from_the_state(device):
 def test_gaps_are_those_to_the_nearest_obstacle(device):
     """Two round pillars and a cube that moves, about which the bead's sphere has a radius of 1 µm."""
     task = dataclasses.replace(
-        task_of("otwarp/Navigate-v0"),
+        TASK,
         observations=(t.gap(body=BEAD, scale=10.0), t.body_position(body=BEAD, scale=10.0)),
         ends=(t.strayed(body=BEAD, radius=90.0),),
     )
@@ -108,6 +109,3 @@ def test_terms_that_cannot_be_are_told_in_one_line(made, said):
     with pytest.raises(InputError) as error:
         made()
     assert said in str(error.value) and "\n" not in str(error.value)
-
-
-TASK = task_of("otwarp/Navigate-v0")

@@ -1,0 +1,121 @@
+"""Environments: steps a second of one, some and many, what they add to bare steps, and beside published rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from benchmarks.report import Section, command, positive
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
+from otwarp.device import pick_device
+from otwarp.envs.batch import Batch
+from otwarp.envs.registration import TASKS, task_of
+from otwarp.envs.vector import VectorEnv
+from otwarp.simulation.simulation import Simulation
+
+WORLDS = {"cpu": (1, 64, 4_096), "cuda": (1, 64, 4_096, 65_536)}
+"""Environments that are timed."""
+MEASURED = ("otwarp/Navigate-v0", "otwarp/CellDelivery-v0")
+"""Tasks that are timed, as far as they are shipped."""
+PUBLISHED = {
+    "OT-Gym, the paper's companion: control at 5 Hz, in real time": 5.0,
+    "mujoco_warp, humanoid, 8,192 worlds on one large GPU": 4.0e6,
+}
+"""Steps a second that others state, of other tasks on other machines."""
+
+
+def acting(batch: Batch) -> None:
+    """Let a batch begin, under actions that differ from world to world and stay."""
+    batch.restart(seeds=np.arange(batch.worlds))
+    draws = np.random.default_rng(1).uniform(-0.3, 0.3, batch.actions.shape)
+    batch.actions.assign(draws.astype(np.float32))
+
+
+def per_step(work: Callable[[], object], device: wp.Device, seconds: float) -> Callable[[], float]:
+    """A measurement of the wall time of one call [s], of as many as take `seconds`."""
+
+    def repeated(calls: int) -> None:
+        for _ in range(calls):
+            work()
+
+    calls = calls_for(repeated, device, seconds)
+    return lambda: elapsed(partial(repeated, calls), device).wall / calls
+
+
+def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float) -> dict[str, Any]:
+    """Time of an environment step of all worlds [s], over bare time steps, and with NumPy arrays in and out."""
+    batch = Batch(task_of(name), worlds, device=device, autoreset="same")
+    acting(batch)
+    bare = Simulation(batch.scene, worlds=worlds, device=device, time_step=batch.sim.time_step, threads=1)
+    env = VectorEnv(task_of(name), worlds, device=str(device), autoreset_mode="SameStep")
+    env.reset(seed=0)
+    actions = batch.actions.numpy().copy()
+    stepped = per_step(batch.step, device, seconds)
+    pairs = {
+        "bare": (stepped, per_step(lambda: bare.step(batch.steps), device, seconds)),
+        "numpy": (per_step(lambda: env.step(actions), device, seconds), stepped),
+    }
+    found = interleaved(pairs, rounds)
+    return {
+        "step": Quartiles.of(found["bare"].first),
+        "bare": found["bare"].ratio(),
+        "numpy": found["numpy"].ratio(),
+        "steps": batch.steps,
+        "driver": batch.sim.model.features.driver,
+    }
+
+
+def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5, seconds: float = 0.3) -> Section:
+    """Steps a second of each task, and beside what others state."""
+    place = pick_device(device)
+    kind = "cpu" if place.is_cpu else "cuda"
+    names = [name for name in MEASURED if name in TASKS]
+    wide = tuple(worlds) or WORLDS[kind]
+    found = {name: {w: costs(name, place, w, rounds, seconds) for w in wide} for name in names}
+    rows, beside = [], []
+    for name, by_worlds in found.items():
+        for w, c in by_worlds.items():
+            rate = w / c["step"].median
+            rows.append((f"`{name}`", f"{w:,}", str(c["steps"]), f"{rate:.3g}", f"{rate / task_of(name).rate:.3g}",
+                         c["bare"].text(".3f"), c["numpy"].text(".3f")))  # fmt: skip
+        best = max(w / c["step"].median for w, c in by_worlds.items())
+        beside += [(f"`{name}`", what, f"{published:.3g}", f"{best / published:.3g}")
+                   for what, published in PUBLISHED.items()]  # fmt: skip
+    tables = [
+        Table(
+            title="Environment steps",
+            head=("task", "environments", "time steps in each", "steps/s, all together", "times real time",
+                  "over bare time steps", "with NumPy arrays, over without"),
+            rows=rows,
+            note="An environment step has the time steps of a control period, actions, resets, observations, rewards "
+            "and ends, as one graph; bare time steps are those alone, of as many worlds. On a CPU both use one core.",
+        ),
+        Table(
+            title="The quickest of these beside what others state, of other tasks on other machines",
+            head=("task", "beside", "steps/s there", "here over there"),
+            rows=beside,
+        ),
+    ]  # fmt: skip
+    data = {
+        name: {
+            str(w): {**{n: vars(c[n]) for n in ("step", "bare", "numpy")}, "steps": c["steps"], "driver": c["driver"]}
+            for w, c in by_worlds.items()
+        }
+        for name, by_worlds in found.items()
+    }
+    return Section(name="envs", kind=kind, machine=Machine.look(place), tables=tables, data=data)
+
+
+if __name__ == "__main__":
+    command(
+        measure,
+        "Environments: steps a second, and what they add to bare time steps.",
+        rounds=5,
+        worlds={"type": positive, "nargs": "+", "default": (), "help": "environments that are timed"},
+    )
