@@ -52,19 +52,23 @@ def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float
     """Time of an environment step of all worlds [s], over bare time steps, and with NumPy arrays in and out."""
     batch = Batch(task_of(name), worlds, device=device, autoreset="same")
     acting(batch)
-    bare = Simulation(batch.scene, worlds=worlds, device=device, time_step=batch.sim.time_step, threads=1)
+    same = {"worlds": worlds, "device": device, "time_step": batch.sim.time_step, "threads": 1}
+    bare, ending = Simulation(batch.scene, **same), Simulation(batch.scene, ends=(), **same)
+    graph = ending.capture(batch.steps)
     env = VectorEnv(task_of(name), worlds, device=str(device), autoreset_mode="SameStep")
     env.reset(seed=0)
     actions = batch.actions.numpy().copy()
     stepped = per_step(batch.step, device, seconds)
     pairs = {
         "bare": (stepped, per_step(lambda: bare.step(batch.steps), device, seconds)),
+        "ending": (stepped, per_step(graph, device, seconds)),
         "numpy": (per_step(lambda: env.step(actions), device, seconds), stepped),
     }
     found = interleaved(pairs, rounds)
     return {
         "step": Quartiles.of(found["bare"].first),
         "bare": found["bare"].ratio(),
+        "ending": found["ending"].ratio(),
         "numpy": found["numpy"].ratio(),
         "steps": batch.steps,
         "driver": batch.sim.model.features.driver,
@@ -83,7 +87,7 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
         for w, c in by_worlds.items():
             rate = w / c["step"].median
             rows.append((f"`{name}`", f"{w:,}", str(c["steps"]), f"{rate:.3g}", f"{rate / task_of(name).rate:.3g}",
-                         c["bare"].text(".3f"), c["numpy"].text(".3f")))  # fmt: skip
+                         c["bare"].text(".3f"), c["ending"].text(".3f"), c["numpy"].text(".3f")))  # fmt: skip
         best = max(w / c["step"].median for w, c in by_worlds.items())
         beside += [(f"`{name}`", what, f"{published:.3g}", f"{best / published:.3g}")
                    for what, published in PUBLISHED.items()]  # fmt: skip
@@ -91,10 +95,11 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
         Table(
             title="Environment steps",
             head=("task", "environments", "time steps in each", "steps/s, all together", "times real time",
-                  "over bare time steps", "with NumPy arrays, over without"),
+                  "over bare time steps", "over those of worlds that may end", "with NumPy arrays, over without"),
             rows=rows,
             note="An environment step has the time steps of a control period, actions, resets, observations, rewards "
-            "and ends, as one graph; bare time steps are those alone, of as many worlds. On a CPU both use one core.",
+            "and ends, as one graph; bare time steps are those alone, of as many worlds. Beads that are alike share "
+            "vectors of a CPU, unless their worlds may end (`ends=()`, as one graph). All of it on one core of a CPU.",
         ),
         Table(
             title="The quickest of these beside what others state, of other tasks on other machines",
@@ -104,7 +109,11 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
     ]  # fmt: skip
     data = {
         name: {
-            str(w): {**{n: vars(c[n]) for n in ("step", "bare", "numpy")}, "steps": c["steps"], "driver": c["driver"]}
+            str(w): {
+                **{n: vars(c[n]) for n in ("step", "bare", "ending", "numpy")},
+                "steps": c["steps"],
+                "driver": c["driver"],
+            }
             for w, c in by_worlds.items()
         }
         for name, by_worlds in found.items()
