@@ -89,7 +89,7 @@ def put_on_page(page: str, section: Section) -> str:
     """
     begin, end = markers(section.name, section.kind)
     if page.count(begin) != 1 or page.count(end) != 1:
-        raise InputError(f"docs/benchmarks/{section.name}.md must hold the markers {begin} and {end} once each")
+        raise InputError(f"the page of {section.name} must hold the markers {begin} and {end} once each")
     before, rest = page.split(begin)
     _, after = rest.split(end)
     return f"{before}{begin}\n{section.markdown()}\n{end}{after}"

@@ -81,7 +81,7 @@ INNER: dict[str, set[str]] = {
     "scene.drawing": {"scene", "scene.read", "scene.appearance"},
     "scene.recording": {"scene", "scene.vocabulary", "scene.read", "scene.appearance", "scene.drawing"},
     "bench": set(),
-    **{f"bench.{room}": {"bench"} for room in ("forces", "integrators", "speed", "stability")},
+    **{f"bench.{room}": {"bench"} for room in ("forces", "integrators", "me", "speed", "stability")},
     "bench.terms": {"bench", "bench.speed"},
     "cli": set(),
     "cli.bench": {"cli"},

@@ -95,6 +95,7 @@ COMMANDS: dict[str, list[str]] = {
     "forces": ["--radius", "0.5", "--index", "1.59", "--curves"],
     "mobility": ["bead.usda"],
     "decompose": ["cube.stl", "-n", "1", "-o", "cube.usda"],
+    "bench me": ["single_bead", "--seconds", "0.01", *ONCE],
     "bench forces": ["--model", "bilinear-1e-2", *BEAD],
     "bench integrators": ["--seconds", "0.01", "--axis", "precision", *BEAD],
     "bench speed": ["--case", "bead", "--case", "delivery", "--seconds", "1e-4", "--scale", "0.001", *ONCE],
@@ -211,7 +212,7 @@ def test_every_module_is_imported(site, elsewhere):
 def test_every_command_runs(site, elsewhere):
     out = run(site, elsewhere, RUNS, json.dumps([arguments(name) for name in COMMANDS]))
     assert "cell delivery, 1 world" in out and "NumPy" in out and "Cost of each term" in out
-    for name in ("forces", "integrators", "speed", "stability", "terms"):
+    for name in ("me", "forces", "integrators", "speed", "stability", "terms"):
         assert json.loads((elsewhere / f"{name}.json").read_text()), name
     for file in ("out/run.usda", "frame.png", "cube.usda", "take.mcap"):
         assert (elsewhere / file).exists(), file

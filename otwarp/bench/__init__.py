@@ -3,6 +3,7 @@
 In comes what was typed, as arguments of a room's `measure.bench_…`; out comes its findings, which `save` writes as JSON
 and which the room's `table` and `figure` turn into what is shown.
 
+    me           what scenes cost here: a step, a run, a thousand runs
     forces       error against run time of every force model
     integrators  error against run time of integrators, force models and precisions: `wells` to measure in,
                  `observables` with standard errors, `fokker_planck` for what is true, `largest_step` for 1 %

@@ -1,6 +1,6 @@
 """`otwarp bench`: what accuracy, speed and stability cost on this machine; one module for every benchmark.
 
-`forces`, `integrators`, `speed`, `stability`, `terms`: a command each, which asks the room of its name in
+`me`, `forces`, `integrators`, `speed`, `stability`, `terms`: a command each, which asks the room of its name in
 `otwarp.bench` (open `speed` first). `options`: what they ask alike, and how they print.
 """
 
@@ -11,6 +11,7 @@ import click
 from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
+    "me": "What scenes of yours cost on this machine.",
     "forces": "Error against run time of every force model.",
     "integrators": "Error against run time of integrators, force models and precisions.",
     "speed": "Steps per second of typical scenes, beside other programs.",
