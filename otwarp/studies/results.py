@@ -30,7 +30,7 @@ def table(store: Store) -> Any:
     xarray = _xarray()
     asked = store.asked()
     if asked.get("kind") == "escape":
-        return escape_table(store)
+        return _described(escape_table(store), asked)
     with store.read() as raw:
         raw.load()
         dims = raw["trials"].dims
@@ -74,6 +74,17 @@ def table(store: Store) -> Any:
     if rule.get("rule") == "largest":
         looked = rule["of"] or next(o["name"] for o in asked["observables"] if o["kind"] == "probability")
         out.update(largest_in(out, looked, rule["probability"], str(dims[-1])))
+    return _described(out, asked)
+
+
+def _described(out: Any, asked: dict[str, Any]) -> Any:
+    """The same table, in which ends of intervals say whose they are; and which versions computed it."""
+    out.attrs |= {f"{name}_version": version for name, version in asked.get("versions", {}).items()}
+    for name in map(str, out.data_vars):
+        base, _, end = name.rpartition("_")
+        if end in ("low", "high") and base in out:
+            whose = out[base].attrs.get("long_name", base)
+            out[name].attrs["long_name"] = f"{whose}, {'lower' if end == 'low' else 'upper'} end of its interval"
     return out
 
 
