@@ -166,6 +166,8 @@ def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[s
 class Scatter:
     """What a number varies by from trial to trial: drawn anew for each, whatever else runs beside it.
 
+    Draws are normal, and four deviations off at most.
+
     Attributes:
         deviation: Standard deviation, relative to the number if the unit is `%`.
         unit: Of the deviation.

@@ -13,9 +13,10 @@ from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.parameters import PARAMETERS, check_range
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import at_values
-from otwarp.studies.runner import parameter_rows
+from otwarp.studies.runner import FARTHEST, base_of, parameter_rows, width_of
 from otwarp.studies.targets import Target
 
 SAMPLE = 256
@@ -118,7 +119,7 @@ def _smallest(study: AnyStudy, given: float | None = None) -> float:
         scene = study.design.scene_of(values)
         sample = study.design.some(points, SAMPLE)
         origin = Model.build(scene, device="cpu", options=study.options)
-        rows = parameter_rows(origin, _worst(study, study.design.at(sample)), len(sample))
+        rows = parameter_rows(origin, _worst(study, study.design.at(sample), origin, len(sample)), len(sample))
         try:
             model = Model.build(scene, worlds=len(sample), device="cpu", parameters=rows, options=options)
         except InputError as error:
@@ -136,7 +137,7 @@ def _where(
     own = {t: v for t, v in study.design.at(points).items() if t.kind == "parameter"}
     first = {repr([v[n].tolist() for v in own.values()]): n for n in reversed(range(len(points)))}
     for n in sorted(first.values()):
-        rows = parameter_rows(origin, _worst(study, {t: v[n : n + 1] for t, v in own.items()}), 1)
+        rows = parameter_rows(origin, _worst(study, {t: v[n : n + 1] for t, v in own.items()}, origin, 1), 1)
         try:
             Model.build(scene, device="cpu", parameters=rows, options=options)
         except InputError as reason:
@@ -150,7 +151,9 @@ def _each(study: AnyStudy) -> np.ndarray:
     models = 0
     for points, values in study.design.groups(np.arange(study.design.points)):
         scene = study.design.scene_of(values)
-        own = _worst(study, {t: v for t, v in study.design.at(points).items() if t.kind == "parameter"})
+        origin = Model.build(scene, device="cpu", options=study.options)
+        own = {t: v for t, v in study.design.at(points).items() if t.kind == "parameter"}
+        own = _worst(study, own, origin, len(points))
         table = np.concatenate([v.reshape(len(points), -1) for v in own.values()] or [np.zeros((len(points), 1))], 1)
         _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
         models += len(first)
@@ -158,7 +161,6 @@ def _each(study: AnyStudy) -> np.ndarray:
             raise InputError(
                 f"time step is per point, of more than {MOST_MODELS} models; allowed: fewer, or one step for all"
             )
-        origin = Model.build(scene, device="cpu", options=study.options)
         found = [
             Model.build(
                 scene,
@@ -172,13 +174,23 @@ def _each(study: AnyStudy) -> np.ndarray:
     return steps
 
 
-def _worst(study: AnyStudy, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
-    """Parameters of points, those that scatter four deviations above where they are."""
-    return values | {
-        t: (1.0 + 0.04 * s.deviation) * v
-        for t, s in study.scatter
-        if s.unit == "%" and (v := values.get(t)) is not None
-    }
+def _worst(study: AnyStudy, values: dict[Target, np.ndarray], origin: Model, count: int) -> dict[Target, np.ndarray]:
+    """Parameters of so many points, those that scatter as far above where they are as any trial will.
+
+    Raises:
+        InputError: Some trial would have a value that is not allowed.
+    """
+    out = dict(values)
+    for target, scatter in study.scatter:
+        mean = np.broadcast_to(values.get(target, base_of(origin, target)), count)
+        reach = FARTHEST * width_of(mean, target, scatter)
+        if target.component is None:
+            ends = np.concatenate([mean - reach, mean + reach])
+            check_range(
+                f"{target.name}, up to {FARTHEST:g} deviations of its scatter off,", PARAMETERS[target.key], ends
+            )
+        out[target] = mean + reach
+    return out
 
 
 TIMED = {True: 2**16, False: 256}

@@ -26,6 +26,10 @@ from otwarp.studies.targets import Target
 MANY = 2**15
 """Worlds from which on a GPU steps each in one thread."""
 
+FARTHEST = 4.0
+"""Deviations that a scattered parameter is off at most: normal numbers are drawn within, so that it is known before a
+study runs what all of its trials will meet."""
+
 GOING, FAULT = 0, -1
 """Codes of a trial that no end came to within its horizon, and of one whose state was no longer physical."""
 
@@ -179,23 +183,17 @@ class Runner:
         return Outcomes(code=code, time=time, numbers=numbers)
 
     def _extremes(self, origin: Model, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
-        """Values of points, twice where some scatter: those four deviations below and above, in the sign they have."""
+        """Values of points, twice where some scatter: the farthest below and above, in the sign they have."""
         if not self.scatter:
             return values
         count = max((len(v) for v in values.values()), default=1)
         out = {t: np.concatenate([v, v]) for t, v in values.items()}
         for target, scatter in self.scatter:
-            mean = np.broadcast_to(values.get(target, _base(origin, target)), count)
-            reach = 4.0 * self._width(mean, target, scatter)
+            mean = np.broadcast_to(values.get(target, base_of(origin, target)), count)
+            reach = FARTHEST * width_of(mean, target, scatter)
             low, high = np.where(mean > 0.0, np.maximum(mean - reach, 0.01 * mean), mean - reach), mean + reach
             out[target] = np.concatenate([low, high])
         return out
-
-    def _width(self, mean: np.ndarray, target: Target, scatter: Scatter) -> Any:
-        """Standard deviation of a scattered parameter, in its target's unit."""
-        if scatter.unit == "%":
-            return 0.01 * scatter.deviation * mean
-        return scatter.deviation * ratio(scatter.unit, target.unit, f"scatter of {target.name}")
 
     def _scattered(
         self, origin: Model, values: dict[Target, np.ndarray], trials: np.ndarray
@@ -205,18 +203,19 @@ class Runner:
         for n, (target, scatter) in enumerate(self.scatter):
             mean = values.get(target)
             if mean is None:
-                mean = _base(origin, target)
-            out[target] = mean + self._width(mean, target, scatter) * normal_of(self.seed, n, trials)
+                mean = base_of(origin, target)
+            out[target] = mean + width_of(mean, target, scatter) * normal_of(self.seed, n, trials)
         return out
 
 
 def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
-    """(n) standard normal numbers that are functions of seed, stream and number of a trial alone.
+    """(n) standard normal numbers up to `FARTHEST` that are functions of seed, stream and number of a trial alone.
 
     Philox with the number as its counter (Salmon et al. 2011, doi:10.1145/2063384.2063405), four trials a block.
     """
-    from scipy.special import ndtri
+    from scipy.special import ndtr, ndtri
 
+    beyond = ndtr(-FARTHEST)
     numbers = np.asarray(trials, dtype=np.uint64)
     order = np.argsort(numbers, kind="stable")
     out = np.empty(len(numbers))
@@ -225,7 +224,8 @@ def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
         first, count = int(numbers[run[0]]), len(run)
         bits = np.random.Philox(key=[seed, stream + 1], counter=[first // 4, 0, 0, 0])
         raw = bits.random_raw(first % 4 + count)[first % 4 :]
-        out[run] = ndtri(((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+        even = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+        out[run] = ndtri(beyond + (1.0 - 2.0 * beyond) * even)
     return out
 
 
@@ -234,8 +234,29 @@ def origin_of(scene: Scene, options: StepOptions) -> Model:
     return Model.build(scene, device="cpu", options=StepOptions(precision=options.precision, forces=options.forces))
 
 
-def _base(origin: Model, target: Target) -> np.ndarray:
-    """The scene's own value of a parameter, as one row."""
+def width_of(mean: np.ndarray, target: Target, scatter: Scatter) -> Any:
+    """Standard deviation of a scattered parameter, in its target's unit.
+
+    Args:
+        mean: What it scatters about.
+        target: The parameter.
+        scatter: As it was asked for.
+
+    Raises:
+        InputError: A unit of another kind.
+    """
+    if scatter.unit == "%":
+        return 0.01 * scatter.deviation * np.abs(mean)
+    return scatter.deviation * ratio(scatter.unit, target.unit, f"scatter of {target.name}")
+
+
+def base_of(origin: Model, target: Target) -> np.ndarray:
+    """The own value of a parameter of a scene, as one row.
+
+    Args:
+        origin: A model of the scene.
+        target: The parameter.
+    """
     values = origin.values[target.key]
     if target.index is not None:
         values = values[:, target.index]

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import truncnorm
 
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
-from otwarp.studies.axes import label, normal, random, sobol, spoken, together_of, values
+from otwarp.studies.axes import Scatter, label, normal, random, sobol, spoken, together_of, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.observables import contact_dose, contact_force, orientation_error, trapped
 from otwarp.studies.results import table
-from otwarp.studies.runner import origin_of, start_rows
+from otwarp.studies.runner import FARTHEST, normal_of, origin_of, start_rows
 from otwarp.studies.stopping import trials
 from otwarp.studies.study import Study
 from tests.simulation.setups import obstacle
@@ -64,6 +65,35 @@ def test_sobol_points_are_even():
         parts = np.floor(64 * (axis.values - low) / (high - low)).astype(int)
         assert sorted(parts) == list(range(64))
     assert (power.unit, height.unit) == ("mW", "µm")
+
+
+@pytest.mark.parametrize(
+    ("scatter", "said"),
+    [
+        (
+            Scatter(30.0),
+            "trap_power, up to 4 deviations of its scatter off, has the value -0.2; allowed: in .0, 10000. mW",
+        ),
+        (Scatter(0.3, "mW"), "trap_power, up to 4 deviations of its scatter off, has the value -0.2"),
+        (Scatter(0.1, "µm"), "scatter of trap_power has the unit 'µm'; allowed: mW, or another unit of the same kind"),
+    ],
+)
+@pytest.mark.parametrize("own", [True, False])
+def test_scatter_that_no_trial_can_have(scene, scatter, said, own):
+    """Found out when the study is planned, whether the parameter is an axis or the scene's own, 1 mW."""
+    axes = {"trap_power": values([1.0, 2.0], unit="mW")} if own else {}
+    with pytest.raises(InputError, match=said):
+        study_of(scene, axes, scatter={"trap_power": scatter}).plan()
+
+
+def test_scattered_numbers_are_normal_within_their_bounds():
+    """Moments of the normal distribution that is cut off at four deviations, at 5σ; none farther."""
+    drawn, n = normal_of(3, 0, np.arange(100_000)), 100_000
+    assert np.abs(drawn).max() < FARTHEST
+    bell = truncnorm(-FARTHEST, FARTHEST)
+    assert abs(drawn.mean()) < 5.0 * bell.std() / np.sqrt(n) and abs(drawn.var() / bell.var() - 1.0) < 5.0 * np.sqrt(
+        2.0 / n
+    )
 
 
 def test_together_in_files_they_fill_the_box():
