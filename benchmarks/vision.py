@@ -110,8 +110,7 @@ def measure(
     place, fourier = pick_device(device), Fourier(device)
     data: dict[str, Any] = {"errors": {}, "correlation": {}, "seconds": {}}
     tables = [table for aperture in apertures for table in accuracy(aperture, fourier, data)]
-    for table in (vision_limits.grids, vision_limits.sources, vision_limits.symmetry, vision_limits.energy):
-        tables.append(table(fourier, data))
+    tables += [table(fourier, data) for table in vision_limits.TABLES]
     tables.append(_times(fourier, rounds, data))
     if place.is_cpu:
         tables.append(beside_deeptrack(fourier, rounds, data))

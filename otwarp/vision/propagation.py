@@ -8,8 +8,8 @@ solid, and μ what each cell of the slice counts for, 0 outside and 1 inside,
 
 This is the wave propagation method (Brenner and Singer 1993, doi:10.1364/AO.32.004984; with two indices: Schmidt et al.
 2016, doi:10.1364/OE.24.030188), but light is divided in the middle of the slice and *before* it goes on, where they
-divide it at its end. The order matters: dividing afterwards leaves at the faces of a solid several times the
-error (`benchmarks/vision.py`), because each share must go on as a whole in an index of its own.
+divide it at its end. The order matters: dividing afterwards leaves at the faces of a solid two to four times
+the error (`benchmarks/vision_limits.py`), because each share must go on as a whole in an index of its own.
 
 Amplitudes are kept relative to light that meets nothing, so that a slice adds to them and empty slices cost nothing.
 Waves that fade within the medium are left out.
