@@ -90,13 +90,8 @@ def _parts(first: np.ndarray, last: np.ndarray) -> int:
 
 
 def _moved(belief: Belief, body: MobileBody, first: np.ndarray, last: np.ndarray, time: float) -> Belief:
-    expansion = belief.expansion
-    offset = np.zeros(6)
-    if expansion is not None:
-        offset = expansion.offset(belief.position, belief.orientation)
-    if expansion is None or _far(expansion, offset, first):
-        expansion = body.expansion(belief.position, belief.orientation, first)
-        offset = np.zeros(6)
+    expansion = near(belief, body, first)
+    offset = expansion.offset(belief.position, belief.orientation)
     pushed = belief.pushed
     law = None if pushed is None else pushed.law
     state = offset if pushed is None else np.concatenate([offset, pushed.velocity])
@@ -117,6 +112,20 @@ def _moved(belief: Belief, body: MobileBody, first: np.ndarray, last: np.ndarray
         belief, position=position, orientation=orientation, covariance=covariance[:6, :6], expansion=expansion,
         pushed=pushed,
     )  # fmt: skip
+
+
+def near(belief: Belief, body: MobileBody, command: np.ndarray) -> Expansion:
+    """The belief's own expansion of the motion, or a new one where that is too far away.
+
+    Args:
+        belief: Of the body.
+        body: Whose motion it is.
+        command: (4 T) positions and powers of the traps.
+    """
+    expansion = belief.expansion
+    if expansion is None or _far(expansion, expansion.offset(belief.position, belief.orientation), command):
+        return body.expansion(belief.position, belief.orientation, command)
+    return expansion
 
 
 def _far(expansion: Expansion, offset: np.ndarray, command: np.ndarray) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import gammainccinv
 
 from otwarp.errors import InputError
-from otwarp.vision.tracking.belief import Belief, Correction, advance, apart, at_prim, begin, correct
+from otwarp.vision.tracking.belief import Belief, Correction, advance, apart, at_prim, begin, correct, near
 from otwarp.vision.tracking.commands import Commands
 from otwarp.vision.tracking.measurement import Measurement
 from otwarp.vision.tracking.mobile import MobileBody
@@ -190,6 +190,12 @@ class Tracker:
             raise InputError(f"time of a prediction is {time:.6g} s; allowed: {first}")
         node = self._nodes[place - 1]
         best = max(node.beliefs, key=lambda b: b.weight)
+        if time > node.time and (fresh := near(best, self.body, self.commands.at(node.time))) is not best.expansion:
+            # the next prediction, and the next measurement, find it made
+            kept = dataclasses.replace(best, expansion=fresh)
+            beliefs = tuple(kept if b is best else b for b in node.beliefs)
+            self._nodes[place - 1] = node = dataclasses.replace(node, beliefs=beliefs)
+            best = kept
         total = sum(math.exp(b.weight - best.weight) for b in node.beliefs)
         led = advance(best, self.body, self.commands, node.time, time)
         origin, covariance = at_prim(led, self.shape)

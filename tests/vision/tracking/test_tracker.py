@@ -49,7 +49,7 @@ def looks(body: MobileBody, count: int = 40, seed: int = 1) -> list[Measurement]
 
 @pytest.mark.quick
 def test_late_measurements_give_what_they_give_in_order(bead: MobileBody) -> None:
-    """To the last bit, commands that come late included."""
+    """To the last bit, commands that come late and predictions in between included."""
     seen = looks(bead)
     ordered, shuffled = tracker(bead), tracker(bead)
     for n, one in enumerate(seen):
@@ -60,6 +60,7 @@ def test_late_measurements_give_what_they_give_in_order(bead: MobileBody) -> Non
     replayed = 0
     for n in np.argsort(arrival, kind="stable"):
         replayed += shuffled.add(seen[n]).replayed
+        shuffled.predict(seen[n].time + 0.013)
     shuffled.command(0.39, position=np.array([[0.3, 0.1, 5.0]]))
     assert replayed > 20
     a, b = ordered.predict(0.8), shuffled.predict(0.8)
@@ -69,7 +70,7 @@ def test_late_measurements_give_what_they_give_in_order(bead: MobileBody) -> Non
 
 
 @pytest.mark.quick
-def test_prediction_goes_on_between_frames_and_changes_nothing(bead: MobileBody) -> None:
+def test_prediction_goes_on_between_frames_and_changes_nothing(bead: MobileBody, monkeypatch) -> None:
     one = tracker(bead)
     for seen in looks(bead, 5):
         one.add(seen)
@@ -77,6 +78,14 @@ def test_prediction_goes_on_between_frames_and_changes_nothing(bead: MobileBody)
     spread = [float(np.trace(one.predict(0.08 + 0.001 * n).covariance)) for n in range(50)]
     assert all(b >= a for a, b in itertools.pairwise(spread))
     np.testing.assert_array_equal(one.predict(0.1).position, before.position)
+    # behind a first measurement the motion is expanded once for all predictions
+    expand, asked = bead.expansion, []
+    monkeypatch.setattr(bead, "expansion", lambda *words: asked.append(1) or expand(*words))
+    first = tracker(bead)
+    first.add(looks(bead, 1)[0])
+    for n in range(10):
+        first.predict(0.001 * n)
+    assert len(asked) == 1
     # far on, what is left is the spread in the trap: kT over its stiffness
     late = one.predict(30.0).covariance
     rates = np.linalg.eigvals(bead.expansion(*bead.start, Commands.of_scene(BEAD).at(0.0)).rate[:3, :3])
