@@ -15,6 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.report import Section, check_places, put_on_page, run, save_page
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
@@ -60,36 +62,51 @@ def measure(python: str = sys.executable) -> Section:
     machine = Machine.look(pick_device("cpu"))
     with tempfile.TemporaryDirectory(prefix="otwarp-new-user-") as folder:
         there = Path(folder)
-        walls = _type(there, [line.format(root=ROOT, python=python) for line in (*FIRST, *OWN)])
+        spent = _type(there, [line.format(root=ROOT, python=python) for line in (*FIRST, *OWN)])
         for picture in ("first.png", "mine.png"):
             if not (there / "otwarp" / picture).stat().st_size:
                 raise InputError(f"{picture} is empty")
     lines = [line.format(root="URL", python="python3") for line in (*FIRST, *OWN)]
+    since = itertools.accumulate(wall for wall, _ in spent)
     rows = [
-        (f"`{line}`", f"{wall:.1f}", f"{sum(walls[: n + 1]):.0f}")
-        for n, (line, wall) in enumerate(zip(lines, walls, strict=True))
+        (f"`{line}`", f"{wall:.1f}", f"{cpu:.1f}", f"{passed:.0f}")
+        for line, (wall, cpu), passed in zip(lines, spent, since, strict=True)
     ]
-    first, every = sum(walls[: len(FIRST)]), sum(walls)
-    note = (f"First picture after {len(FIRST)} commands and {first:.0f} s, a picture of an own scene's run after "
-            f"{len(walls)} and {every:.0f} s.")  # fmt: skip
-    table = Table(title="A new user's way [s]", head=("command", "wall", "since the start"), rows=rows, note=note)
-    return Section(name="new_user", kind="cpu", machine=machine, tables=[table], data={"seconds": walls})
+    (first, first_cpu), (every, every_cpu) = (np.sum(spent[:n], axis=0) for n in (len(FIRST), len(spent)))
+    note = (
+        f"First picture after {len(FIRST)} commands and {first:.0f} s, of which a processor works {first_cpu:.0f} s; "
+        f"the picture of an own scene's run after {len(spent)} commands and {every:.0f} s, of which {every_cpu:.0f} s."
+    )
+    table = Table(
+        title="A new user's way [s]", head=("command", "wall", "processor", "since the start"), rows=rows, note=note
+    )
+    return Section(name="new_user", kind="cpu", machine=machine, tables=[table], data={"seconds": spent})
 
 
-def _type(folder: Path, lines: list[str]) -> list[float]:
-    """Wall time of each line of a shell that knows nothing yet [s]."""
+def _type(folder: Path, lines: list[str]) -> list[tuple[float, float]]:
+    """Wall and processor time of each line of a shell that knows nothing yet [s]."""
     known = ("PYTHONPATH", "VIRTUAL_ENV", "WARP_CACHE_PATH", "OTWARP_CACHE")
     environment = {name: value for name, value in os.environ.items() if name not in known}
     environment |= {"WARP_CACHE_PATH": str(folder / "kernels"), "OTWARP_CACHE": str(folder / "tables")}
-    script = ["set -e", *(f'{line}\necho "{MARK} $(date +%s.%N)"' for line in lines)]
+    script = ["set -e", *(f'{line}\necho "{MARK} $(date +%s.%N)"; times' for line in lines)]
     begun = time.time()
     done = subprocess.run(
         ["bash", "-c", "\n".join(script)], cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE
     )
     if done.returncode != 0:
         raise InputError(f"a command failed: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
-    marks = [begun, *(float(row.split()[1]) for row in done.stdout.splitlines() if row.startswith(MARK))]
-    return [b - a for a, b in itertools.pairwise(marks)]
+    rows = done.stdout.splitlines()
+    at = [n for n, row in enumerate(rows) if row.startswith(MARK)]
+    walls = [begun, *(float(rows[n].split()[1]) for n in at)]
+    # `times` says user and system time of the shell, and in the line below those of what it ran: 1m2.345s
+    spent = [0.0, *(sum(_seconds(word) for row in rows[n + 1 : n + 3] for word in row.split()) for n in at)]
+    return [(b - a, d - c) for (a, b), (c, d) in zip(itertools.pairwise(walls), itertools.pairwise(spent), strict=True)]
+
+
+def _seconds(text: str) -> float:
+    """Of `1m2.345s`."""
+    minutes, seconds = text.removesuffix("s").split("m")
+    return 60.0 * float(minutes) + float(seconds)
 
 
 def main() -> None:

@@ -12,22 +12,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
 from benchmarks.report import Section, command
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles
-from otwarp.cli.main import cli
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = sorted(file.stem for file in (ROOT / "scenes").glob("*.usda"))
 PHASES = ("interpreter", "imports", "Warp start", "scene", "model", "kernels", "first frame", "first step")
-SLOWEST = 5
-"""Commands whose help is listed, of all that there are."""
-
 COMMANDS = {
     "Python alone": ["-c", "pass"],
     "`import otwarp`": ["-c", "import otwarp"],
@@ -73,43 +67,6 @@ def measure_commands(rounds: int) -> dict[str, Quartiles]:
     return out
 
 
-def command_names() -> list[tuple[str, ...]]:
-    """Every command of `otwarp`, those of its groups as well."""
-
-    def below(command: click.Command, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-        if not isinstance(command, click.Group):
-            return [names]
-        context = click.Context(command)
-        found = [(name, command.get_command(context, name)) for name in command.list_commands(context)]
-        return [path for name, one in found if one is not None for path in below(one, (*names, name))]
-
-    return below(cli, ())
-
-
-def measure_helps() -> dict[str, float]:
-    """Processor seconds from the start of each command to its help, the whole process: a busy machine does not blur
-    them."""
-    out = {}
-    for names in command_names():
-        before = os.times()
-        _run(["-m", "otwarp.cli.main", *names, "--help"])
-        after = os.times()
-        spent = (after.children_user - before.children_user) + (after.children_system - before.children_system)
-        out["otwarp " + " ".join(names)] = spent
-    return out
-
-
-def help_table(helps: dict[str, float]) -> Table:
-    """The slowest commands to start."""
-    slowest = sorted(helps.items(), key=lambda row: -row[1])[:SLOWEST]
-    return Table(
-        title=f"Start of each of {len(helps)} commands, processor time to its help [s]",
-        head=("command", "CPU"),
-        rows=[(f"`{name}`", f"{seconds:.2f}") for name, seconds in slowest],
-        note=f"The {SLOWEST} slowest; all the others take less.",
-    )
-
-
 def measure_scene(scene: str, device: str, rounds: int) -> dict[str, Any]:
     """One cold run with an empty kernel cache, then `rounds` warm ones with the cache it filled."""
     with tempfile.TemporaryDirectory(prefix="otwarp-cold-") as folder:
@@ -132,7 +89,7 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
     """All of it; `rounds` fresh processes behind each warm figure."""
     place = pick_device(device)
     machine = Machine.look(place)
-    commands, helps = measure_commands(rounds), measure_helps()
+    commands = measure_commands(rounds)
     found = {scene: measure_scene(scene, place.alias, rounds) for scene in scenes}
     rows = [
         (
@@ -150,7 +107,6 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
             head=("command", "wall"),
             rows=[(name, spread.text(".3f")) for name, spread in commands.items()],
         ),
-        help_table(helps),
         Table(
             title="From the command to the first step [s]",
             head=("scene", "cold", "of it kernels and first frame", "warm"),
@@ -162,7 +118,6 @@ def measure(device: str = "cpu", *, scenes: Sequence[str] = SCENES, rounds: int 
         tables.append(memory_table(found))
     data = {
         "commands": {name: vars(spread) for name, spread in commands.items()},
-        "helps": helps,
         "scenes": {
             scene: {"cold": f["cold"], "warm": {p: vars(s) for p, s in f["warm"].items()}} for scene, f in found.items()
         },
