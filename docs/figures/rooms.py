@@ -17,9 +17,9 @@ SIZE = (11.0, 11.92)
 PLACES: dict[str, tuple[float, float, float, float, str, str]] = {
     "cli": (0.25, 11.22, 10.5, 0.42, "grey", "imports every room, inside functions"),
     "reproduce": (0.25, 10.0, 10.5, 0.98, "violet", "the paper's tables and figures, computed anew"),
-    "perception": (0.25, 8.82, 4.4, 0.98, "violet", "images that say where the bodies of a session are"),
-    "view": (4.85, 8.82, 2.6, 0.98, "violet", "recordings, in the browser"),
-    "envs": (7.65, 8.82, 3.1, 0.98, "violet", "environments of Gymnasium"),
+    "perception": (0.25, 8.82, 3.3, 0.98, "violet", "images that tell a session where its bodies are"),
+    "view": (3.7, 8.82, 2.6, 0.98, "violet", "recordings, in the browser"),
+    "envs": (6.45, 8.82, 4.3, 0.98, "violet", "environments of Gymnasium"),
     "ros": (0.25, 7.64, 2.6, 0.98, "amber", "bridges to ROS 1 and ROS 2"),
     "operators": (3.05, 7.64, 3.2, 0.98, "amber", "simulated people at the device"),
     "analysis": (6.35, 6.54, 2.05, 0.66, "violet", "what a run or study tells"),

@@ -7,6 +7,7 @@ task           `Task`, `Hand`, `Shift`: what an environment is made of
 terms          what is observed, what is earned, and what ends an episode
 layout         what the numbers of observations and actions are
 batch          worlds on a device: actions in, a period of control, verdicts out, as one graph
+scenes         the shipped scenes, as tasks step them
 places         a task's scene as terms read it
 variants       randomised parameters: a table of them
 rows           its rows, copied into worlds that start anew
@@ -23,6 +24,8 @@ goal_task      any scene with a goal as a task
 pettingzoo     hands as agents
 registration   the shipped ones by name
 tasks          the shipped tasks
+experts        scripted policies
+adapters       environments for Stable-Baselines3, skrl, rsl_rl
 kernels        what runs on the device
 """
 

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 
 TASKS = {
     "otwarp/Navigate-v0": "navigate",
+    "otwarp/Push-v0": "push",
+    "otwarp/Hold-v0": "hold",
+    "otwarp/Orient-v0": "orient",
+    "otwarp/CellDelivery-v0": "cell_delivery",
+    "otwarp/CellDeliveryOTGym-v0": "ot_gym",
 }
 """Name of an environment → file of `otwarp.envs.tasks`, whose function `task` makes its task."""
 
@@ -66,7 +71,7 @@ def make_env(name: str, **options: Any) -> Any:
     from otwarp.envs.single import Env
 
     own, changes = _split(options, ENV_OPTIONS)
-    return Env(task_of(name, **changes), **own)
+    return _wrapped(name, Env(task_of(name, **changes), **own))
 
 
 def make_vector(name: str, num_envs: int = 1, **options: Any) -> Any:
@@ -74,7 +79,13 @@ def make_vector(name: str, num_envs: int = 1, **options: Any) -> Any:
     from otwarp.envs.vector import VectorEnv
 
     own, changes = _split(options, VECTOR_OPTIONS)
-    return VectorEnv(task_of(name, **changes), num_envs, **own)
+    return _wrapped(name, VectorEnv(task_of(name, **changes), num_envs, **own))
+
+
+def _wrapped(name: str, env: Any) -> Any:
+    """With the spaces that the file of its task gives it by `wrap`, if these are others than those of the task."""
+    wrap = getattr(import_module(f"otwarp.envs.tasks.{TASKS[name]}"), "wrap", None)
+    return env if wrap is None else wrap(env)
 
 
 def register_all() -> None:

@@ -147,6 +147,6 @@ def test_policies_run_to_the_end_of_their_episodes():
     found = run_policy(SHORT, policy_of(SHORT, "random"), episodes=5, worlds=2, seed=3, device="cpu")
     assert np.array_equal(found.periods, [4] * 5) and not found.success.any() and found.rate == 0.0
     again = run_policy(SHORT, policy_of(SHORT, "still"), episodes=2, device="cpu")
-    assert np.all(np.abs(again.earned) < 0.1)
+    assert np.all(np.abs(again.earned) < 0.2)
     refused(lambda: policy_of(SHORT, "best"), "policy is 'best'")
     refused(lambda: run_policy(SHORT, lambda seen, fresh: np.zeros(3), episodes=1, device="cpu"), "policy returned")

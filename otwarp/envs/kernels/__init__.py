@@ -5,5 +5,6 @@ geometry   where spheres, traps and obstacles are
 control    actions to traps, worlds that start anew
 rows       rows of tables, copied
 terms      what observations, rewards and ends are made of, as plain functions of a world at the end of a period
+task_terms what the shipped tasks have beside these
 judge      one kernel for all terms of a task
 """

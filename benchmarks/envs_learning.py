@@ -1,0 +1,223 @@
+"""`python -m benchmarks.envs_learning [--write]`: what scripts and trained policies achieve at the shipped tasks.
+
+Every script plays new episodes of its task; PPO of `examples/train_ppo.py` learns Navigate from several seeds, one
+after the other, and is judged on other new episodes. Results are kept in out/envs_learning, where it goes on if it was
+interrupted. `--write` puts the tables between the markers of docs/benchmarks/envs_learning.md, and the picture of the
+learning curves into docs/images.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.stats import binomtest
+
+from benchmarks.report import commit, positive, run, save_page
+from benchmarks.validation import put_on_page
+from examples import train_ppo
+from otwarp.bench.machine import Machine
+from otwarp.device import pick_device
+from otwarp.envs.experts.delivery import Carrier
+from otwarp.envs.experts.navigate import ShortestPath, StraightLine
+from otwarp.envs.experts.operator import Operator, Shared
+from otwarp.envs.experts.policies import RandomPolicy, Seen
+from otwarp.envs.experts.push import Pusher
+from otwarp.envs.experts.servo import PowerServo, SpacingServo
+from otwarp.envs.experts.strides import Strider
+from otwarp.envs.layout import Layout
+from otwarp.envs.registration import task_of
+from otwarp.envs.rollout import Rollout, run_policy
+from otwarp.envs.task import Policy, Task
+from otwarp.operators.population import load_population
+
+ROOT = Path(__file__).parents[1]
+PAGE, PICTURE = ROOT / "docs" / "benchmarks" / "envs_learning.md", ROOT / "docs" / "images" / "envs_learning.png"
+OUT = ROOT / "out" / "envs_learning"
+BEGIN, END = "<!-- begin envs_learning {} -->", "<!-- end envs_learning {} -->"
+LEARNT = "otwarp/Navigate-v0"
+TARGET = 0.985
+"""Success of the last 1,000 episodes of a training, with exploration, at which it stops."""
+SEED = 3_000_000_000
+"""Of the first episode of scripts: no policy has trained with it."""
+
+AUTHORITIES = (0.0, 0.25, 0.5, 0.75, 1.0)
+OPERATOR_SPEED = 25.0
+"""At which simulated operators move the trap [µm/s]."""
+
+SCRIPTS: dict[str, dict[str, Callable[[], Policy]]] = {
+    LEARNT: {
+        "random": lambda: RandomPolicy(2),
+        "straight line, 40 µm/s": StraightLine,
+        "shortest path on a grid (A*), 40 µm/s": ShortestPath,
+        "the same, 55 µm/s": lambda: ShortestPath(speed=55.0),
+    },
+    "otwarp/Push-v0": {"random": lambda: RandomPolicy(2), "round the cell, then against it": Pusher},
+    "otwarp/Hold-v0": {"random": lambda: RandomPolicy(1), "power by the distance from the trap": PowerServo},
+    "otwarp/Orient-v0": {"random": lambda: RandomPolicy(2), "spacing by the error of the height": SpacingServo},
+    "otwarp/CellDelivery-v0": {
+        "random": lambda: RandomPolicy(4),
+        "both hands on the path, 19 µm/s": Carrier,
+        "the same, 24 µm/s": lambda: Carrier(speed=24.0),
+        "the same, 28 µm/s": lambda: Carrier(speed=28.0),
+    },
+    "otwarp/CellDeliveryOTGym-v0": {
+        "random": lambda: Strider(None),
+        "stride 6 of 9": Strider,
+        "stride 8 of 9": lambda: Strider(8),
+    },
+}
+"""Scripts by task."""
+
+
+def scripts_table(episodes: int, device: str) -> str:
+    """Successes of every script."""
+    lines = [
+        f"| task | script | success in {episodes} episodes, 95 % interval | s to success | how the others ended |",
+        "|---|---|---:|---:|---|",
+    ]
+    for name, scripts in SCRIPTS.items():
+        for said, make in scripts.items():
+            task = task_of(name)
+            found = run_policy(task, make(), episodes=episodes, seed=SEED, device=device)
+            lines.append(f"| `{name}` | {said} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
+            print(lines[-1], flush=True)
+    return "\n".join(lines)
+
+
+def _rate(found: Rollout) -> str:
+    interval = binomtest(int(found.success.sum()), len(found.success)).proportion_ci(0.95, method="exact")
+    return f"{found.rate:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+
+
+def _time(task: Task, found: Rollout) -> str:
+    return f"{found.periods[found.success].mean() / task.rate:.1f}" if found.success.any() else "–"
+
+
+def _others(task: Task, found: Rollout) -> str:
+    """Ends that were not wanted, the most frequent first."""
+    names = {-1: "fault", 0: "out of time"} | {n: end.name for n, end in enumerate(task.ends, start=1)}
+    counts = Counter(names[int(code)] for code in found.outcome[~found.success])
+    return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "–"
+
+
+def learnt(seed: int, minutes: float, device: str) -> tuple[dict[str, Any], list[dict[str, float]]]:
+    """Result and curve of one training, done now if it has not been."""
+    folder = OUT / f"seed_{seed}"
+    if not (folder / "result.json").is_file():
+        asked = {"env": LEARNT, "seed": seed, "minutes": minutes, "target": TARGET, "device": device, "out": folder}
+        train_ppo.main([word for name, value in asked.items() for word in (f"--{name}", str(value))])
+    read = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("result", "curve")]
+    return read[0], read[1]
+
+
+def learnt_table(trainings: dict[int, tuple[dict[str, Any], list[dict[str, float]]]]) -> str:
+    """What came of each seed, and when its success in training first came to 0.95."""
+    lines = [
+        "| seed | success without exploration, 95 % interval | episodes | 0.95 in training after | steps | wall time | "
+        "processor time |",
+        "|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for seed, (result, curve) in trainings.items():
+        first = next((row for row in curve if row["success"] >= 0.95), None)
+        after = "never" if first is None else f"{first['steps']:,} steps, {first['wall']:.0f} s"
+        lines.append(
+            f"| {seed} | {result['success']:.3f} [{result['low']:.3f}, {result['high']:.3f}] | {result['episodes']} | "
+            f"{after} | {result['steps']:,} | {result['wall']:.0f} s | {result['processor']:.0f} s |"
+        )
+    return "\n".join(lines)
+
+
+class Trained:
+    """A policy of `examples/train_ppo.py`, without exploration.
+
+    Args:
+        path: Its weights.
+        task: What it was trained at.
+    """
+
+    def __init__(self, path: Path, task: Task):
+        self.policy, self.columns = train_ppo.load(path), Layout(task, task.load()).seen
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, A) actions."""
+        scaled = np.stack([seen[c.name] / c.scale for c in self.columns], axis=1)
+        return self.policy.best(torch.as_tensor(scaled.astype(np.float32))).numpy()
+
+
+def shared_table(episodes: int, device: str) -> str:
+    """A trained policy and SIMULATED operators, who share control of Navigate."""
+    task, population = task_of(LEARNT), load_population()
+    drawn = dict(zip(population.names, population.draw(0, np.arange(episodes)).T, strict=True))
+    traits = {"delay": drawn["visual_delay"], "interval": drawn["interval"], "noise": drawn["motor_noise"]}
+    lines = [
+        f"| share of the policy | success in {episodes} episodes, 95 % interval | s to success | "
+        "how the others ended |",
+        "|---:|---:|---:|---|",
+    ]
+    for authority in AUTHORITIES:
+        operator = Operator(ShortestPath(speed=OPERATOR_SPEED, margin=2.0, spacing=3.0), task.rate, **traits)
+        mixed = Shared(Trained(OUT / "seed_0" / "policy.pt", task), operator, authority)
+        found = run_policy(task, mixed, episodes=episodes, seed=SEED, device=device)
+        lines.append(f"| {authority:.2f} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
+        print(lines[-1], flush=True)
+    return "\n".join(lines)
+
+
+def draw(trainings: dict[int, tuple[dict[str, Any], list[dict[str, float]]]], path: Path) -> None:
+    """Success in training of all seeds over steps, beside what scripts achieve."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for seed, (_, curve) in trainings.items():
+        steps = np.array([row["steps"] for row in curve]) / 1000
+        axes.plot(steps, [row["success"] for row in curve], label=f"seed {seed}")
+    axes.axhline(0.95, color="0.5", linewidth=0.8, linestyle="--")
+    axes.annotate("0.95", (0.0, 0.955), xycoords=("axes fraction", "data"), xytext=(3, 0), textcoords="offset points",
+                  color="0.4", fontsize=8)  # fmt: skip
+    axes.set(xlabel="environment steps (thousands)", ylabel="success of the last 1,000 episodes")
+    axes.set_title(f"PPO at {LEARNT}, with exploration", fontsize=10)
+    axes.set_ylim(-0.02, 1.04)
+    axes.set_xlim(left=0.0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="What scripts and trained policies achieve at the shipped tasks.")
+    parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
+    parser.add_argument("--episodes", type=positive, default=512, help="of each script (default: 512)")
+    parser.add_argument("--seeds", type=positive, default=5, help="trainings (default: 5)")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of wall time for each (default: 5)")
+    parser.add_argument("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name} and its picture")
+    given = parser.parse_args()
+    trainings = {seed: learnt(seed, given.minutes, given.device) for seed in range(given.seeds)}
+    machine = Machine.look(pick_device(given.device))
+    measured = f"Commit {commit()}, {machine.name()}, {machine.cores} cores, load {machine.load} at the end."
+    parts = {
+        "scripts": scripts_table(given.episodes, given.device),
+        "shared": shared_table(min(given.episodes, 256), given.device),
+        "ppo": f"{learnt_table(trainings)}\n\n{measured}",
+    }
+    for text in parts.values():
+        print(text, flush=True)
+    draw(trainings, PICTURE if given.write else OUT / "curves.png")
+    if given.write:
+        page = PAGE.read_text(encoding="utf-8")
+        for name, text in parts.items():
+            page = put_on_page(page, text, BEGIN.format(name), END.format(name))
+        save_page(PAGE, page)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,54 @@
+"""A `VectorEnv` as rsl_rl has them: observations in a TensorDict, ends by the clock told apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from gymnasium.vector import AutoresetMode
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from otwarp.envs.vector import VectorEnv
+from otwarp.errors import InputError
+
+
+class RslRlVecEnv(VecEnv):
+    """For runners of rsl_rl; all that is seen is the group `policy`.
+
+    Args:
+        envs: With `arrays="torch"` and `autoreset_mode="SameStep"`, whose actions are numbers.
+        seed: Of the first reset.
+
+    Raises:
+        InputError: They are made otherwise.
+    """
+
+    def __init__(self, envs: VectorEnv, seed: int | None = None):
+        base: Any = envs.unwrapped
+        same, numbers = envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP, not base.task.choices
+        if base.arrays != "torch" or not same or not numbers or envs.single_action_space.shape == ():
+            raise InputError(
+                "environments for RslRlVecEnv: allowed: arrays='torch', autoreset_mode='SameStep', actions of numbers"
+            )
+        self.envs, self.cfg = envs, {"task": base.task.name}
+        self.num_envs, self.num_actions = envs.num_envs, envs.single_action_space.shape[0]  # type: ignore[index]
+        self.max_episode_length = round(base.task.time_limit * base.task.rate)
+        self.device = torch.device(str(base.batch.device))
+        self.episode_length_buf = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
+        self._seen = envs.reset(seed=seed)[0].clone()
+
+    def get_observations(self) -> TensorDict:
+        """What is seen now."""
+        return TensorDict({"policy": self._seen}, batch_size=[self.num_envs], device=self.device)
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """One period: observations, rewards (N), ends (N), and which of these the clock made."""
+        seen, reward, terminated, truncated, info = self.envs.step(actions)
+        over = terminated | truncated
+        self._seen = seen.clone()
+        self.episode_length_buf = torch.where(over, 0, self.episode_length_buf + 1)
+        extras: dict[str, Any] = {"time_outs": truncated & ~terminated, "log": {}}
+        if bool(over.any()):
+            extras["log"]["/success"] = torch.as_tensor(info["success"], device=self.device)[over].float().mean()
+        return self.get_observations(), reward.clone(), over.long(), extras

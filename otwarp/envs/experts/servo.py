@@ -1,0 +1,56 @@
+"""Scripts for Hold and Orient: a power, or a spacing, that follows what is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from otwarp.envs.experts.policies import Seen
+
+MOST_POWER = 1.2
+"""Of the trap of Hold, at 1 of its action; at -1 there is none [mW]."""
+SPEED_LIMIT = 2.0
+"""What 1 stands for in an action of Orient [µm/s]."""
+
+
+class PowerServo:
+    """As much power as lets the robot hang `wanted` off the trap: its force grows with both.
+
+    Args:
+        wanted: Distance from the trap [µm]; the force is largest at 2.8.
+        margin: Power that is kept at least [mW].
+    """
+
+    MEMORY = 0.9
+    """Share of the last estimate that is kept in each period: thermal motion is averaged away."""
+
+    def __init__(self, wanted: float = 1.7, margin: float = 0.1):
+        self.wanted, self.margin = wanted, margin
+        self._need = np.zeros(0)
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, 1) actions."""
+        away = np.sqrt(sum(seen[f"trap_offset.{axis}"] ** 2 for axis in "xyz"))
+        asked = seen["trap_power"] * away / self.wanted
+        if self._need.shape != asked.shape:
+            self._need = np.full_like(asked, 0.5 * MOST_POWER)
+        self._need[fresh] = 0.5 * MOST_POWER
+        # a robot that drifts off is answered at once, calm by and by
+        mean = self.MEMORY * self._need + (1.0 - self.MEMORY) * asked
+        self._need = np.maximum(np.where(away > self.wanted, np.maximum(asked, mean), mean), self.margin)
+        return np.clip(2.0 * self._need / MOST_POWER - 1.0, -1.0, 1.0)[:, None]
+
+
+class SpacingServo:
+    """Both traps move together or apart until the end of the pair is as high as is wanted.
+
+    Args:
+        gain: Speed of each trap over the error of the height [1/s].
+    """
+
+    def __init__(self, gain: float = 1.5):
+        self.gain = gain
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, 2) actions: of the left trap and the right one; a pair in wider traps lies flatter."""
+        speed = self.gain * (seen["raised"] - seen["wanted_rise"])
+        return np.clip(np.stack([-speed, speed], axis=1) / SPEED_LIMIT, -1.0, 1.0)

@@ -1,0 +1,77 @@
+"""Adapters to libraries for learning: what they ask of environments. Training by them is shown by examples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
+
+from otwarp.envs import VectorEnv, task_of
+from otwarp.errors import InputError
+
+SHORT = 0.5
+"""After which an episode is cut off [s]: in the tenth period."""
+
+
+def envs(arrays, mode="SameStep"):
+    return VectorEnv(
+        task_of("otwarp/Navigate-v0", time_limit=SHORT), 3, device="cpu", arrays=arrays, autoreset_mode=mode
+    )
+
+
+def test_sb3():
+    pytest.importorskip("stable_baselines3", reason="pip install 'otwarp[learning]'")
+    from otwarp.envs.adapters.sb3 import SB3VecEnv
+
+    vec = SB3VecEnv(envs("numpy"))
+    vec.seed(4)
+    first = vec.reset()
+    still = np.zeros((3, 2), dtype=np.float32)
+    for _ in range(9):
+        seen, _, over, infos = vec.step(still)
+        assert not over.any() and infos == [{}, {}, {}]
+    seen, _, over, infos = vec.step(still)
+    assert over.all() and all(info["TimeLimit.truncated"] and not info["is_success"] for info in infos)
+    # the last of an episode is in its information, what is seen is the first of the next one
+    # (columns 0 to 3 say where the robot is, which its trap has held meanwhile)
+    assert np.abs(infos[0]["terminal_observation"] - first[0])[:4].max() < 0.05
+    assert np.abs(seen[0] - first[0])[:4].max() > 0.05
+    vec.seed(4)
+    np.testing.assert_array_equal(vec.reset(), first)
+    assert vec.get_attr("num_envs") == [3, 3, 3] and vec.env_is_wrapped(object) == [False] * 3
+    with pytest.raises(InputError, match="allowed"):
+        SB3VecEnv(envs("numpy", "NextStep"))
+
+
+def test_skrl():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("skrl", reason="pip install 'otwarp[learning]'")
+    from otwarp.envs.adapters.skrl import SkrlEnv
+
+    env = SkrlEnv(envs("torch"), seed=4)
+    first, _ = env.reset()
+    kept = first.clone()
+    for n in range(10):
+        seen, reward, terminated, truncated, _ = env.step(torch.zeros(3, 2))
+        assert reward.shape == terminated.shape == (3, 1) and bool(truncated.all()) == (n == 9)
+    assert torch.equal(first, kept), "what was given out stays as it was"
+    assert torch.equal(env.reset()[0], seen) and env.num_envs == 3 and env.device.type == "cpu"
+    with pytest.raises(InputError, match="allowed"):
+        SkrlEnv(envs("numpy"))
+
+
+def test_rsl_rl():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl", reason="pip install 'otwarp[learning]'")
+    from otwarp.envs.adapters.rsl_rl import RslRlVecEnv
+
+    env = RslRlVecEnv(envs("torch"), seed=4)
+    assert env.max_episode_length == 10 and env.num_actions == 2
+    for n in range(10):
+        seen, reward, over, extras = env.step(torch.zeros(3, 2))
+        assert reward.shape == (3,) and bool(over.all()) == (n == 9) == bool(extras["time_outs"].all())
+    assert float(extras["log"]["/success"]) == 0.0 and not env.episode_length_buf.any()
+    assert torch.equal(seen["policy"], env.get_observations()["policy"])
+    with pytest.raises(InputError, match="allowed"):
+        RslRlVecEnv(envs("numpy"))

@@ -1,0 +1,59 @@
+"""The spaces of OT-Gym: what Gymnasium asks of environments, strides, and one environment beside many."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
+
+import gymnasium
+
+import otwarp.envs  # noqa: F401 - registers the environments
+from otwarp.errors import InputError
+
+NAME = "otwarp/CellDeliveryOTGym-v0"
+
+
+def many(count, **options):
+    return gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="vector_entry_point", device="cpu", **options)
+
+
+def test_one_environment_is_one_of_many():
+    one, envs = gymnasium.make(NAME), many(3, autoreset_mode="SameStep")
+    assert one.action_space.n == 10 and one.observation_space.shape == (5,)
+    seen, _ = envs.reset(seed=7)
+    alone, _ = one.reset(seed=8)
+    for stride in (3, 9, 0, 5):
+        np.testing.assert_array_equal(alone, seen[1])
+        alone, reward, *_ = one.step(stride)
+        seen, rewards, *_ = envs.step(np.full(3, stride))
+        assert reward == pytest.approx(float(rewards[1]), abs=1e-6)
+    assert one.observation_space.contains(alone)
+    assert alone[1] == pytest.approx(5 / 9)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_an_episode_that_ends_starts_at_the_beginning_of_the_path(mode):
+    envs = many(2, autoreset_mode=mode)
+    envs.reset(seed=1)
+    for _ in range(80):
+        seen, _, terminated, _, info = envs.step(np.array([9, 0]))
+        if terminated[0]:
+            break
+    assert terminated[0] and not terminated[1]
+    if mode == "SameStep":
+        assert info["final_obs"][0, 0] > 0.1 and not info["final_obs"][1].any()
+    else:
+        assert seen[0, 0] > 0.1
+        seen, *_ = envs.step(np.array([9, 0]))
+    assert seen[0, 0] == 0.0 and seen[0, 1] == 0.0
+
+
+@pytest.mark.parametrize("actions", [np.array([1, 10]), np.array([1.0, 2.0]), np.array([1]), np.array([-1, 0])])
+def test_what_is_no_stride_is_refused(actions):
+    envs = many(2)
+    envs.reset(seed=1)
+    with pytest.raises(InputError, match="allowed"):
+        envs.step(actions)
+    envs.step(np.array([1, 9]))

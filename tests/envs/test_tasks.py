@@ -1,0 +1,87 @@
+"""Shipped tasks: scripts solve them, random actions and careless scripts fail, ends and rewards say why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
+
+from otwarp.envs.experts.delivery import Carrier
+from otwarp.envs.experts.navigate import ShortestPath, StraightLine
+from otwarp.envs.experts.operator import Operator, Shared
+from otwarp.envs.experts.policies import RandomPolicy
+from otwarp.envs.experts.strides import Strider
+from otwarp.envs.registration import TASKS, task_of
+from otwarp.envs.rollout import run_policy
+from otwarp.errors import InputError
+
+COUNT = 24
+"""Episodes. A script that fails in no more than one of a hundred succeeds in 20 of 24 but for 5·10⁻⁶; random actions,
+which never succeed in 512 episodes (docs/benchmarks/envs_learning.md), in no more than one."""
+
+
+def play(name, policy=None, count=COUNT):
+    task = task_of(name)
+    return run_policy(task, policy or task.expert(), episodes=count, seed=5, device="cpu")
+
+
+def ended(name, found, end):
+    """How many episodes came to an end."""
+    return np.count_nonzero(found.outcome == 1 + [e.name for e in task_of(name).ends].index(end))
+
+
+@pytest.mark.parametrize("name", [n for n in TASKS if "CellDelivery" not in n])
+def test_the_script_of_a_task_solves_it(name):
+    found = play(name)
+    assert found.success.sum() >= 20
+
+
+@pytest.mark.parametrize("name", ["otwarp/Navigate-v0", "otwarp/Push-v0"])
+def test_random_actions_fail(name):
+    assert play(name, RandomPolicy(2)).success.sum() <= 1
+
+
+def test_who_goes_straight_collides_and_who_hurries_loses_the_robot():
+    name = "otwarp/Navigate-v0"
+    assert ended(name, play(name, StraightLine()), "collided") >= 20
+    assert ended(name, play(name, StraightLine(speed=60.0)), "lost") >= 12
+    careful = play(name, ShortestPath(speed=25.0), 8)
+    assert careful.periods.mean() > play(name, ShortestPath(speed=50.0), 8).periods.mean()
+
+
+def test_deliveries():
+    assert play("otwarp/CellDelivery-v0", Carrier(), 4).success.all()
+    careless = play("otwarp/CellDelivery-v0", Carrier(speed=30.0), 4)
+    assert not careless.success.any() and np.all(careless.earned < 10.0)
+    assert play("otwarp/CellDeliveryOTGym-v0", Strider(6), 4).success.all()
+    assert not play("otwarp/CellDeliveryOTGym-v0", Strider(9), 4).success.any()
+    assert not play("otwarp/CellDeliveryOTGym-v0", Strider(None), 4).success.all()
+
+
+def test_tasks_say_what_they_are():
+    for name in TASKS:
+        task = task_of(name)
+        assert task.name == name and task.description.endswith(".") and task.expert is not None
+        assert any(end.success for end in task.ends)
+    with pytest.raises(InputError, match="otwarp/Push-v0"):
+        task_of("otwarp/Pull-v0")
+
+
+def test_an_operator_acts_late_and_a_policy_shares_with_him():
+    name, n = "otwarp/Push-v0", 16
+    traits = {"delay": np.full(n, 0.2), "interval": np.full(n, 0.3), "noise": np.full(n, 0.05)}
+    seen, calls = {}, []
+
+    def steps(seen, fresh):
+        calls.append(1)
+        return np.full((len(fresh), 2), float(len(calls)))
+
+    operator = Operator(steps, 20.0, **{**traits, "noise": np.zeros(n)})
+    acted = [operator(seen, np.full(n, period == 0))[0, 0] for period in range(12)]
+    # he knows period 1 in period 5, 0.2 s later, and decides anew in period 11
+    assert acted == [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 7, 7]
+    expert = task_of(name).expert
+    alone = play(name, Operator(expert(), 20.0, **traits), n).success.sum()
+    helped = play(name, Shared(expert(), Operator(expert(), 20.0, **traits), 0.75), n).success.sum()
+    assert alone <= helped >= 14
