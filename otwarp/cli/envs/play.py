@@ -10,6 +10,7 @@ import click
 from otwarp.cli.live_options import live_options, open_session, read_session, run_session
 from otwarp.cli.types import OutputPath
 from otwarp.errors import InputError
+from otwarp.files import check_place
 
 PICTURES = 150
 """Most pictures of a movie."""
@@ -42,23 +43,31 @@ def play(name: str, policy: str | None, movie: Path | None, **options: Any) -> i
 
 def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
     """Run an episode, draw it if that is wanted, and say what came of it."""
+    from otwarp.cli.progress import parts
     from otwarp.envs.picture import Picture
     from otwarp.envs.rollout import policy_of, run_policy
     from otwarp.preview.image import save_movie
 
-    every = max(1, round(task.rate / 10.0), -(-round(task.time_limit * task.rate) // PICTURES))
+    most = round(task.time_limit * task.rate)
+    every = max(1, round(task.rate / 10.0), -(-most // PICTURES))
     frames: list[Any] = []
     drawn: list[Any] = []
+    acting = policy_of(task, policy, seed=seed)
+    if movie is None:
+        found = run_policy(task, acting, episodes=1, seed=seed, device="cpu")
+    else:
+        check_place(movie, "movie")
+        with parts("picture", "pictures, at most") as progress:
 
-    def keep(batch: Any) -> None:
-        """Draw every few periods."""
-        if not drawn:
-            drawn.append(Picture(batch))
-        if int(batch.episode.period.numpy()[0]) % every == 0:
-            frames.append(drawn[0].draw(0))
+            def keep(batch: Any) -> None:
+                """Draw every few periods."""
+                if not drawn:
+                    drawn.append(Picture(batch))
+                if int(batch.episode.period.numpy()[0]) % every == 0:
+                    frames.append(drawn[0].draw(0))
+                    progress(len(frames), most // every + 1)
 
-    found = run_policy(task, policy_of(task, policy, seed=seed), episodes=1, seed=seed, device="cpu",
-                       watch=None if movie is None else keep)  # fmt: skip
+            found = run_policy(task, acting, episodes=1, seed=seed, device="cpu", watch=keep)
     end = int(found.outcome[0])
     why = task.ends[end - 1].name if end > 0 else "out of time" if end == 0 else "no longer physical"
     seconds = found.periods[0] / task.rate
