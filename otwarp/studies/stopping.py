@@ -277,6 +277,8 @@ def trials(count: int, *, level: float = 0.95) -> Stop:
     Raises:
         InputError: One of them out of range.
     """
+    if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+        raise InputError(f"trials is {count!r}; allowed: a whole number of trials, 1 or more")
     return Stop(level=level, at_least=1, at_most=count)
 
 

@@ -18,7 +18,7 @@ from otwarp.studies.asked import asked_by
 from otwarp.studies.axes import Scatter, dimensions
 from otwarp.studies.compute import compute_blocks
 from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
-from otwarp.studies.observables import check_observables, same_end
+from otwarp.studies.observables import check_observables, check_time, same_end
 from otwarp.studies.plan import PER_POINT, Plan, plan_of, steps_of_points
 from otwarp.studies.runner import Runner
 from otwarp.studies.stopping import Stop
@@ -102,7 +102,8 @@ class Study:
         self.options = options or StepOptions()
         self.scatter = tuple((_scattered(n, s, loaded, variations), s) for n, s in (scatter or {}).items())
         self.horizon = self._horizon(horizon)
-        self._every, self.asked_step = every, _step(time_step)
+        self._every = None if every is None else check_time("every", every)
+        self.asked_step = _step(time_step)
         self._runner: Runner | None = None
         self._step_counts: np.ndarray | None = None
         self.round: tuple[np.ndarray, np.ndarray] | None = None

@@ -320,8 +320,9 @@ def test_bad_files(tmp_path, scene, capsys):
     (tmp_path / "well.usda").write_text(scene.read_text())
     for old, new, said in (
         ('unit = "mW"', 'unit = "kg"', "unit 'kg'"),
-        ("trials = 2048", "trials = -1", "at most is -1"),
-        ('"trapped"', '"traped"', "allowed: trapped"),
+        ("trials = 2048", "trials = -1", "trials is -1"),
+        ("seed = 3", 'every = "0 s"', "every is 0.0"),
+        ('"trapped"', '"traped"', "did you mean trapped?"),
         ("seed = 3", "sed = 3", "sed is none of its entries"),
         ('"well.usda"', '"wall.usda"', "there is no such file"),
         ("0.1 s", "0.1", "without a unit"),
