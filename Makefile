@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test thorough validate debian lint scenes schema figures clean help
+.PHONY: demo test thorough validate debian lint docs scenes schema figures clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -60,5 +60,9 @@ schema: $(READY)  ## write the USD schema and docs/scene.md from the vocabulary
 figures: $(READY)  ## draw the pictures of docs/architecture.md from the code
 	$(BIN)/python -m docs.figures
 
+docs: $(READY)  ## build the site of the documentation into site/, warnings as errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "site/index.html"
+
 clean:  ## remove the environment and results
-	rm -rf $(VENV) out
+	rm -rf $(VENV) out site

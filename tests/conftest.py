@@ -26,6 +26,8 @@ THOROUGH = (
     "cli/test_killed.py",
     "cli/test_new.py",
     "cli/test_warnings.py",
+    "docs/test_blocks.py",
+    "docs/test_site.py",
     "envs/test_adapters.py",
     "envs/test_batch.py",
     "envs/test_ot_gym.py",

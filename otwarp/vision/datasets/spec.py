@@ -1,26 +1,28 @@
 """The file of a data set: which robot, how it lies, through which optics it is seen, what varies, how it is split.
 
-seed = 7
-scene = "../scenes/strategy_b.usda"     # a robot, optics and sensor; or [[sphere]] with center, radius, index
-body = "/World/robot"
+In TOML:
 
-[image]
-width = 224                             # pixels; height where it differs
+    seed = 7
+    scene = "../scenes/strategy_b.usda"     # a robot, optics and sensor; or [[sphere]] with center, radius, index
+    body = "/World/robot"
 
-[tilts]
-classes = { from = 0, to = 90, count = 19 }     # degrees, or a list
-between = 1                             # tilts of no class in every gap
+    [image]
+    width = 224                             # pixels; height where it differs
 
-[depth]
-from = -6                               # µm, of the robot's centre above the focal plane
-to = 6
-count = 300
+    [tilts]
+    classes = { from = 0, to = 90, count = 19 }     # degrees, or a list
+    between = 1                             # tilts of no class in every gap
 
-[optics]                                # of `Microscope`, where the scene's camera says something else
-[sensor]                                # of `Sensor`
-[render]                                # of `Rendering`, and `volume`: the largest height of a robot [µm]
-[domain]                                # what varies: number, { from, to } or { values }
-[splits]                                # random = [200, 50, 50] of every class, …
+    [depth]
+    from = -6                               # µm, of the robot's centre above the focal plane
+    to = 6
+    count = 300
+
+    [optics]                                # of `Microscope`, where the scene's camera says something else
+    [sensor]                                # of `Sensor`
+    [render]                                # of `Rendering`, and `volume`: the largest height of a robot [µm]
+    [domain]                                # what varies: number, { from, to } or { values }
+    [splits]                                # random = [200, 50, 50] of every class, …
 """
 
 from __future__ import annotations
