@@ -83,6 +83,7 @@ THOROUGH = (
     "validation/test_weak_order.py",
     "view/test_browser.py",
     "view/test_edit_page.py",
+    "view/test_study_map.py",
     "vision/",
 )
 """Files that compile most and run longest: CI runs them after the others, with --thorough. Their tests marked `quick`

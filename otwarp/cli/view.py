@@ -16,19 +16,27 @@ from otwarp.errors import InputError
 Examples:
   otwarp view out/cell_delivery                   # play it back
   otwarp view out/cell_delivery out/fast          # compare: the second one translucent, plots over each other
-  otwarp view out/cell_delivery --theme light     # for slides"""
+  otwarp view out/cell_delivery --theme light     # for slides
+  otwarp view out/capture                         # a study: click on a point of its map, and see one of its trials"""
 )
-@click.argument("paths", type=FILE, nargs=-1, required=True, metavar="RUN [RUN]")
+@click.argument("paths", type=FILE, nargs=-1, required=True, metavar="RUN [RUN] | STUDY")
 @click.option("--world", type=Number(0, whole=True), default=0, show_default=True, help="Which recorded world.")
 @page_options
 def view(paths: tuple[Path, ...], world: int, theme: str, **where: object) -> None:
     """Open a page on RUN, the folder of a recorded run: play it, step through it, measure in it, compare two.
 
+    Of STUDY, the folder of a study, it shows the map; a trial of a point that is clicked on is run again from its seed.
+
     The page only reads. Ctrl-C ends it.
     """
     from otwarp.view.serve import ServeOptions
-    from otwarp.view.show import show_runs
+    from otwarp.view.show import show_runs, show_study
 
     if len(paths) > 2:
         raise InputError(f"{len(paths)} runs; allowed: one, or two to compare")
+    if any((path / "study.json").exists() for path in paths):
+        if len(paths) > 1:
+            raise InputError(f"{len(paths)} folders, one of them a study; allowed: a study alone, or two runs")
+        show_study(paths[0], ServeOptions(**where), theme=theme, say=click.echo)  # type: ignore[arg-type]
+        return
     show_runs(paths, ServeOptions(**where), world=world, theme=theme, say=click.echo)  # type: ignore[arg-type]

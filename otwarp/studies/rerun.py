@@ -15,6 +15,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.simulation.frame import Frame, capture_frame
+from otwarp.simulation.simulation import Simulation
 from otwarp.studies.compute import spread
 from otwarp.studies.file import load_study
 from otwarp.studies.runner import FAULT, GOING
@@ -22,7 +23,7 @@ from otwarp.studies.store import Store, check_same
 from otwarp.studies.study import Study
 
 FRAMES = 400
-"""Frames of a trial that went on to its horizon, about."""
+"""Frames of a trial, about: at most twice as many."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,8 +107,8 @@ def rerun(store: Store, study: Study, point: int, trial: int, *, device: str = "
     judged = runner.simulation(**asked)
     shown = dataclasses.replace(runner, ends=()).simulation(**asked)
     last = min(round(time / runner.time_step), runner.steps) if code != GOING else runner.steps
-    frames, same = [capture_frame(shown)], known == (code, float(np.float32(time)))
-    stride, done = max(1, runner.steps // FRAMES), 0
+    frames, same = [_captured(shown)], known == (code, float(np.float32(time)))
+    stride, done = max(1, last // FRAMES), 0
     while done < last:
         # frames at whole strides, and a comparison wherever the study looked
         look = min((done // runner.every + 1) * runner.every, runner.steps)
@@ -118,11 +119,18 @@ def rerun(store: Store, study: Study, point: int, trial: int, *, device: str = "
             judged.step(look - round(judged.state.step))
             same &= np.array_equal(judged.state.position.numpy(), shown.state.position.numpy())
         if done % stride == 0 or done == last:
-            frames.append(capture_frame(shown))
+            frames.append(_captured(shown))
     held = np.array([body for body, _ in shown.model.held], dtype=int)
     return Rerun(
         scene=scene, held=held, frames=tuple(frames), code=code, time=time, end=_words(study, code, time), same=same
     )
+
+
+def _captured(sim: Simulation) -> Frame:
+    """A frame that stays as it is: on a CPU its arrays are those of the simulation."""
+    frame = capture_frame(sim)
+    arrays = {f.name: getattr(frame, f.name) for f in dataclasses.fields(frame)}
+    return dataclasses.replace(frame, **{k: np.array(v) for k, v in arrays.items() if isinstance(v, np.ndarray)})
 
 
 def _words(study: Study, code: int, time: float) -> str:

@@ -6,10 +6,11 @@ Open `show` first, then `page`.
 
 | file | what it holds |
 |---|---|
-| `show` | `show_runs`, `edit_scene`: what `otwarp view` and `otwarp edit` do |
+| `show` | `show_runs`, `show_study`, `edit_scene`: what `otwarp view` and `otwarp edit` do |
 | `serve` | a guarded server, its address, its end |
 | `source` | `Source`: moments of one world, whatever they come from |
-| `recorded` | a recorded run as a source, mapped from disk |
+| `recorded`, `trial` | a recorded run as a source, mapped from disk; a trial of a study, run again |
+| `study_map`, `study_tab` | a study's results as a grid that is clicked on; trials run again, in a thread |
 | `page`, `controls` | the page's one thread; its buttons and keys |
 | `playback` | the clock: which moment is shown |
 | `curves`, `plots` | curves over a whole run, thinned so that peaks stay; their plots |
@@ -32,7 +33,9 @@ if TYPE_CHECKING:
     from otwarp.view.serve import ServeOptions as ServeOptions
     from otwarp.view.show import edit_scene as edit_scene
     from otwarp.view.show import show_runs as show_runs
+    from otwarp.view.show import show_study as show_study
 
 __getattr__, __dir__ = lazy_names(
-    __name__, {"recorded": ("RecordedRun",), "serve": ("ServeOptions",), "show": ("edit_scene", "show_runs")}
+    __name__,
+    {"recorded": ("RecordedRun",), "serve": ("ServeOptions",), "show": ("edit_scene", "show_runs", "show_study")},
 )

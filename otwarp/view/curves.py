@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from otwarp.record.monitor import robot_distance
+from otwarp.record.monitor import can_touch, robot_distance
 from otwarp.scene import Scene
 from otwarp.view.source import Moments, Source
 
@@ -24,6 +24,8 @@ MOST_CURVES = 6
 """Bodies or traps that get a curve each; above that the robots do, and the largest of all others makes one."""
 WINDOW = 0.1
 """Time over which a speed is measured [s]: from moment to moment it would be noise alone."""
+SHORT = 10
+"""Windows that a recording has at least: over a short one speeds are measured over less."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +89,8 @@ def _reach(time: np.ndarray) -> int:
     """Moments of `WINDOW`."""
     if len(time) < 2:
         return 1
-    return max(1, round(WINDOW / max((time[-1] - time[0]) / (len(time) - 1), 1e-12)))
+    wanted = round(WINDOW / max((time[-1] - time[0]) / (len(time) - 1), 1e-12))
+    return max(1, min(wanted, len(time) // SHORT))
 
 
 def _ends(time: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +108,7 @@ def _chart(q: _Quantity, time: np.ndarray, values: np.ndarray) -> Chart:
 
 
 def _load(scene: Scene) -> _Quantity | None:
-    if not scene.bodies:
+    if not scene.bodies or not can_touch(scene):
         return None
     names, pick = _chosen(scene)
     lowest = min((b.warning_force for b in scene.bodies), default=math.inf)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from otwarp.errors import InputError
 from otwarp.scene.write.edit import StageEditor
+from otwarp.studies.rerun import stored_study
+from otwarp.studies.store import open_store
 from otwarp.teleop.page.front import DRAGS
 from otwarp.view.controls import KEYS
 from otwarp.view.edit_page import KEYS as EDIT_KEYS
@@ -14,6 +16,7 @@ from otwarp.view.edit_page import EditPage
 from otwarp.view.page import ViewPage
 from otwarp.view.recorded import RecordedRun
 from otwarp.view.serve import ServeOptions, served
+from otwarp.view.study_tab import StudyTab
 from otwarp.view.theme import THEMES
 
 
@@ -49,6 +52,34 @@ def show_runs(
     with served(options, title, KEYS, say) as server:
         page = ViewPage(server, THEMES[theme])
         page.show(runs)
+        page.run(stopped)
+
+
+def show_study(
+    folder: Path,
+    options: ServeOptions,
+    *,
+    theme: str = "dark",
+    say: Callable[[str], None] = print,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Show the map of a study, and the trials of points that are clicked on, until stopped.
+
+    Args:
+        folder: Of the study.
+        options: Where the page is served.
+        theme: `dark` or `light`.
+        say: Gets the line with the page's address.
+        stopped: Asked thirty times a second.
+
+    Raises:
+        InputError: It holds no study of this version, none of it is done, or its trials cannot be had again.
+    """
+    store = open_store(folder)
+    study = stored_study(store)
+    with served(options, f"otwarp · {folder.resolve().name}", KEYS, say) as server:
+        page = ViewPage(server, THEMES[theme])
+        StudyTab(page, server, store, study)
         page.run(stopped)
 
 

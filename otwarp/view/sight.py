@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from otwarp.record.monitor import can_touch
 from otwarp.scene import Scene
 from otwarp.teleop.page.protocol import CameraDrawing, Colour, Drawing, PageFrame
 from otwarp.teleop.page.scene_view import ARROW_COLOURS
@@ -124,7 +125,7 @@ def legend(scene: Scene, drawing: Drawing, arrows: float, other: str | None = No
     rows += [(colour, name) for name, colour in hands.items()]
     if scene.traps:
         rows.append((ARROW_COLOURS[0], "force of a trap"))
-    if len(scene.bodies) > 1 or scene.obstacles:
+    if can_touch(scene):
         rows.append((ARROW_COLOURS[1], "contact force"))
     text = "".join(
         f'<div><span class="swatch" style="background:rgb{colour}"></span>{html.escape(name)}</div>'

@@ -59,6 +59,9 @@ def test_trials_end_as_the_study_says_that_they_did(store: Store):
         found = rerun(store, study, 2 * a + b, trial)
         assert found.same and found.code == code[a, b, trial] and np.float32(found.time) == time[a, b, trial]
         assert found.frames[0].position[0, 0, 0] == pytest.approx((0.0, 0.3)[b], abs=1e-6)
+        for frame in (found.frames[0], found.frames[-1]):
+            away = np.linalg.norm(frame.position[0, 0] - frame.trap_position[0, 0])
+            assert frame.trap_distance[0, 0] == pytest.approx(away, abs=1e-5)  # of the same moment
         ends = found.time if found.code else study.horizon
         assert found.frames[-1].time == pytest.approx(ends, abs=study.runner.time_step)
         assert found.held.tolist() == [0] and ("lost" in found.end or "escaped" in found.end) == (found.code == 1)

@@ -88,6 +88,17 @@
     true,
   );
 
+  // a part of a map that the panel shows: its number goes into the field that it names, as if it were typed there
+  document.addEventListener("click", (event) => {
+    const cell = event.target instanceof Element ? event.target.closest("[data-otwarp-set]") : null;
+    if (cell === null) return;
+    for (const field of document.querySelectorAll("#root input")) {
+      if ((field.labels?.[0]?.textContent ?? field.getAttribute("aria-label")) !== cell.dataset.otwarpField) continue;
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, cell.dataset.otwarpSet);
+      field.dispatchEvent(new Event("input", { bubbles: true }));
+    }
+  });
+
   const beside = make("aside");
   const over = {};
 
