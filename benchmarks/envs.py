@@ -118,7 +118,8 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
         }
         for name, by_worlds in found.items()
     }
-    return Section(name="envs", kind=kind, machine=Machine.look(place), tables=tables, data=data)
+    asked = f"--worlds {' '.join(map(str, worlds))}" if worlds else ""
+    return Section(name="envs", kind=kind, machine=Machine.look(place), tables=tables, data=data, asked=asked)
 
 
 if __name__ == "__main__":
