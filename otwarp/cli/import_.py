@@ -62,6 +62,8 @@ def import_(
     """
     from otwarp.scene.write.mesh_file import read_surface
 
+    if into is not None and not into.is_file():
+        raise InputError(f"--into is {into}, which is no file; allowed: a scene")
     if out is not None:
         if into is None:
             raise InputError(f"--out is {out}; allowed with --into SCENE")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from otwarp.errors import InputError
-from otwarp.teleop.page.access import access_for, address, choose_token, listen
+from otwarp.teleop.page.access import access_for, address, check_host, choose_token, listen
 from otwarp.teleop.page.front import DRAGS, head
 from otwarp.teleop.page.viser_internals import guarded_server, without_override
 
@@ -32,12 +32,18 @@ class ServeOptions:
         port: None for 8080 or the next free one, 0 for any.
         token: Secret that opens the page; None makes one up where others than this machine's users could reach it.
         browser: Whether a browser is opened.
+
+    Raises:
+        InputError: A host that has no address.
     """
 
     host: str = "127.0.0.1"
     port: int | None = None
     token: str | None = None
     browser: bool = False
+
+    def __post_init__(self) -> None:
+        check_host(self.host)
 
 
 @contextmanager
