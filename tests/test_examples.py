@@ -137,3 +137,28 @@ def test_train_rsl_rl():
     pytest.importorskip("rsl_rl", reason="pip install 'otwarp[learning]'")
     runner = import_module("examples.train_rsl_rl").train("otwarp/Navigate-v0", 2, envs=16, steps=16)
     assert runner.current_learning_iteration == 1
+
+
+def test_capture_study(tmp_path: Path):
+    caught = import_module("examples.capture_study").main(points=2, trials=50, out=tmp_path)
+    # 1.4 µm beside the trap nearly all are caught, 3 µm beside it few: far beyond the error of 50 trials, 0.07
+    assert caught[0] > 0.8 and caught[-1] < 0.4
+    assert (tmp_path / "capture_study.png").is_file()
+
+
+def test_calibrate_trap(tmp_path: Path):
+    tracks = 10
+    low, high = import_module("examples.calibrate_trap").main(tracks, 2048, tmp_path)
+    # intervals of 95 %: of ten, six or more miss with a probability of 10⁻⁶, beyond 4.8 σ
+    assert np.sum((low > 1.0) | (high < 1.0)) < 6
+    assert np.all(low < high)
+
+
+def test_escape_force(tmp_path: Path):
+    escape = import_module("examples.escape_force").main(3, tmp_path)
+    assert np.all(escape > 0.0) and escape[1] > escape[0]
+
+
+def test_microscope_image(tmp_path: Path):
+    stack = import_module("examples.microscope_image").main(128, tmp_path)
+    assert stack.shape == (4, 128, 128) and stack[3].max() > 1.2 > stack[1].mean()
