@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test thorough validate debian lint docs scenes schema figures clean help
+.PHONY: demo test thorough validate debian lint docs scenes schema figures blender gltf clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -43,7 +43,7 @@ thorough: $(READY)  ## run the files of tests that take longest, which `make tes
 validate: $(READY)  ## run all tests, the long statistical ones as well
 	$(BIN)/python -m pytest -n 2 --dist loadfile --validate
 
-debian:  ## as root: ROS 1, Fast DDS and Chromium, for the tests that need them
+debian:  ## as root: ROS 1, Fast DDS, Chromium, Octave and npm, for the tests that need them
 	bash .ci/debian
 
 lint: $(READY)  ## formatting, lint and types
@@ -64,5 +64,13 @@ docs: $(READY)  ## build the site of the documentation into site/, warnings as e
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo "site/index.html"
 
+blender:  ## Blender as a Python module, in an environment of its own (1 GB), for docs/recipes/blender.py
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11) and "Blender 5.0 needs Python 3.11: make blender PYTHON=python3.11")'
+	$(PYTHON) -m venv .venv-blender
+	.venv-blender/bin/python -m pip install --quiet bpy==5.0.1 'numpy<2'
+
+gltf:  ## the validator of the Khronos Group, for a test of `otwarp export`; needs npm
+	npm install --silent --no-save --prefix .node gltf-validator@2.0.0-dev.3.10
+
 clean:  ## remove the environment and results
-	rm -rf $(VENV) out site
+	rm -rf $(VENV) .venv-blender .node out site

@@ -55,6 +55,7 @@ THOROUGH = (
     "operators/test_killed.py",
     "optics/test_table.py",
     "perception/test_process.py",
+    "recipes/",
     "scenes/test_physics.py",
     "simulation/test_body_space.py",
     "simulation/test_contact_chains.py",

@@ -79,6 +79,7 @@ INNER: dict[str, set[str]] = {
     "scene.appearance": {"scene", "scene.read"},
     "scene.write": {"scene", "scene.vocabulary", "scene.schema", "scene.read", "scene.appearance"},
     "scene.drawing": {"scene", "scene.read", "scene.appearance"},
+    "scene.export": {"scene", "scene.read", "scene.write", "scene.appearance", "scene.drawing"},
     "scene.recording": {"scene", "scene.vocabulary", "scene.read", "scene.appearance", "scene.drawing"},
     "bench": set(),
     **{f"bench.{room}": {"bench"} for room in ("forces", "integrators", "me", "speed", "stability")},

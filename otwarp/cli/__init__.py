@@ -8,7 +8,7 @@ command lives in the module of its name and imports its room when it is called, 
 - `options`, `bead_options`, `live_options`, `camera_options`, `forces_options`, `page_options`: options that several
   commands share, those of a sphere in its beam, of a live session, of a camera that feeds it, of `forces`, of pages.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
-- Commands: `new`, `import_`, `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `view`, `edit`, `teleop`,
-  `ros1`, `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`, `envs`: groups
-  of commands.
+- Commands: `new`, `import_`, `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `view`, `edit`, `export`,
+  `teleop`, `ros1`, `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`,
+  `envs`: groups of commands.
 """

@@ -24,6 +24,7 @@ COMMANDS = {
     "preview": "Draw a scene or a recorded run.",
     "view": "Play recorded runs back in the browser.",
     "edit": "Draw a scene in the browser: traps, cells, obstacles, goals, paths.",
+    "export": "Write a scene or a recorded run for other programs: USD in metres or meshes, glTF.",
     "analyse": "Calibrate traps, and more, from a recorded run or a study.",
     "study": "Batched studies: trials of a scene at many points.",
     "vision": "What the microscope of a scene sees.",

@@ -50,10 +50,10 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 @click.option(
     "--movie",
     type=OutputPath(),
-    metavar="GIF",
+    metavar="FILE",
     # measured with single_bead, cell_delivery and teleop_small at 640x360
-    help="Write a movie of the whole run: at most 150 pictures, of 0.3 to 1.4 s each on two CPU cores; a bar on the "
-    "terminal, if standard error is one, says how far it is.",
+    help="Write a movie of the whole run, .gif, .mp4 or .webm: at most 150 pictures, of 0.3 to 1.4 s each on two CPU "
+    "cores; a bar on the terminal, if standard error is one, says how far it is.",
 )
 @click.option("--camera", metavar="PRIM", help="Camera prim; default: the stage's first camera.")
 @click.option("--forces", is_flag=True, help="Draw recorded force arrows.")

@@ -17,15 +17,14 @@ from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
+from otwarp.preview.video import CODECS, check_video, save_video
 from otwarp.scene.appearance.missing import with_missing_looks
 from otwarp.scene.drawing.drawables import read_drawables
+from otwarp.scene.drawing.files import stage_file
 from otwarp.scene.read.source import open_stage
 
 if TYPE_CHECKING:
     from pxr import Usd
-
-RUN_LAYER = "run.usda"
-"""Root layer of a recorded run, in its folder."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,7 @@ def open_film(path: str | Path) -> Film:
     Raises:
         InputError: No such file or folder, no run in the folder, or not USD.
     """
-    path = Path(path)
-    if path.is_dir():
-        if not (path / RUN_LAYER).is_file():
-            raise InputError(f"{path}: no {RUN_LAYER} in this folder; a USD stage or a run folder is wanted")
-        path = path / RUN_LAYER
+    path = stage_file(path)
     stage = with_missing_looks(open_stage(path))
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     animated = stage.HasAuthoredTimeCodeRange() and end > start
@@ -108,11 +103,12 @@ def _frames(
         progress(len(codes), len(codes))
 
 
-def _check_file(target: str | Path, suffix: str) -> None:
+def _check_file(target: Path, suffixes: tuple[str, ...]) -> None:
     """Fail before the long work on a file that can never be written, or whose name lies about what is in it."""
-    if Path(target).suffix.lower() != suffix:
-        raise InputError(f"{target}: suffix = {Path(target).suffix or '(none)'}, allowed {suffix}")
-    check_place(Path(target), "picture")
+    if target.suffix not in suffixes:
+        raise InputError(f"{target}: suffix = {target.suffix or '(none)'}, allowed {', '.join(suffixes)}")
+    check_video(target)
+    check_place(target, "picture")
 
 
 def preview(
@@ -132,7 +128,7 @@ def preview(
     samples: int = 3,
     device: str | None = None,
 ) -> list[Path]:
-    """Draw a stage, or a frame of a recorded run, and write it as PNG; or the whole run as GIF.
+    """Draw a stage, or a frame of a recorded run, and write it as PNG; or the whole run as GIF, MP4 or WebM.
 
     Args:
         path: USD stage, or folder of a recorded run (holding `run.usda`).
@@ -141,7 +137,7 @@ def preview(
         time: Seconds from the first frame, instead of `frame`.
         size: Width and height in pixels.
         camera: Path or name of a camera; without it the first one of the stage, or one that frames the scene.
-        movie: GIF to write, in real time or, if that took more than `most_frames` pictures, in time lapse.
+        movie: GIF, MP4 or WebM to write, in real time or, if that took more than `most_frames` pictures, in time lapse.
         fps: Pictures per second of the movie.
         most_frames: Largest number of pictures in the movie.
         progress: Called with (pictures done, pictures in all) while the movie is made.
@@ -162,15 +158,16 @@ def preview(
         name, value = ("frame", f"{frame}") if frame is not None else ("time", f"{time:g} s")
         raise InputError(f"preview: {name} = {value} with a movie, which shows the whole run; allowed: with a picture")
     film = open_film(path)
-    for target, suffix in ((out, ".png"), (movie, ".gif")):
+    for target, suffixes in ((out, (".png",)), (movie, (".gif", *CODECS))):
         if target is not None:
-            _check_file(target, suffix)
+            _check_file(Path(target), suffixes)
     look = PictureStyle(width=size[0], height=size[1], samples=samples, style=style)
     picture = partial(_picture, film, look=look, camera=camera, forces=forces, device=device)
     if movie is not None and (least := min(film.count, most_frames)) < 2:
         raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")
     written = [] if out is None else [save_png(picture(film.time_code(frame, time)), out)]
     if movie is not None:
-        save_movie(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
+        save = save_video if Path(movie).suffix in CODECS else save_movie
+        save(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
         written.append(Path(movie))
     return written

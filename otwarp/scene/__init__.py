@@ -21,6 +21,7 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 | `plausibility` | scene → what it hardly means: slips of units, traps that hold nothing | `plausibility/__init__` |
 | `appearance` | colours, materials and lights; what a stage lacks of them | `appearance/missing` |
 | `write` | description → stage | `write/builder` |
+| `export` | a stage or a run → one USD file in metres or with meshes, or glTF | `export/stage` |
 | `recording` | frames of a run → `run.usda` | `recording/usd` |
 | `drawing` | stage → shapes, lights and camera of a picture | `drawing/drawables` |
 """
@@ -56,10 +57,11 @@ from otwarp.scene.schema import SCHEMA_FOLDER, register
 from otwarp.scene.track import Track
 
 if TYPE_CHECKING:
+    from otwarp.scene.export.gltf import export_gltf
+    from otwarp.scene.export.stage import export_flattened, export_in_metres, export_stage
     from otwarp.scene.read.validate import Report, validate
     from otwarp.scene.write.body_file import write_body
     from otwarp.scene.write.builder import SceneBuilder
-    from otwarp.scene.write.export import export_flattened, export_in_metres
 
 __all__ = [
     "IDENTITY",
@@ -85,7 +87,9 @@ __all__ = [
     "TrapLaw",
     "Vec3",
     "export_flattened",
+    "export_gltf",
     "export_in_metres",
+    "export_stage",
     "validate",
     "write_body",
 ]
@@ -93,10 +97,11 @@ __all__ = [
 __getattr__, _ = lazy_names(
     __name__,
     {
+        "export.gltf": ("export_gltf",),
+        "export.stage": ("export_flattened", "export_in_metres", "export_stage"),
         "read.validate": ("Report", "validate"),
         "write.body_file": ("write_body",),
         "write.builder": ("SceneBuilder",),
-        "write.export": ("export_flattened", "export_in_metres"),
     },
 )
 

@@ -141,3 +141,18 @@ def cells(count: int, *, radius: float = 2.0, spacing: float = 6.0) -> Usd.Stage
     primvar = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex")
     primvar.Set(colours)
     return stage
+
+
+def recorded_run(folder: Path) -> Path:
+    """Folder of a run of 7 frames at 10 per second, from time code 3: a ball that moves 1 µm per frame."""
+    folder.mkdir()
+    stage = new_stage(folder / "run.usda")
+    move = sphere(stage, "/World/Ball", 3.0).AddTranslateOp()
+    for k in range(7):
+        move.Set(Gf.Vec3d(k, 0, 0), 3 + k)
+    camera(stage, eye=(0, 0, 60), width=320.0, height=180.0, ortho=True)
+    stage.SetStartTimeCode(3)
+    stage.SetEndTimeCode(9)
+    stage.SetTimeCodesPerSecond(10)
+    stage.Save()
+    return folder

@@ -9,7 +9,6 @@ import sys
 import numpy as np
 import pytest
 from PIL import Image
-from pxr import Gf
 
 from otwarp.errors import InputError
 from otwarp.preview.annotate import _font, annotate, length_text, scale_bar
@@ -25,18 +24,7 @@ SMALL = {"size": (96, 54), "samples": 1, "device": "cpu"}
 @pytest.fixture
 def run(tmp_path):
     """Folder of a run of 7 frames at 10 per second, from time code 3: a ball that moves 1 µm per frame."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    stage = stages.new_stage(folder / "run.usda")
-    move = stages.sphere(stage, "/World/Ball", 3.0).AddTranslateOp()
-    for k in range(7):
-        move.Set(Gf.Vec3d(k, 0, 0), 3 + k)
-    stages.camera(stage, eye=(0, 0, 60), width=320.0, height=180.0, ortho=True)
-    stage.SetStartTimeCode(3)
-    stage.SetEndTimeCode(9)
-    stage.SetTimeCodesPerSecond(10)
-    stage.Save()
-    return folder
+    return stages.recorded_run(tmp_path / "run")
 
 
 def bar_pixels(image, blank):
@@ -181,10 +169,10 @@ def test_bad_paths(run, tmp_path):
         preview(run)
 
 
-@pytest.mark.parametrize(("out", "movie"), [("p.jpg", None), ("p", None), (None, "p.mp4"), ("p.png", "p.png")])
+@pytest.mark.parametrize(("out", "movie"), [("p.jpg", None), ("p", None), (None, "p.avi"), ("p.png", "p.png")])
 def test_a_file_whose_name_says_another_format_is_refused(run, tmp_path, out, movie):
     files = [None if name is None else tmp_path / name for name in (out, movie)]
-    with pytest.raises(InputError, match=r"p.*: suffix = .*, allowed \.(png|gif)$"):
+    with pytest.raises(InputError, match=r"p.*: suffix = .*, allowed \.(png|gif, \.mp4, \.webm)$"):
         preview(run, files[0], movie=files[1], **SMALL)
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 

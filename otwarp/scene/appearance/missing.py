@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
+from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
 from otwarp.scene.appearance import palette
 from otwarp.scene.appearance.lights import define_lights
 from otwarp.scene.appearance.materials import GLOW, Materials, author_extent, draw_beam
 from otwarp.scene.read.attributes import applied_schemas
+from otwarp.scene.read.typed import Values
 
+TOLERANCE = "ot:goal:tolerance"
 _OWNERS = ("OtBodyAPI", "OtCellAPI", "OtTrapAPI", "OtGoalAPI")
 
 
@@ -25,6 +27,7 @@ def with_missing_looks(stage: Usd.Stage) -> Usd.Stage:
     looks = Sdf.Layer.CreateAnonymous("looks.usda")
     dressed = Usd.Stage.Open(stage.GetRootLayer(), looks)
     dressed.SetEditTarget(looks)
+    values = Values(stage.GetRootLayer().GetDisplayName(), Usd.TimeCode.EarliestTime())
     owned = list(_owned(dressed))
     root = str(dressed.GetDefaultPrim().GetPath()) if dressed.GetDefaultPrim() else ""
     materials = Materials(dressed, root)
@@ -32,12 +35,12 @@ def with_missing_looks(stage: Usd.Stage) -> Usd.Stage:
     metres = UsdGeom.GetStageMetersPerUnit(dressed)
     for prim, owner, kind, index in owned:
         if prim.IsA(UsdGeom.Gprim):
-            _colour(materials, prim, kind, index)
+            _colour(materials, values, prim, kind, index)
         elif prim == owner and prim.IsA(UsdGeom.Xformable) and prim.GetPath() not in drawn:
             if kind == "OtTrapAPI":
-                draw_beam(dressed, materials, prim, _beam(prim), palette.BEAM_OPACITY, scale=1e-6 / metres)
+                draw_beam(dressed, materials, prim, _beam(values, prim), palette.BEAM_OPACITY, scale=1e-6 / metres)
             elif kind == "OtGoalAPI":
-                _ball(dressed, materials, prim, metres)
+                _ball(dressed, materials, prim, values.number(prim, TOLERANCE, absent=1e-6) / metres)
     lit = any(prim.HasAPI(UsdLux.LightAPI) for prim in dressed.Traverse())
     if not lit and not dressed.GetPrimAtPath(f"{root}/Lights"):
         define_lights(dressed, root)
@@ -59,7 +62,7 @@ def _owned(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, Usd.Prim | None, str, i
         yield prim, owner, owned, index
 
 
-def _colour(materials: Materials, prim: Usd.Prim, kind: str, index: int) -> None:
+def _colour(materials: Materials, values: Values, prim: Usd.Prim, kind: str, index: int) -> None:
     """Give a gprim without a material one, and display values where it has none."""
     if UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]:
         return
@@ -67,12 +70,12 @@ def _colour(materials: Materials, prim: Usd.Prim, kind: str, index: int) -> None
     primvars = UsdGeom.PrimvarsAPI(prim)
     given = [primvars.FindPrimvarWithInheritance(name) for name in ("displayColor", "displayOpacity")]
     if given[0] and given[0].HasValue():
-        shown = _single(given[0])
+        shown = _single(values, given[0])
         if shown is None:  # many colours, or none that can be read: those who draw it say so
             return
         color, opacity = (shown[0], shown[1], shown[2]), 1.0
     if given[1] and given[1].HasValue():
-        shown = _single(given[1])
+        shown = _single(values, given[1])
         if shown is None:
             return
         opacity = shown[0]
@@ -82,13 +85,13 @@ def _colour(materials: Materials, prim: Usd.Prim, kind: str, index: int) -> None
     materials.bind(prim, color, opacity, glow=GLOW if kind == "OtTrapAPI" else 0.0)
 
 
-def _single(primvar: UsdGeom.Primvar) -> list[float] | None:
+def _single(values: Values, primvar: UsdGeom.Primvar) -> list[float] | None:
     """The one value of a display primvar, None if it has not exactly one."""
-    value = primvar.Get()
-    if not isinstance(value, Vt.Vec3fArray | Vt.FloatArray) or len(value) != 1 or primvar.IsIndexed():
+    width, types = (3, ("color3f[]", "color3f")) if "Color" in primvar.GetName() else (1, ("float[]", "float"))
+    found = values.array(primvar.GetAttr().GetPrim(), primvar.GetName(), width, types=types)
+    if len(found) != 1 or primvar.IsIndexed():
         return None
-    numbers = np.asarray(value, dtype=float).ravel()
-    return np.clip(numbers, 0.0, 1.0).tolist() if np.isfinite(numbers).all() else None
+    return np.clip(found.ravel(), 0.0, 1.0).tolist() if np.isfinite(found).all() else None
 
 
 def _kind_look(prim: Usd.Prim, kind: str, index: int) -> tuple[palette.Color, float]:
@@ -103,16 +106,14 @@ def _kind_look(prim: Usd.Prim, kind: str, index: int) -> tuple[palette.Color, fl
     return palette.OTHER
 
 
-def _beam(trap: Usd.Prim) -> palette.Color:
-    return palette.BEAMS.get(str(trap.GetAttribute("ot:trap:hand").Get()), palette.BEAMS["none"])
+def _beam(values: Values, trap: Usd.Prim) -> palette.Color:
+    return palette.BEAMS.get(str(values.value(trap, "ot:trap:hand", absent="none")), palette.BEAMS["none"])
 
 
-def _ball(stage: Usd.Stage, materials: Materials, goal: Usd.Prim, metres: float) -> None:
+def _ball(stage: Usd.Stage, materials: Materials, goal: Usd.Prim, radius: float) -> None:
     """A ball at a goal that is a bare Xform."""
-    tolerance = goal.GetAttribute("ot:goal:tolerance").Get()
     ball = UsdGeom.Sphere.Define(stage, goal.GetPath().AppendChild("Ball"))
-    size = float(tolerance) if isinstance(tolerance, float) and 0.0 < tolerance < np.inf else 1e-6
-    ball.CreateRadiusAttr(size / metres)
+    ball.CreateRadiusAttr(radius)
     author_extent(ball.GetPrim())
     materials.paint(ball.GetPrim(), *palette.GOAL)
     materials.bind(ball.GetPrim(), *palette.GOAL)

@@ -8,5 +8,5 @@
 | `edit` | `StageEditor`: a file's scene with things added, moved, deleted, undone; saved as another file |
 | `attributes` | `ot:` attributes by the vocabulary's rows |
 | `obstacles`, `poses` | colliders; transform ops |
-| `export`, `body_file` | layers written whole or not at all, stages in metres; one body as a file of its own |
+| `export`, `body_file` | layers written whole or not at all; one body as a file of its own |
 """

@@ -1,4 +1,4 @@
-"""The copy in metres: the same scene, seen by the same cameras."""
+"""Copies in metres and of meshes: the same scene, seen by the same cameras."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
-from otwarp.scene import Scene, export_in_metres
+from otwarp.scene import Scene, export_in_metres, export_stage
+from otwarp.scene.drawing.draw_list import MESH
+from otwarp.scene.drawing.drawables import read_drawables
 from otwarp.scene.read.validate import validate
+from otwarp.scene.recording.usd import UsdRecording
+from tests.record.small_run import HELD, RATE, frame, load
 from tests.scene.conftest import StageFile
 from tests.scene.write.test_builder import full_builder
 
@@ -83,3 +88,43 @@ def test_bad_files(stage_file: StageFile) -> None:
     with pytest.raises(InputError, match="metersPerUnit = 0"):
         export_in_metres(stage_file.write(("metersPerUnit = 1e-6", "metersPerUnit = 0")), folder / "out.usda")
     assert not (folder / "out.usda").exists()
+
+
+def test_meshes_have_the_colours_and_the_sizes_of_what_they_stand_for(tmp_path: Path) -> None:
+    scene = Path(__file__).parents[3] / "scenes" / "cell_delivery.usda"
+    shapes, meshes = (read_drawables(file) for file in (scene, export_stage(scene, tmp_path / "m.usdc", meshes=True)))
+    assert set(meshes.kind.tolist()) == {MESH}
+    rows = [np.concatenate([*d.bounds(), d.colour, d.opacity[:, None]], axis=1) for d in (shapes, meshes)]
+    # a plane that bounds the liquid has no edge; as a mesh it has
+    rows[0] = np.where(np.isinf(rows[0]), np.sign(rows[0]) * 100.0, rows[0])
+    distance = np.abs(rows[0][:, None] - rows[1]).max(axis=2)
+    assert sorted(distance.argmin(axis=1)) == list(range(len(shapes)))
+    # 32 flat sides: a turned circle of 10 µm may miss its extreme by 10·(1 − cos(π/32))
+    assert distance.min(axis=1).max() < 0.05
+
+
+def test_a_run_in_metres_moves_a_millionth_as_far(tmp_path: Path) -> None:
+    scene = load(tmp_path / "scene")
+    (tmp_path / "run").mkdir()
+    recording = UsdRecording(scene, frames_per_second=RATE, held=HELD)
+    recording.begin(tmp_path / "run")
+    for index in range(5):
+        recording.write(frame(scene, index))
+    recording.close()
+    run = tmp_path / "run" / "run.usda"
+    metres = export_stage(run, tmp_path / "metres.usda", metres=True)
+    stages = [Usd.Stage.Open(str(file)) for file in (run, metres)]
+    assert UsdGeom.GetStageMetersPerUnit(stages[1]) == 1.0
+    assert stages[1].GetFramesPerSecond() == stages[1].GetTimeCodesPerSecond() == RATE
+    assert (stages[1].GetStartTimeCode(), stages[1].GetEndTimeCode()) == (0.0, 4.0)
+    for prim in ("/World/Group/left", "/World/Crowd", "/World/Traps/right", "/World/block"):
+        for code in (0.0, 3.0):
+            micro, metre = (
+                UsdGeom.XformCache(code).GetLocalToWorldTransform(s.GetPrimAtPath(prim)).ExtractTranslation()
+                for s in stages
+            )
+            # the stage of the run has units of 0.5 µm
+            np.testing.assert_allclose(np.array(metre), 0.5e-6 * np.array(micro), rtol=RELATIVE, atol=1e-18)
+    for code in (0.0, 3.0):
+        a, b = (np.concatenate(read_drawables(stage, code).bounds(), axis=1) for stage in stages)
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-5)
