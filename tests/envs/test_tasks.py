@@ -18,7 +18,7 @@ from otwarp.errors import InputError
 
 COUNT = 24
 """Episodes. A script that fails in no more than one of a hundred succeeds in 20 of 24 but for 5·10⁻⁶; random actions,
-which never succeed in 512 episodes (docs/benchmarks/envs_learning.md), in no more than one."""
+which never succeed in 256 episodes (docs/benchmarks/envs_learning.md), in no more than one."""
 
 
 def play(name, policy=None, count=COUNT):
