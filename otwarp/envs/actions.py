@@ -16,7 +16,7 @@ def is_tensor(values: Any) -> bool:
     return type(values).__module__.partition(".")[0] == "torch"
 
 
-def write_actions(task: Task, given: Any, out: wp.array) -> None:
+def write_actions(task: Task, given: Any, out: Any) -> None:
     """Write the actions of all environments, nothing unless all are accepted.
 
     Args:
@@ -48,7 +48,10 @@ def write_actions(task: Task, given: Any, out: wp.array) -> None:
         if np.any(bad):
             at = tuple(int(i) for i in np.argwhere(bad)[0])
             raise InputError(f"action {at} is {values[at]}; allowed: finite numbers, of which those within ±1 count")
-    out.assign(np.ascontiguousarray(values, dtype=np.float32))
+    if out.device.is_cpu:
+        out.numpy()[...] = values
+    else:
+        out.assign(np.ascontiguousarray(values, dtype=np.float32))
 
 
 def check(good: bool, dtype: str, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> None:

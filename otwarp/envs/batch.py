@@ -149,7 +149,7 @@ class Batch:
 
     def _load(self) -> None:
         """Compile and load what the graph captures."""
-        for kernel in (kernels.take, self._judge, *self._rows.kernels):
+        for kernel in (kernels.take, self._judge, self._observe, *self._rows.kernels):
             wp.load_module(kernel.module, device=self.device)
 
     def _launch(self, kernel: Any, *inputs: object, dim: Any = None) -> None:

@@ -23,7 +23,7 @@ def reader(arrays: str) -> Callable[[wp.array], Any]:
         InputError: Neither is wanted, or there is no torch.
     """
     if arrays == "numpy":
-        return lambda array: array.numpy().copy()
+        return _copier()
     if arrays != "torch":
         raise InputError(f"arrays is {arrays!r}; allowed: numpy, torch")
     try:
@@ -31,6 +31,22 @@ def reader(arrays: str) -> Callable[[wp.array], Any]:
     except ImportError:
         raise InputError("arrays is 'torch', which is not installed; allowed: pip install 'otwarp[vision]'") from None
     return wp.to_torch
+
+
+def _copier() -> Callable[[wp.array], np.ndarray]:
+    """What copies arrays to the host; of those that are there it keeps the views, which cost more than small copies."""
+    views: dict[tuple[Any, ...], np.ndarray] = {}
+
+    def read(array: Any) -> np.ndarray:
+        """A copy of the caller's own."""
+        if not array.device.is_cpu:
+            return array.numpy()
+        key = array.ptr, array.shape, array.dtype
+        if key not in views:
+            views[key] = array.numpy()
+        return views[key].copy()
+
+    return read
 
 
 def information(batch: Batch, read: Callable[[wp.array], Any]) -> dict[str, Any]:

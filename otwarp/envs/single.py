@@ -81,8 +81,8 @@ class Env(gymnasium.Env):
         batch.step()
         info = {name: value[0] for name, value in information(batch, self._read).items()}
         seen = self._read(out.seen)[0]
-        ended = bool(out.terminated.numpy()[0]), bool(out.truncated.numpy()[0])
-        return seen, float(out.reward.numpy()[0]), *ended, info
+        ended = bool(self._read(out.terminated)[0]), bool(self._read(out.truncated)[0])
+        return seen, float(self._read(out.reward)[0]), *ended, info
 
     def render(self) -> np.ndarray | None:
         """(height, width, 3) picture in the mode `rgb_array`; None without one."""

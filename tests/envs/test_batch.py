@@ -70,6 +70,17 @@ def test_each_episode_takes_a_row_of_what_is_randomised(device):
     assert np.array_equal(few.verdict.seen.numpy(), batch.verdict.seen.numpy()[[7, 31]])
 
 
+def test_starts_are_randomised_as_they_are_named(device):
+    """The bead where the axis says, its trap where the scene has it; both moved by the shift."""
+    high = studies.values([5.2, 5.4], unit="µm")
+    task = dataclasses.replace(TASK, randomise={"start.z:/World/bead": high})
+    batch = Batch(task, 20, device=device)
+    batch.restart(seeds=np.arange(20))
+    place, focus = batch.sim.state.position.numpy()[:, 0], batch.sim.control.trap_position.numpy()[:, 0]
+    assert set(np.round(place[:, 2], 4)) == {np.float32(5.2), np.float32(5.4)}
+    assert np.allclose(focus[:, :2], place[:, :2], atol=1e-6) and np.allclose(focus[:, 2], 5.0)
+
+
 def test_powers_go_by_the_numbers_of_actions(device):
     task = dataclasses.replace(TASK, action="both", power=(2.0, 6.0))
     batch = Batch(task, 3, device=device)
