@@ -13,13 +13,15 @@ import os
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils, Vt
 
 from otwarp.errors import InputError
 from otwarp.scene.description import Body, Goal, Obstacle, Trap
 from otwarp.scene.read.source import open_stage
+from otwarp.scene.read.typed import Values
 from otwarp.scene.scene import Scene
 from otwarp.scene.write.builder import SceneBuilder
 from otwarp.scene.write.export import export_layer
@@ -46,6 +48,7 @@ class StageEditor:
         self.file = Path(file)
         Scene.load(self.file)
         self._stage = open_stage(self.file)
+        self._values = Values(str(self.file), Usd.TimeCode.EarliestTime())
         unit = UsdGeom.GetStageMetersPerUnit(self._stage)
         if abs(unit / MICROMETRE - 1.0) > SAME_UNIT:
             raise InputError(f"{file}: metersPerUnit = {unit:g}: must be 1e-06, for a scene that is edited")
@@ -140,7 +143,7 @@ class StageEditor:
             """Switched off, whatever layer or reference it comes from."""
             if isinstance(name, tuple):
                 instancer = UsdGeom.PointInstancer(self._stage.GetPrimAtPath(name[0]))
-                ids = instancer.GetIdsAttr().Get()
+                ids = self._values.value(instancer.GetPrim(), "ids", absent=None)
                 instancer.DeactivateId(int(ids[name[1]]) if ids else name[1])
                 return
             gone = Sdf.Path(name)
@@ -181,9 +184,9 @@ class StageEditor:
             prim = self._stage.GetPrimAtPath(trap)
             here = self._place(prim)
             op = self._place_op(prim)
-            base = np.array(op.GetAttr().Get(Usd.TimeCode.EarliestTime()) or (0.0, 0.0, 0.0))
+            at_first = self._values.value(prim, op.GetName(), absent=Gf.Vec3d(0.0))
+            base, kind = np.array(at_first), type(at_first)
             first, rate = self._stage.GetStartTimeCode(), self._stage.GetTimeCodesPerSecond()
-            kind = type(op.GetAttr().Get(Usd.TimeCode.EarliestTime()) or Gf.Vec3d())
             op.GetAttr().Clear()
             for time, point in zip(times, points, strict=True):
                 local = base + self._inward(prim, point - here)
@@ -280,22 +283,27 @@ class StageEditor:
     def _move(self, prim: Usd.Prim, way: np.ndarray) -> None:
         local = self._inward(prim, way)
         attribute = self._place_op(prim).GetAttr()
-        # all are read before one is written: that one would hide the others
-        samples = {code: attribute.Get(code) for code in attribute.GetTimeSamples() or [Usd.TimeCode.Default()]}
-        for code, value in samples.items():
-            kind = type(value) if value is not None else Gf.Vec3d
-            attribute.Set(kind(*np.round(np.array(value or (0.0, 0.0, 0.0)) + local, DIGITS).tolist()), code)
+        for code, value in self._samples(attribute, Gf.Vec3d(0.0)):
+            attribute.Set(type(value)(*np.round(np.array(value) + local, DIGITS).tolist()), code)
 
     def _move_instance(self, path: str, index: int, way: np.ndarray) -> None:
         instancer = UsdGeom.PointInstancer(self._stage.GetPrimAtPath(path))
         attribute = instancer.GetPositionsAttr()
         world = UsdGeom.XformCache().GetLocalToWorldTransform(instancer.GetPrim())
         local = np.array(world.GetInverse().TransformDir(Gf.Vec3d(*way.tolist())))
-        samples = {code: attribute.Get(code) for code in attribute.GetTimeSamples() or [Usd.TimeCode.Default()]}
-        for code, value in samples.items():
+        for code, value in self._samples(attribute, Vt.Vec3fArray()):
             places = np.array(value)
             places[index] += local
             attribute.Set(type(value).FromNumpy(places), code)
+
+    def _samples(self, attribute: Usd.Attribute, absent: object) -> list[tuple[Usd.TimeCode | float, Any]]:
+        """Time codes and values of an attribute, all read before one is written, which would hide the others."""
+        prim, name = attribute.GetPrim(), attribute.GetName()
+        codes, found = self._values.samples(prim, name)
+        if codes:
+            return list(zip(codes, found, strict=True))
+        default = Usd.TimeCode.Default()
+        return [(default, self._values.value(prim, name, absent=absent, time=default))]
 
     def _place(self, prim: Usd.Prim) -> np.ndarray:
         """Where a prim is at the start [µm]."""
