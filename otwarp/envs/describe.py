@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from otwarp.envs.layout import Layout
+from otwarp.envs.registration import own_spaces
 from otwarp.envs.task import Task
 
 
@@ -13,14 +14,16 @@ def described(task: Task) -> dict[str, Any]:
     """An environment as plain data: observations, actions, rewards, ends, and what differs between episodes."""
     layout = Layout(task, task.load())
     row = lambda c: {"name": c.name, "unit": c.unit, "scale": c.scale, "meaning": c.meaning}  # noqa: E731
+    numbers = {"observations": [row(c) for c in layout.seen], "actions": [row(c) for c in layout.acted]}
+    own = own_spaces(task.name, "described")
     return {
         "name": task.name,
         "description": task.description,
         "rate": task.rate,
         "time_limit": task.time_limit,
         "speed_limit": task.speed_limit,
-        "observations": [row(c) for c in layout.seen],
-        "actions": [row(c) for c in layout.acted],
+        **(own() if own else numbers),
+        "chosen": own is not None,
         "choices": [list(c) for c in task.choices],
         "rewards": [{"name": t.name, "unit": t.unit, "weight": t.weight, "meaning": t.meaning} for t in task.rewards],
         "ends": [{"name": t.name, "success": t.success, "meaning": t.meaning} for t in task.ends],
@@ -39,16 +42,18 @@ def number_text(value: float) -> str:
 HEAD = """# What the numbers of the environments mean
 
 Written by `otwarp envs describe -o docs/environments_tables.md`. Observations are divided by what 1 stands for, and cut
-off at ±10; actions are within ±1. [environments.md](environments.md) says how they are used.
+off at ±10; actions are within ±1, or the number of a choice. [environments.md](environments.md) says how they are used.
 
 """
+CHOICES = ("choice", "stands for", "meaning")
+"""Head of the table of actions where an action is the number of a row."""
 TABLES = {
     "observations": ("observation", "1 stands for", "meaning"),
     "actions": ("action", "1 stands for", "meaning"),
     "rewards": ("reward", "weight", "meaning"),
     "ends": ("end", "wanted", "meaning"),
 }
-"""Tables of an environment, and their heads."""
+"""Tables of most environments, and their heads."""
 
 
 def table(shown: dict[str, Any], which: str) -> list[tuple[str, str, str]]:
@@ -64,6 +69,11 @@ def table(shown: dict[str, Any], which: str) -> list[tuple[str, str, str]]:
             middle = f"{number_text(entry['scale'])}{unit}"
         rows.append((entry["name"], middle, entry["meaning"]))
     return rows
+
+
+def heads(shown: dict[str, Any]) -> dict[str, tuple[str, str, str]]:
+    """Tables of an environment, and their heads."""
+    return TABLES | ({"actions": CHOICES} if shown["chosen"] else {})
 
 
 def facts(shown: dict[str, Any]) -> str:
@@ -88,7 +98,7 @@ def page(tasks: Iterable[Task]) -> str:
 def _section(shown: dict[str, Any]) -> str:
     """The tables of an environment as Markdown."""
     lines = [f"## {shown['name']}", "", shown["description"], f"Control: {facts(shown)}"]
-    for which, head in TABLES.items():
+    for which, head in heads(shown).items():
         lines += ["", f"| {' | '.join(head)} |", "|---|---:|---|"]
         lines += [f"| `{name}` | {middle} | {meaning} |" for name, middle, meaning in table(shown, which)]
     return "\n".join(lines) + "\n"

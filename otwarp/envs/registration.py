@@ -84,8 +84,18 @@ def make_vector(name: str, num_envs: int = 1, **options: Any) -> Any:
 
 def _wrapped(name: str, env: Any) -> Any:
     """With the spaces that the file of its task gives it by `wrap`, if these are others than those of the task."""
-    wrap = getattr(import_module(f"otwarp.envs.tasks.{TASKS[name]}"), "wrap", None)
+    wrap = own_spaces(name, "wrap")
     return env if wrap is None else wrap(env)
+
+
+def own_spaces(name: str, function: str) -> Any:
+    """A function of a task's file that exists where an environment has other spaces than its task; else None.
+
+    Args:
+        name: Of the environment.
+        function: `wrap`, which makes it of the task's; `described`, its `observations` and `actions` as rows of tables.
+    """
+    return getattr(import_module(f"otwarp.envs.tasks.{TASKS[name]}"), function, None) if name in TASKS else None
 
 
 def register_all() -> None:

@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
+import gymnasium
+
 from otwarp.cli.main import main
 from otwarp.envs.describe import page
 from otwarp.envs.registration import TASKS, task_of
@@ -28,6 +30,17 @@ def test_what_is_described_is_what_there_is(capsys):
     assert all(name in capsys.readouterr().out for name in list(TASKS)[:1])
     assert main(["envs", "describe", "otwarp/Fly-v0"]) == 2
     assert "allowed: otwarp/Navigate-v0" in capsys.readouterr().err
+
+
+def test_of_ot_gym_its_own_numbers_and_choices_are_described(capsys):
+    name = "otwarp/CellDeliveryOTGym-v0"
+    env = gymnasium.make(name)
+    assert main(["envs", "describe", name, "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert len(shown["observations"]) == env.observation_space.shape[0] and len(shown["actions"]) == env.action_space.n
+    assert main(["envs", "describe", name]) == 0
+    out = capsys.readouterr().out
+    assert "off_middle" in out and "4.95 µm" in out and "[pN]" in out and "velocity" not in out
 
 
 def test_a_policy_plays_an_episode(capsys):

@@ -39,19 +39,20 @@ def describe(name: str | None, out: Path | None, as_json: bool) -> None:
 
 def _print(shown: dict[str, Any]) -> None:
     """Tables for people."""
+    from rich.markup import escape
     from rich.table import Table
 
-    from otwarp.envs.describe import TABLES, facts, table
+    from otwarp.envs.describe import facts, heads, table
 
     console = tables_console(120)
     console.print(f"{shown['name']}: {shown['description']}\n{facts(shown)}", highlight=False, soft_wrap=True)
-    for which, (first, middle, last) in TABLES.items():
+    for which, (first, middle, last) in heads(shown).items():
         rows = Table(box=None, pad_edge=False, header_style="bold")
         rows.add_column(first, no_wrap=True)
         rows.add_column(middle, justify="right", no_wrap=True)
         rows.add_column(last)
         for row in table(shown, which):
-            rows.add_row(*row)
+            rows.add_row(*map(escape, row))  # units in brackets are no styles
         console.print()
         console.print(rows)
     console.print()

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from otwarp.envs import terms as t
-from otwarp.envs.experts.strides import RATE, Strider
+from otwarp.envs.experts.strides import CHOICES, RATE, STRIDE, Strider
 from otwarp.envs.task import Task
 from otwarp.envs.tasks import cell_delivery
 from otwarp.envs.tasks import terms as own
@@ -56,3 +56,21 @@ def wrap(env: Any) -> Any:
     from otwarp.envs.tasks.ot_gym_env import OTGym, OTGymVector
 
     return OTGymVector(env) if hasattr(env, "num_envs") else OTGym(env)
+
+
+SEEN = (
+    ("progress", "1", "Share of the path that is behind."),
+    ("last_stride", "1", "The last choice, as share of the longest stride."),
+    ("off_middle", "µm", "Distance of the cell from the middle of the two robots."),
+    ("yaw", "rad", "Direction in which the pair of robots points."),
+    ("worst_lag", "µm", "Largest distance of a held sphere from its trap's equilibrium point."),
+)
+"""What is seen, with units; none of it is scaled."""
+
+
+def described() -> dict[str, list[dict[str, Any]]]:
+    """Its five numbers and ten choices, as rows of tables."""
+    seen = [{"name": name, "unit": unit, "scale": 1.0, "meaning": meaning} for name, unit, meaning in SEEN]
+    meaning = "Way by which both hands go on along the path in the period."
+    strides = [{"name": f"{n}", "unit": "µm", "scale": STRIDE * n, "meaning": meaning} for n in range(CHOICES)]
+    return {"observations": seen, "actions": strides}
