@@ -38,3 +38,7 @@ def main(worlds: int = 256, trials: int = 2000, barrier: float = 3.0, out: str |
     Path(out).mkdir(parents=True, exist_ok=True)
     plt.savefig(Path(out) / "escape_times.png", dpi=150)
     return time.mean(), mean
+
+
+if __name__ == "__main__":
+    main()

@@ -36,3 +36,7 @@ def main(duration: float = 5.0, out: str | Path = "out") -> tuple[np.ndarray, np
     Path(out).mkdir(parents=True, exist_ok=True)
     plt.savefig(Path(out) / "open_channel.png", dpi=150)
     return np.array(entries), np.array(mean)
+
+
+if __name__ == "__main__":
+    main()
