@@ -32,11 +32,11 @@ def main(worlds: int = 256, trials: int = 2000, barrier: float = 3.0, out: str |
     within = np.sqrt(np.pi / 2.0) * erf(u / np.sqrt(2.0)) - u * np.exp(-(u**2) / 2.0)
     drag = 6.0 * np.pi * scene.medium.viscosity * scene.bodies[0].spheres[0].radius
     mean = drag / stiffness * np.trapezoid(within * np.exp(u**2 / 2.0) / u**2, u)
-    axes = plt.figure().subplots()
+    axes = plt.figure(figsize=(6, 3.4), layout="constrained").subplots()
     axes.semilogy(np.sort(time), 1.0 - np.arange(trials) / trials, np.sort(time), np.exp(-np.sort(time) / mean), "k")
     axes.set(xlabel="time [s]", ylabel="part that holds its bead")
     Path(out).mkdir(parents=True, exist_ok=True)
-    plt.savefig(Path(out) / "escape_times.png", dpi=150)
+    plt.savefig(Path(out) / "escape_times.png", dpi=110)
     return time.mean(), mean
 
 

@@ -29,12 +29,13 @@ def main(duration: float = 5.0, out: str | Path = "out") -> tuple[np.ndarray, np
         time.append(sim.time)
         entries.append(int(sim.readout.entries.numpy().sum()))
         mean.append(mean[-1] + moved[stayed].mean() * cells.sum() / length)  # cells that a cross-section sees
-    plt.step(time, entries, label="cells that came in")
-    plt.plot(time, mean, "k", label="mean speed × cells per length")
-    plt.gca().set(xlabel="time [s]", ylabel="cells")
-    plt.legend()
+    axes = plt.figure(figsize=(6, 3.4), layout="constrained").subplots()
+    axes.step(time, entries, label="cells that came in")
+    axes.plot(time, mean, "k", label="mean speed × cells per length")
+    axes.set(xlabel="time [s]", ylabel="cells")
+    axes.legend()
     Path(out).mkdir(parents=True, exist_ok=True)
-    plt.savefig(Path(out) / "open_channel.png", dpi=150)
+    plt.savefig(Path(out) / "open_channel.png", dpi=110)
     return np.array(entries), np.array(mean)
 
 

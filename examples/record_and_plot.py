@@ -26,7 +26,7 @@ def main(duration: float = 1.0, out: str | Path = "out/bead") -> dict:
     above.set(ylabel="position [nm]")
     below.set(ylabel="trap force [pN]", xlabel="time [s]")
     above.legend()
-    figure.savefig(Path(out) / "path.png", dpi=150)
+    figure.savefig(Path(out) / "path.png", dpi=110)
     return summary
 
 

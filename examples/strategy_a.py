@@ -28,11 +28,11 @@ def main(worlds: int = 200, duration: float = 1.0, out: str | Path = "out") -> n
 
     x, y, z, w = sim.state.orientation.numpy()[:, 0].T
     sine, cosine = 2 * (x * z - y * w), np.minimum(1.0, spacing / (1 - eta))
-    figure, axes = plt.subplots()
+    figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     axes.plot(spacing, np.outer(np.sqrt(1 - cosine**2), [1, -1]), "k", spacing, sine, ".")
     axes.set(xlabel="spacing of the traps d/L", ylabel="sin θ")
     Path(out).mkdir(parents=True, exist_ok=True)
-    figure.savefig(Path(out) / "strategy_a.png", dpi=150)
+    figure.savefig(Path(out) / "strategy_a.png", dpi=110)
     return np.sqrt(1 - sine**2) - cosine
 
 

@@ -22,11 +22,11 @@ def main(worlds: int = 1000, samples: int = 200, out: str | Path = "out") -> np.
         sim.run(0.02)
         square += (sim.state.position.numpy()[:, 0, :2] ** 2).mean(axis=1) / samples  # µm²
     theory = BOLTZMANN * scene.medium.temperature / (scene.traps[0].radial.stiffness * power)
-    figure, axes = plt.subplots()
+    figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     axes.loglog(power, 1e3 * np.sqrt(square), ".", power, 1e3 * np.sqrt(theory), "k")
     axes.set(xlabel="trap power [mW]", ylabel="√⟨x²⟩ [nm]")
     Path(out).mkdir(parents=True, exist_ok=True)
-    figure.savefig(Path(out) / "sweep_power.png", dpi=150)
+    figure.savefig(Path(out) / "sweep_power.png", dpi=110)
     return square / theory
 
 

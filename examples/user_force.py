@@ -29,10 +29,12 @@ def main(worlds: int = 4000, out: str | Path = "out") -> tuple[float, float]:
     found, x = sim.state.position.numpy()[:, 0, 0], np.linspace(-0.8, 0.8, 400)
     theory = np.exp(-2.0 * ((x / 0.4) ** 2 - 1.0) ** 2)
     theory /= np.trapezoid(theory, x)
-    plt.hist(found, bins=40, density=True)
-    plt.plot(x, theory, "k")  # against x [µm]
+    axes = plt.figure(figsize=(6, 3.4), layout="constrained").subplots()
+    axes.hist(found, bins=40, density=True)
+    axes.plot(x, theory, "k")
+    axes.set(xlabel="x [µm]", ylabel="density [1/µm]")
     Path(out).mkdir(parents=True, exist_ok=True)
-    plt.savefig(Path(out) / "user_force.png", dpi=150)
+    plt.savefig(Path(out) / "user_force.png", dpi=110)
     return float(np.mean(found**2)), float(np.trapezoid(theory * x**2, x))
 
 

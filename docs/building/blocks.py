@@ -79,16 +79,16 @@ def run_page(page: Path, folder: Path) -> None:
                 Path(file).write_text(code, encoding="utf-8")
 
 
-def keep(picture: Path, place: Path) -> None:
-    """Copy a picture, with fewer colours where it would be too large."""
+def keep(picture: Path, place: Path, largest: int = LARGEST, widest: int = WIDEST) -> None:
+    """Copy a picture, smaller and with fewer colours where it would be too large."""
     from PIL import Image
 
     place.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(picture, place)
     image = Image.open(picture).convert("RGB")
-    image.thumbnail((WIDEST, WIDEST))
+    image.thumbnail((widest, widest))
     for colors in (256, 128, 64, 32):
-        if place.stat().st_size <= LARGEST:
+        if place.stat().st_size <= largest:
             return
         image.quantize(colors, dither=Image.Dither.FLOYDSTEINBERG).save(place, optimize=True)
 
