@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.studies.intervals import interval, rate_interval, survival
+from otwarp.studies.intervals import Method, interval, rate_interval, survival
 from otwarp.studies.rare.results import escape_table
 from otwarp.studies.search import largest_in
 from otwarp.studies.store import Store
@@ -40,11 +40,10 @@ def table(store: Store) -> Any:
         trials, end, time = (raw[name].values for name in ("trials", "end", "end_time"))
         ran = taken(raw)
         good = ran & (end != -1)
-        computed = trials >= 0
         out["trials"] = (dims, np.maximum(trials, 0), {"long_name": "trials"})
         out["faults"] = (dims, np.sum(ran & (end == -1), axis=-1), {"long_name": "trials with a fault"})
         n = np.sum(good, axis=-1)
-        level, method = asked["stop"]["level"], asked["stop"]["method"]
+        level = asked["stop"]["level"]
         for o in asked["observables"]:
             if o["kind"] == "number":
                 _number(out, raw, o, good, dims)
@@ -55,13 +54,7 @@ def table(store: Store) -> Any:
             came = good & (end == 1 + place_of(asked, o)) & (time <= (np.inf if o["until"] is None else o["until"]))
             if o["kind"] == "probability":
                 count = np.sum(came if o["happens"] else good & ~came, axis=-1)
-                low, high = interval(count, n, level=level, method=method)
-                rate = count / np.where(n > 0, n, np.nan)
-                said = {"long_name": f"probability, {o['name']}", "level": level, "method": method}
-                out[o["name"]] = (dims, rate, said)
-                out[f"{o['name']}_low"] = (dims, np.where(computed, low, np.nan), said)
-                out[f"{o['name']}_high"] = (dims, np.where(computed, high, np.nan), said)
-                out[f"{o['name']}_count"] = (dims, count, {"long_name": f"trials, {o['name']}"})
+                _probability(out, o["name"], count, n, trials >= 0, level, asked["stop"]["method"])
             else:
                 _time(out, o["name"], came, time, good, dims, level)
         _by_end(out, raw, asked, good, dims)
@@ -75,6 +68,19 @@ def table(store: Store) -> Any:
         looked = rule["of"] or next(o["name"] for o in asked["observables"] if o["kind"] == "probability")
         out.update(largest_in(out, looked, rule["probability"], str(dims[-1])))
     return _described(out, asked)
+
+
+def _probability(
+    out: Any, name: str, count: np.ndarray, n: np.ndarray, computed: np.ndarray, level: float, method: Method
+) -> None:
+    """A share of `n` trials with its interval and count, the interval NaN at points that are not computed."""
+    low, high = interval(count, n, level=level, method=method)
+    said = {"long_name": f"probability, {name}", "level": level, "method": method}
+    dims = out["trials"].dims
+    out[name] = (dims, count / np.where(n > 0, n, np.nan), said)
+    out[f"{name}_low"] = (dims, np.where(computed, low, np.nan), said)
+    out[f"{name}_high"] = (dims, np.where(computed, high, np.nan), said)
+    out[f"{name}_count"] = (dims, count, {"long_name": f"trials, {name}"})
 
 
 def _described(out: Any, asked: dict[str, Any]) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.frame import framed
+from otwarp.vision.frame import Framed, framed
 from otwarp.vision.moment import Moments, check_body
 from otwarp.vision.rendering import Rendering, expose, warn_if_few
 from otwarp.vision.specimen import Specimen
@@ -91,11 +91,7 @@ def picture(
         whole = specimen.moved(-middle)
         there = framed(whole, microscope, width, height, planes, how)
         names = list(dict.fromkeys(owners[there.left_out]))
-        if center in names:
-            raise InputError(f"--center is {center}, which reaches beyond the image and its margin of "
-                             f"{there.margin:.3g} µm; allowed: a larger --size or margin")  # fmt: skip
-        if not there.inside and len(whole):
-            _refuse_empty(whole, owners)
+        _check_inside(there, whole, owners, center, names)
         left_out.update(dict.fromkeys(names))
         cut.update(dict.fromkeys(_cut(whole, owners, half)))
         exposed = expose(
@@ -111,6 +107,15 @@ def picture(
         sources=exposed.sources, margin=exposed.margin, error=error, left_out=tuple(left_out),
         cut=tuple(cut),
     )  # fmt: skip
+
+
+def _check_inside(there: Framed, whole: Specimen, owners: np.ndarray, center: str | None, names: list[str]) -> None:
+    """Refuse an image that leaves out the body in its middle, or all bodies."""
+    if center in names:
+        raise InputError(f"--center is {center}, which reaches beyond the image and its margin of "
+                         f"{there.margin:.3g} µm; allowed: a larger --size or margin")  # fmt: skip
+    if not there.inside and len(whole):
+        _refuse_empty(whole, owners)
 
 
 def _cut(solids: Specimen, owners: np.ndarray, half: np.ndarray) -> list[str]:

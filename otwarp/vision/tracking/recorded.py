@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -98,8 +98,6 @@ class RecordedBody:
             InputError: No run, no frames, no such world, body or camera; an exposure longer than the time to the next
                 frame.
         """
-        import netCDF4
-
         file = Path(folder) / "run.nc"
         if not file.is_file():
             raise InputError(f"{folder}: holds no run.nc; allowed: the folder of a recorded run")
@@ -108,18 +106,8 @@ class RecordedBody:
         if camera is not None and camera not in (found, found.rsplit("/", 1)[-1]):
             raise InputError(f"--camera is {camera}; allowed: {found}")
         index = body_index(scene, body)
-        try:
-            data = netCDF4.Dataset(file)
-        except OSError as error:
-            raise InputError(f"{file}: contents = {error.strerror}; allowed: a recorded run's netCDF file") from None
-        with data:
-            data.set_auto_mask(False)
-            worlds, count = len(data.dimensions["world"]), len(data.dimensions["frame"])
-            if not 0 <= world < worlds:
-                raise InputError(f"{file}: world = {world}; allowed: 0 … {worlds - 1}")
-            pick = np.arange(0, count, every)[: frames if frames is not None else count]
-            if len(pick) < 2:
-                raise InputError(f"{file}: frames = {len(pick)} to track; allowed: 2 or more")
+        with _opened(file) as data:
+            pick = _picked(file, data, world, every, frames)
             time = np.asarray(data["time"][:], dtype=float)
             if shutter > (between := float(np.diff(time[pick]).min())) * (1.0 + 1e-6):
                 raise InputError(f"--exposure (or the camera's) is {shutter:g} s; allowed: up to {between:.4g} s, the "
@@ -386,3 +374,26 @@ class _Follower:
             return None
         estimate, mirror = found
         return of_estimate(estimate, time, self.camera, middle, mirror=mirror)
+
+
+def _opened(file: Path) -> Any:
+    """A run's netCDF file, without masks."""
+    import netCDF4
+
+    try:
+        data = netCDF4.Dataset(file)
+    except OSError as error:
+        raise InputError(f"{file}: contents = {error.strerror}; allowed: a recorded run's netCDF file") from None
+    data.set_auto_mask(False)
+    return data
+
+
+def _picked(file: Path, data: Any, world: int, every: int, frames: int | None) -> np.ndarray:
+    """Which frames of a world that is there are taken."""
+    worlds, count = len(data.dimensions["world"]), len(data.dimensions["frame"])
+    if not 0 <= world < worlds:
+        raise InputError(f"{file}: world = {world}; allowed: 0 … {worlds - 1}")
+    pick = np.arange(0, count, every)[: frames if frames is not None else count]
+    if len(pick) < 2:
+        raise InputError(f"{file}: frames = {len(pick)} to track; allowed: 2 or more")
+    return pick
