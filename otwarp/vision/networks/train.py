@@ -368,7 +368,6 @@ def finish(work: Training, data: Any) -> dict[str, Any]:
     _save_network(work, found["about"]["epoch"], widen)
     test = samples(data, work.parts["test"], np.zeros((len(work.parts["test"]), 0)), work.about["size"], work.device)
     said = predict(work.network, work.targets, test.images, precision=precision, widen=widen)
-    fastest = [row["images_per_second"] for row in work.rows]
     metrics = {
         "net": work.settings.net,
         "weights": dict(work.weights),
@@ -377,7 +376,7 @@ def finish(work: Training, data: Any) -> dict[str, Any]:
         "images": {name: len(index) for name, index in work.parts.items()},
         "best_epoch": found["about"]["epoch"],
         "training_seconds": sum(row["seconds"] for row in work.rows),
-        "images_per_second": float(np.median(fastest)),
+        "images_per_second": float(np.median([row["images_per_second"] for row in work.rows])),
         "test": scores_of(said, work.targets, data.labels, work.parts["test"]),
     }
     draw_curves(work.folder / "curves.png", work.rows)
