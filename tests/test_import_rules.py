@@ -25,7 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "teleop": ROOT | {"kernels", "simulation", "haptics", "scene", "record", "device"},
     "view": ROOT | {"scene", "simulation", "record", "teleop", "studies"},
     "operators": ROOT | {"device", "kernels", "haptics", "scene", "simulation", "studies", "teleop"},
-    "envs": ROOT | {"device", "kernels", "preview", "scene", "simulation", "studies"},
+    "envs": ROOT | {"device", "kernels", "perception", "preview", "scene", "simulation", "studies", "teleop"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
     "preview": ROOT | {"device", "scene"},
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},

@@ -18,6 +18,8 @@ single         `Env`, one environment
 vector         `VectorEnv`, many
 check          what vector environments promise, checked bit for bit
 picture        pictures of worlds
+images         images of the microscope as observations
+window         the page of live sessions, drawn after every step
 rollout        episodes of a policy
 describe       tables of what the numbers mean
 goal_task      any scene with a goal as a task

@@ -156,7 +156,8 @@ def _check_masks(env: Any, actions: np.ndarray, seed: int) -> None:
             raise AssertionError(f"a step is taken after the end of an episode in step {k}")
         after, info = env.reset(options={"reset_mask": over})
         _claim(np.array_equal(after[~over], seen[~over]), "a mask resets environments that it does not name")
-        _claim(not np.any(np.all(after[over] == seen[over], axis=-1)), "a mask leaves environments as they were")
+        same = np.all((after == seen).reshape(len(after), -1), axis=1)
+        _claim(not np.any(same[over]), "a mask leaves environments as they were")
         for name, value in info.items():
             if name.startswith("_"):
                 _claim(np.array_equal(value, over), f"{name} of a reset by a mask is not the mask")

@@ -9,11 +9,15 @@ import numpy as np
 
 from otwarp.envs.actions import check, write_actions
 from otwarp.envs.batch import Batch
+from otwarp.envs.images import images_of
 from otwarp.envs.picture import Picture
 from otwarp.envs.results import blank, information, reader
 from otwarp.envs.spaces import action_space, observation_space
 from otwarp.envs.task import Task
+from otwarp.envs.window import Window
 from otwarp.errors import InputError
+
+MODES = ("rgb_array", "human")
 
 
 class Env(gymnasium.Env):
@@ -22,16 +26,17 @@ class Env(gymnasium.Env):
     Args:
         task: The task.
         device: `"cpu"`, `"cuda:0"`, … or None for the CPU, where one world steps fastest.
-        render_mode: `rgb_array` for pictures by the preview, or None. `otwarp envs play` opens the page instead.
+        render_mode: `rgb_array` for pictures by the preview; `human` for the page of live sessions, whose address is
+            written to stderr, in pace with the clock until `close`; or None.
 
     Raises:
         InputError: A task that its scene does not allow, or an argument out of range.
     """
 
     def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
-        if render_mode not in (None, "rgb_array"):
-            raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": task.rate}
+        if render_mode not in (None, *MODES):
+            raise InputError(f"render_mode is {render_mode!r}; allowed: {', '.join(MODES)}, or None")
+        self.metadata = {"render_modes": list(MODES), "render_fps": task.rate}
         self.batch = Batch(task, 1, device=device, autoreset="off")
         self.task, self.render_mode = task, render_mode
         self.observation_space, self.action_space = (
@@ -39,12 +44,12 @@ class Env(gymnasium.Env):
             action_space(self.batch.layout),
         )
         self._read = reader("numpy")
-        self._picture = Picture(self.batch) if render_mode else None
+        self._images = images_of(self.batch)
+        self._picture = Picture(self.batch) if render_mode == "rgb_array" else None
+        self.window = Window(self.batch) if render_mode == "human" else None
         self._started = False
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the first one of a seed, or the next one.
 
         Raises:
@@ -60,9 +65,20 @@ class Env(gymnasium.Env):
             first = int(self.np_random.integers(0, 2**32))
         self.batch.restart(None, np.array([first]))
         self._started = True
-        return self._read(self.batch.verdict.seen)[0], {name: value[0] for name, value in blank(self.batch).items()}
+        return self._observed(), {name: value[0] for name, value in blank(self.batch).items()}
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def _observed(self) -> Any:
+        """What the environment shows now; its window, too."""
+        if self.window is not None:
+            self.window.draw()
+        state = self._read(self.batch.verdict.seen)
+        if self._images is None:
+            return state[0]
+        self._images.record()
+        seen = self._images.observed(state)
+        return {name: rows[0] for name, rows in seen.items()} if isinstance(seen, dict) else seen[0]
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One period of control.
 
         Raises:
@@ -80,10 +96,15 @@ class Env(gymnasium.Env):
         write_actions(self.task, given[None], batch.actions)
         batch.step()
         info = {name: value[0] for name, value in information(batch, self._read).items()}
-        seen = self._read(out.seen)[0]
+        seen = self._observed()
         ended = bool(self._read(out.terminated)[0]), bool(self._read(out.truncated)[0])
         return seen, float(self._read(out.reward)[0]), *ended, info
 
     def render(self) -> np.ndarray | None:
         """(height, width, 3) picture in the mode `rgb_array`; None without one."""
         return None if self._picture is None else self._picture.draw(0)
+
+    def close(self) -> None:
+        """End the page of the mode `human`; may be called more than once."""
+        if self.window is not None:
+            self.window.close()

@@ -20,8 +20,12 @@ def action_space(layout: Layout) -> Any:
 
 
 def observation_space(layout: Layout) -> Any:
-    """Of one environment: scaled numbers, cut off at ± `LIMIT`."""
+    """Of one environment: scaled numbers, cut off at ± `LIMIT`; grey levels (height, width, 1); or both by name."""
     from gymnasium import spaces
 
-    limit = float(LIMIT)
-    return spaces.Box(-limit, limit, (len(layout.seen),), np.float32)
+    limit, task = float(LIMIT), layout.task
+    state = spaces.Box(-limit, limit, (len(layout.seen),), np.float32)
+    if task.observation == "state":
+        return state
+    image = spaces.Box(0, 255, (*task.image_size[::-1], 1), np.uint8)
+    return image if task.observation == "image" else spaces.Dict({"image": image, "state": state})

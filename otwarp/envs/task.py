@@ -15,9 +15,13 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene
 
 ActionKind = Literal["velocity", "power", "both"]
+Observation = Literal["state", "image", "both"]
 Policy = Callable[[Mapping[str, np.ndarray], np.ndarray], np.ndarray]
 """`(seen, fresh) -> (N, A)`: observed columns by name, each (N) in their own units, and (N) bool, whether an episode
 has just begun; returns numbers within ±1."""
+
+MOST_PIXELS, MOST_BINNED = 512, 8
+"""Largest side of an image of a task, and of a pixel of it in pixels of the camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +77,10 @@ class Task:
         shifts: What starts elsewhere in each episode.
         randomise: What differs from episode to episode: axes of `otwarp.studies` by name, such as
             `{"trap_power": ot.studies.random(4, 6, 64, unit="mW")}`; one value of each axis is chosen anew.
+        observation: What is observed: the `state`, which are the terms; an `image` of the microscope; or `both`.
+        image_size: Width and height of images [pixels].
+        image_binning: Pixels of the camera along each side of a pixel of an image, which is their mean.
+        image_follows: Whether the microscope follows the body that hands hold, instead of staying where the scene's is.
         expert: Makes a scripted policy, which remembers what it needs between the steps of its environments.
     """
 
@@ -94,6 +102,10 @@ class Task:
     goal_half: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shifts: tuple[Shift, ...] = ()
     randomise: Mapping[Any, Any] = field(default_factory=dict, repr=False)
+    observation: Observation = "state"
+    image_size: tuple[int, int] = (64, 64)
+    image_binning: int = 2
+    image_follows: bool = True
     expert: Callable[[], Policy] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -101,6 +113,15 @@ class Task:
             raise InputError(f"task {self.name}: allowed: at least one hand, observation, reward and end")
         if self.action not in ("velocity", "power", "both"):
             raise InputError(f"action of task {self.name} is {self.action!r}; allowed: velocity, power, both")
+        if self.observation not in ("state", "image", "both"):
+            raise InputError(f"observation of task {self.name} is {self.observation!r}; allowed: state, image, both")
+        size = self.image_size
+        if not isinstance(size, tuple) or len(size) != 2 or not all(_counts(n, MOST_PIXELS) for n in size):
+            allowed = f"two whole numbers from 1 to {MOST_PIXELS}"
+            raise InputError(f"image_size of task {self.name} is {size!r}; allowed: {allowed}")
+        if not _counts(self.image_binning, MOST_BINNED):
+            raise InputError(f"image_binning of task {self.name} is {self.image_binning!r}; "
+                             f"allowed: a whole number from 1 to {MOST_BINNED}")  # fmt: skip
         for name in ("speed_limit", "rate", "time_limit"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
@@ -127,3 +148,8 @@ class Task:
             InputError: As `Scene.load`.
         """
         return self.scene if isinstance(self.scene, Scene) else Scene.load(self.scene)
+
+
+def _counts(value: Any, most: int) -> bool:
+    """Whether it is a whole number from 1 to `most`."""
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most

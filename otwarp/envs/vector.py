@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from otwarp.envs.actions import is_tensor, write_actions
 from otwarp.envs.batch import Batch
+from otwarp.envs.images import images_of, only
 from otwarp.envs.picture import Picture
 from otwarp.envs.results import Arrays, blank, information, masked, reader
 from otwarp.envs.spaces import action_space, observation_space
@@ -61,7 +62,14 @@ class VectorEnv(GymnasiumVectorEnv):
         if render_mode not in (None, "rgb_array"):
             raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self._read = reader(arrays)
-        self.batch = Batch(task, num_envs, device=device, autoreset=MODES[mode])  # type: ignore[arg-type]
+        blind = task.observation == "state"
+        if not blind and arrays != "numpy":
+            raise InputError(f"arrays is {arrays!r}, but images are computed on the host; allowed: numpy")
+        # images of what an episode has come to are taken before its world starts anew
+        self._restarts = mode is AutoresetMode.SAME_STEP and not blind
+        autoreset = "off" if self._restarts else MODES[mode]
+        self.batch = Batch(task, num_envs, device=device, autoreset=autoreset)  # type: ignore[arg-type]
+        self._images = images_of(self.batch)
         self.task, self.num_envs, self.arrays, self.render_mode = task, num_envs, arrays, render_mode
         self.metadata = {"autoreset_mode": mode, "render_modes": ["rgb_array"], "render_fps": task.rate}
         self.mode = mode
@@ -96,7 +104,15 @@ class VectorEnv(GymnasiumVectorEnv):
         self.batch.restart(mask, seeds)
         self._started = True
         everyone = np.ones(self.num_envs, dtype=bool) if mask is None else mask
-        return self._read(self.batch.verdict.seen), masked(blank(self.batch), everyone)
+        return self._observed(everyone), masked(blank(self.batch), everyone)
+
+    def _observed(self, fresh: np.ndarray | None = None) -> Any:
+        """What the environments show; images are taken of those that are `fresh`, (N) bool, or of all."""
+        state = self._read(self.batch.verdict.seen)
+        if self._images is None:
+            return state
+        self._images.record(fresh)
+        return self._images.observed(state)
 
     def _first_seeds(self, seeds: np.ndarray) -> np.ndarray:
         """(N) consecutive seeds, from the system where none is given."""
@@ -157,16 +173,21 @@ class VectorEnv(GymnasiumVectorEnv):
         terminated, truncated = read(out.terminated), read(out.truncated)
         everyone = read(out.terminated) | True
         info = masked(information(batch, read), everyone)
-        if self.mode is AutoresetMode.SAME_STEP:
-            self._add_final(info, terminated | truncated)
-        return read(out.seen), read(out.reward), terminated, truncated, info
+        reward, seen, over = read(out.reward), self._observed(), terminated | truncated
+        if self._restarts:
+            if over.any():
+                self._add_final(info, over, only(seen, over))
+                batch.restart(over)
+                seen = self._observed(over)
+        elif self.mode is AutoresetMode.SAME_STEP and (self.arrays != "numpy" or over.any()):
+            self._add_final(info, over, read(out.last_seen))
+        return seen, reward, terminated, truncated, info
 
-    def _add_final(self, info: dict[str, Any], over: Any) -> None:
+    @staticmethod
+    def _add_final(info: dict[str, Any], over: Any, seen: Any) -> None:
         """Of the episodes that have ended: their last observations, and the information of their last period."""
-        if self.arrays == "numpy" and not over.any():
-            return
         last = {name: value for name, value in info.items() if not name.startswith("_")}
-        info |= {"final_obs": self._read(self.batch.verdict.last_seen), "_final_obs": over}
+        info |= {"final_obs": seen, "_final_obs": over}
         info |= {"final_info": masked(last, over), "_final_info": over}
 
     def render(self) -> tuple[np.ndarray, ...] | None:

@@ -16,6 +16,7 @@ from otwarp.envs.experts.strides import CHOICES, RATE, STRIDE, Strider
 from otwarp.envs.task import Task
 from otwarp.envs.tasks import cell_delivery
 from otwarp.envs.tasks import terms as own
+from otwarp.errors import InputError
 
 BAND = (0.05, 10.0)
 """Contact force on the cell that is paid for [pN]."""
@@ -55,6 +56,9 @@ def wrap(env: Any) -> Any:
     """An `Env` or a `VectorEnv` of that task, with the spaces of OT-Gym."""
     from otwarp.envs.tasks.ot_gym_env import OTGym, OTGymVector
 
+    kind = env.task.observation
+    if kind != "state":
+        raise InputError(f"observation of CellDeliveryOTGym is {kind!r}; allowed: state, the numbers of OT-Gym")
     return OTGymVector(env) if hasattr(env, "num_envs") else OTGym(env)
 
 

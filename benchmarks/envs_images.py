@@ -1,0 +1,63 @@
+"""Images as observations of environments: milliseconds of one, by task, size and binning, and of the step before it."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Section, command
+from otwarp.bench.machine import Machine
+from otwarp.bench.report import Table
+from otwarp.bench.timing import Quartiles, elapsed
+from otwarp.device import pick_device
+from otwarp.envs.batch import Batch
+from otwarp.envs.images import Images
+from otwarp.envs.registration import task_of
+
+MEASURED = ("otwarp/Navigate-v0", "otwarp/Push-v0", "otwarp/Orient-v0", "otwarp/CellDelivery-v0")
+SIZES = ((64, 1), (64, 2), (64, 4), (84, 2), (128, 1))
+"""Pixels of a side of the image, and of the camera in each of them."""
+WARM_UP, PERIODS = 2, 3
+"""Periods before those that are timed, and of a round."""
+
+
+def costs(name: str, device: Any, rounds: int, size: int, binning: int) -> dict[str, Any]:
+    """Time of a period and of the image after it [s], of one world under constant actions."""
+    task = task_of(name, observation="image", image_size=(size, size), image_binning=binning)
+    batch = Batch(task, 1, device=device, autoreset="off")
+    images = Images(batch)
+    batch.restart(seeds=np.zeros(1, dtype=int))
+    batch.actions.assign(np.full(batch.actions.shape, 0.1, dtype=np.float32))
+    found: dict[str, list[float]] = {"step": [], "image": []}
+    for n in range(WARM_UP + rounds * PERIODS):
+        times = {"step": elapsed(batch.step, device).wall, "image": elapsed(partial(images.record), device).wall}
+        for what, seconds in times.items():
+            found[what] += [seconds] if n >= WARM_UP else []
+    field = size * binning * images.camera.pixel_size
+    return {"field": field, **{what: Quartiles.of(seconds) for what, seconds in found.items()}}
+
+
+def measure(device: str = "cpu", *, rounds: int = 5) -> Section:
+    """What images cost beside steps."""
+    place = pick_device(device)
+    kind = "cpu" if place.is_cpu else "cuda"
+    rows, data = [], {}
+    for name in MEASURED:
+        for size, binning in SIZES:
+            found = costs(name, place, rounds, size, binning)
+            milliseconds = [found[what].times(1e3).text(".3g") for what in ("image", "step")]
+            rows.append((f"`{name}`", f"{size} × {size}", str(binning), f"{found['field']:.3g}", *milliseconds))
+            data[f"{name} {size} {binning}"] = {**found, **{w: vars(found[w]) for w in ("image", "step")}}
+    table = Table(
+        title="An image and the step before it",
+        head=("task", "pixels", "binning", "side [µm]", "image [ms]", "step without [ms]"),
+        rows=rows,
+        note="Of one environment; images of many are computed one after the other. Median and quartiles.",
+    )
+    return Section(name="envs_images", kind=kind, machine=Machine.look(place), tables=[table], data=data)
+
+
+if __name__ == "__main__":
+    command(measure, "Images as observations of environments: milliseconds of one.", rounds=5)
