@@ -23,7 +23,6 @@ from otwarp.bench.speed.result import SpeedBench, SpeedRow
 from otwarp.bench.speed.table import HEAD, caption, table
 from otwarp.bench.speed.workloads import (
     CASES,
-    DELIVERY,
     LISTED,
     PARTICLES,
     RELAXATION,
@@ -268,10 +267,6 @@ def test_files(found, tmp_path: Path):
         found.save(tmp_path / "absent" / "x.json")
     with pytest.raises(InputError, match="nothing was measured"):
         draw_speed(replace(found, rows=(row("none", skipped="x"),)), picture)
-
-
-def test_the_shipped_delivery_is_the_scene():
-    assert DELIVERY.read_bytes() == (Path(__file__).parents[2] / "scenes" / "cell_delivery.usda").read_bytes()
 
 
 def test_the_command_prints_the_table_and_writes_files(device, capfd, tmp_path: Path):

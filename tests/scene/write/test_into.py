@@ -10,7 +10,7 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.scene import Scene
-from otwarp.scene.write.export import export_in_metres
+from otwarp.scene.export.stage import export_in_metres
 from otwarp.shipped import shipped
 
 trimesh = pytest.importorskip("trimesh")
@@ -56,7 +56,7 @@ def test_nothing_is_lost(here: Path, capsys: pytest.CaptureFixture[str]) -> None
         ([*into, "scene.usda", "--name", "a.b"], "--name is a.b; allowed: letters, digits and _"),
         ([*into, "scene.usda", "--position", "1,2"], "--position is 1,2; allowed: X,Y,Z in µm"),
         ([*into, "scene.usda", "-o", "other.usda"], "other.usda is there already; allowed: a new file, or --force"),
-        ([*into, "none.usda"], "none.usda: there is no such file"),
+        ([*into, "none.usda"], "--into is none.usda, which is no file"),
         ([*into, "part 1.stl"], "suffix = .stl; allowed: .usda, .usdc, .usd"),
         (["import", "part 1.stl", "-o", "new.usda"], "--out is new.usda; allowed with --into SCENE"),
     ):
