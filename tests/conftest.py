@@ -78,6 +78,7 @@ THOROUGH = (
     "teleop/page/test_end_to_end.py",
     "test_examples.py",
     "test_installed.py",
+    "test_notebooks.py",
     "validation/test_rigid_equilibrium.py",
     "validation/test_scattering_model.py",
     "validation/test_strong_order.py",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.scene.read.variations import Variations
@@ -40,7 +41,7 @@ class Study:
     """A batched study of a scene.
 
     Args:
-        scene: A scene that was loaded from a file, or its file.
+        scene: A scene that was loaded from a file, its file, or the name of a shipped one.
         axes: What varies: name (see `otwarp.studies.targets`) → `grid`, `values`, `random`, `normal` or `sobol`; a
             tuple of names → as many, which go together.
         observables: What is asked of every trial.
@@ -82,7 +83,7 @@ class Study:
         scatter: Mapping[str, Scatter] | None = None,
         options: StepOptions | None = None,
     ):
-        file = scene.file if isinstance(scene, Scene) else Path(scene)
+        file = scene.file if isinstance(scene, Scene) else shipped.find("scenes", scene)
         if file is None:
             raise InputError(
                 "the scene of a study has no file; allowed: a scene that was loaded, SceneBuilder saves one"

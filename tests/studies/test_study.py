@@ -355,3 +355,8 @@ def test_delivery_needs_a_goal(scene):
 def test_contact_force_is_an_observable(scene):
     """A name that needs no arguments may stand there as it is."""
     assert study_of(scene, observables=[trapped(until=0.1), contact_force]).observables[1].name == "contact_force"
+
+
+def test_a_shipped_scene_is_found_by_its_name():
+    study = Study("table_trap", observables=[trapped(until=0.01)], stop=trials(8))
+    assert study.design.scene.file == ROOT / "scenes" / "table_trap.usda"
