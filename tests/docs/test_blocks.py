@@ -10,7 +10,7 @@ from PIL import Image
 from docs.building.blocks import BLOCK, LARGEST, PAGES, PICTURES, pictures, run_page
 from tests.documents import ROOT, Document
 
-NEEDS = {"training": "torch", "live": "rosbags", "closed_loop": "xarray"}
+NEEDS = {"training": "torch", "chamber": "trimesh", "live": "rosbags", "closed_loop": "xarray"}
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
 
