@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,18 +29,20 @@ def task_of(name: str, **changes: Any) -> Task:
 
     Args:
         name: Such as `otwarp/Navigate-v0`.
-        changes: Attributes of `Task` that are to be others.
+        changes: Attributes of `Task` that are to be others, and options of its own: `strategy` of Orient, `A` or `B`.
 
     Raises:
-        InputError: There is none of that name, or an attribute that `Task` does not have.
+        InputError: There is none of that name, or an option that neither `Task` nor this one has.
     """
     if name not in TASKS:
         raise InputError(f"environment {name!r} is unknown; allowed: {', '.join(TASKS)}")
-    task = import_module(f"otwarp.envs.tasks.{TASKS[name]}").task()
-    fields = {f.name for f in dataclasses.fields(task)}
+    make = import_module(f"otwarp.envs.tasks.{TASKS[name]}").task
+    own = {option: changes.pop(option) for option in inspect.signature(make).parameters if option in changes}
+    task = make(**own)
+    allowed = {f.name for f in dataclasses.fields(task)} | set(inspect.signature(make).parameters)
     for change in changes:
-        if change not in fields:
-            raise InputError(f"option {change!r} of {name} is unknown; allowed: {', '.join(sorted(fields))}")
+        if change not in allowed:
+            raise InputError(f"option {change!r} of {name} is unknown; allowed: {', '.join(sorted(allowed))}")
     return dataclasses.replace(task, **changes)
 
 

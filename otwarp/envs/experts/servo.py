@@ -11,6 +11,9 @@ MOST_POWER = 1.2
 SPEED_LIMIT = 2.0
 """What 1 stands for in an action of Orient [µm/s]."""
 
+POWERS = (8.0, 32.0)
+"""Of a trap of Orient by strategy B, at -1 and 1 of its action [mW]."""
+
 
 class PowerServo:
     """As much power as lets the robot hang `wanted` off the trap: its force grows with both.
@@ -54,3 +57,33 @@ class SpacingServo:
         """(N, 2) actions: of the left trap and the right one; a pair in wider traps lies flatter."""
         speed = self.gain * (seen["raised"] - seen["wanted_rise"])
         return np.clip(np.stack([-speed, speed], axis=1) / SPEED_LIMIT, -1.0, 1.0)
+
+
+class TiltServo:
+    """The trap of the end that is to rise is made the weaker one and both close quickly; then their distance is served.
+
+    Args:
+        gain: Speed of each trap over the error of the height [1/s].
+        share: Part of the range of powers by which they are unequal.
+    """
+
+    FLAT, NEAR = 0.17, 0.3
+    """Height of the right end while the robot is flat; how much nearer to it counts as not tilted [µm]."""
+    CLOSED, OPEN, ANSWER = 7.8, 9.3, 10.0
+    """Distances of the traps at which a robot does not stay flat, and at which it does [µm]; speed over what is missing
+    of one of them [1/s]."""
+
+    def __init__(self, gain: float = 2.0, share: float = 0.7):
+        self.gain, self.share = gain, share
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, 4) actions: along y and power of the left trap and of the right one, which is at lower y."""
+        side = np.where(seen["wanted_rise"] > self.FLAT, 1.0, -1.0)
+        tilt, wanted = side * (seen["raised"] - self.FLAT), side * (seen["wanted_rise"] - self.FLAT)
+        # a robot that has turned the other way is laid flat first
+        target = np.where(tilt < -self.NEAR, self.OPEN, self.CLOSED)
+        missing = self.ANSWER * (np.abs(seen["trap_spread.y"]) - target)
+        flat = (tilt < self.NEAR) & (wanted > self.NEAR)
+        speed = np.where(flat, missing, self.gain * (wanted - tilt)) / SPEED_LIMIT
+        power = self.share * side
+        return np.clip(np.stack([-speed, power, speed, -power], axis=1), -1.0, 1.0)
