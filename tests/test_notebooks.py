@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from docs.building.gallery import run_notebook
 from tests.documents import ROOT, Document
 
 jupytext = pytest.importorskip("jupytext", reason="pip install 'otwarp[docs]'")
@@ -31,10 +32,7 @@ def test_a_notebook_runs(file: Path, tmp_path: Path, monkeypatch):
 
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"__name__": "__main__"}
-    for cell in jupytext.read(file, fmt="py:percent").cells:
-        if cell.cell_type == "code":
-            exec(compile(cell.source, str(file), "exec"), names)
+    run_notebook(file)
     assert len(plt.get_fignums()) >= 1
     for number in plt.get_fignums():
         plt.figure(number).savefig(tmp_path / f"{number}.png")

@@ -1,4 +1,4 @@
-"""The gallery shows what the table of examples says, in pictures that are small."""
+"""The gallery shows what the tables of examples and notebooks say, in pictures that are small."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from docs.building.blocks import keep
 from docs.building.gallery import EXAMPLES, LARGEST, PAGE, PICTURES, page, rows
 
 
-def test_every_example_that_does_not_train_is_in_the_gallery():
-    names = {path.stem for path in EXAMPLES.glob("*.py")} - {"__init__"}
+def test_every_notebook_and_example_that_does_not_train_is_in_the_gallery():
+    names = {path.stem for path in EXAMPLES.rglob("*.py")} - {"__init__"}
     assert set(rows()) == {name for name in names if not name.startswith("train_")}
     assert PAGE.read_text() == page(), "python -m docs.building.gallery"
     assert {path.stem for path in PICTURES.iterdir()} == set(rows())
