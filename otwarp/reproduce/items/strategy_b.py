@@ -32,9 +32,10 @@ measures."""
 DIFFERENCE = """The paper's 1.54° and 1.29° are its simulation against its experiment; ours are the simulation against
 the balance of forces of the same model. For a robot of two elements in harmonic traps θ does not depend on m at all
 (the test `test_a_pair_does_not_feel_the_power_ratio` says so); it does here because the laws have a threshold and the
-traps reach the arms as well. Unequal powers choose the sign: the fork of strategy A becomes a curve that leaves 0°
-gradually. Both signs are stable below d ≈ 0.83 L, and a run may stay on either; the figures follow the side that the
-powers choose. What is left against the balance is noise: in a soft and uneven well the mean is not the bottom."""
+traps reach the arms as well. In the balance unequal powers choose the sign: the fork of strategy A becomes a curve
+that leaves 0° gradually. Both signs are stable below d ≈ 0.83 L, and thermal noise takes moving runs to either: of them
+|θ| is shown; runs at rest start on the side that the powers choose. What is left against the balance is noise: in a
+soft and uneven well the mean is not the bottom."""
 
 INCOMPARABLE = (
     "The paper's points θ(d*), the unit of d* and the definition of m are not published: neither the curve nor the "
