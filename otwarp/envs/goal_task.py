@@ -10,7 +10,7 @@ from otwarp.envs import terms as t
 from otwarp.envs.task import Hand, Task
 from otwarp.envs.terms import Term
 from otwarp.errors import InputError
-from otwarp.scene import Scene
+from otwarp.scene import Goal, Scene
 
 SCALE = 20.0
 """Of places in the scene, where 1 is observed [µm]."""
@@ -54,14 +54,6 @@ def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
     for name in changes:
         if name not in fields:
             raise InputError(f"option {name!r} of from_scene is unknown; allowed: {', '.join(sorted(fields))}")
-    ends = [
-        t.reached(body=goal.cell, radius=goal.tolerance, success=True),
-        t.lost(distance=goal.lost_distance),
-    ]
-    if len(goal.robots) == 2:
-        left, right = goal.robots
-        far = goal.cell_lost_distance
-        ends.append(t.left_behind(distance=far, cell=goal.cell, left=left, right=right))
     limits = [trap.speed_limit for trap in loaded.traps if trap.hand != "none"]
     made: dict[str, Any] = {
         "name": f"otwarp/{Path(where).stem}",
@@ -74,11 +66,24 @@ def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
             t.passing(weight=-0.05),
             t.arrival(body=goal.cell, radius=goal.tolerance),
         ),
-        "ends": tuple(ends),
+        "ends": tuple(_ends(goal)),
         "time_limit": max(loaded.settings.duration, 1.0),
         "speed_limit": min([10.0, *limits]),
     }
     return Task(**(made | changes))
+
+
+def _ends(goal: Goal) -> list[Term]:
+    """Success, lost robots, and a cell that two robots leave behind."""
+    ends = [
+        t.reached(body=goal.cell, radius=goal.tolerance, success=True),
+        t.lost(distance=goal.lost_distance),
+    ]
+    if len(goal.robots) == 2:
+        left, right = goal.robots
+        far = goal.cell_lost_distance
+        ends.append(t.left_behind(distance=far, cell=goal.cell, left=left, right=right))
+    return ends
 
 
 def _observed(scene: Scene, hands: list[Hand]) -> list[Term]:

@@ -396,6 +396,5 @@ def memory_named(batch: int, device: Any) -> Iterator[None]:
         yield
     except torch.OutOfMemoryError as error:
         words = " ".join(str(error).split())[:100]
-        raise InputError(
-            f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a smaller one"
-        ) from None
+        raise InputError(f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a "
+                         "smaller one") from None  # fmt: skip
