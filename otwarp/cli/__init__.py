@@ -5,10 +5,9 @@ command lives in the module of its name and imports its room when it is called, 
 
 - `start`: where it begins. `main`: finds the command, and turns errors into one line and an exit code; `lazy`: groups
   that import on demand. `types`: numbers in a range, files that can be written.
-- `options`, `bead_options`, `live_options`, `camera_options`, `forces_options`, `page_options`: options that several
-  commands share, those of a sphere in its beam, of a live session, of a camera that feeds it, of `forces`, of pages.
+- `options`: what several commands ask alike.
 - `output`: JSON and tables. `progress`: a bar. `stop`: SIGTERM and Ctrl-C.
-- Commands: `new`, `import_`, `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `view`, `edit`, `export`,
-  `teleop`, `ros1`, `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`, `operators`,
-  `envs`: groups of commands.
+- Commands: `new`, `import_`, `forces`, `validate`, `info`, `mobility`, `run`, `analyse`, `preview`, `view`, `edit`,
+  `export`, `teleop`, `ros1`, `ros2`, `decompose`, `reproduce`; `scenes`, `study`, `vision`, `bench`, `haptics`,
+  `operators`, `envs`: groups of commands.
 """

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from otwarp.cli.options import scene_argument
-from otwarp.cli.page_options import page_options
+from otwarp.cli.options.page import page_options
 from otwarp.cli.types import OutputPath
 
 

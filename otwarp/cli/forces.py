@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.forces_options import GROUPS, ForcesRequest, GroupedCommand, make_ladder, read_request
+from otwarp.cli.options.forces import GROUPS, ForcesRequest, GroupedCommand, make_ladder, read_request
 from otwarp.cli.output import json_text
 from otwarp.units import BOLTZMANN
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import ROS_OPTIONS, live_options, run_with_ros, sayer
 from otwarp.cli.options import scene_argument, with_options
+from otwarp.cli.options.live import ROS_OPTIONS, live_options, run_with_ros, sayer
 from otwarp.cli.types import UNIT
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from otwarp.cli.camera_options import camera_options, open_perception, split_options
-from otwarp.cli.live_options import live_options, open_session, read_session, run_session, sayer
 from otwarp.cli.options import scene_argument
+from otwarp.cli.options.camera import camera_options, open_perception, split_options
+from otwarp.cli.options.live import live_options, open_session, read_session, run_session, sayer
 
 
 @click.command()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from otwarp.cli.page_options import page_options
+from otwarp.cli.options.page import page_options
 from otwarp.cli.types import FILE, Number
 from otwarp.errors import InputError
 

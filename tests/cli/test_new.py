@@ -45,4 +45,4 @@ def test_a_template_runs_and_loses_nothing(kind: str, tmp_path: Path, device: st
     assert main(["new", kind, str(file)]) == 0
     assert main(["run", str(file), "--out", str(out), "--device", device]) == 0
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["seconds"] == pytest.approx(Scene.load(file).settings.duration)
+    assert summary["duration_s"] == pytest.approx(Scene.load(file).settings.duration)

@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from otwarp.cli.bead_options import Bead, taken
 from otwarp.cli.bench.options import OUTPUT, Output, bead, check_same, note, print_table
 from otwarp.cli.options import device_option, with_options
+from otwarp.cli.options.bead import Bead, taken
 from otwarp.cli.types import COUNT, POSITIVE, SECONDS
 
 

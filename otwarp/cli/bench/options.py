@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.bead_options import beam_options, sphere_options
 from otwarp.cli.options import json_option, out_option
+from otwarp.cli.options.bead import beam_options, sphere_options
 from otwarp.cli.output import json_text, tables_console
 from otwarp.cli.types import FILE, OutputPath
 from otwarp.errors import InputError

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from otwarp.cli.live_options import live_options, open_session, read_session, run_session
+from otwarp.cli.options.live import live_options, open_session, read_session, run_session
 from otwarp.cli.types import OutputPath
 from otwarp.errors import InputError
 from otwarp.files import check_place

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from otwarp.cli.bead_options import Bead, beam_options, option, sphere_options, taken
+from otwarp.cli.options.bead import Bead, beam_options, option, sphere_options, taken
 from otwarp.cli.types import FILE, Number, OutputPath
 from otwarp.errors import InputError
 

@@ -1,4 +1,8 @@
-"""Options that several commands share."""
+"""Options that several commands share: here those of many, beside it those of a few. Open this file first.
+
+`bead`: of a sphere in its beam; `forces`: of `otwarp forces`. `live`: of a live session; `camera`: of a camera that
+feeds one. `page`: of pages of recordings and drawn scenes.
+"""
 
 from __future__ import annotations
 
