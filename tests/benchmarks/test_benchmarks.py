@@ -219,7 +219,7 @@ def test_sections_are_written_to_their_pages_or_none_is(term_section: Section, t
 def test_the_short_page_states_what_the_pages_under_it_hold():
     text = headlines.SUMMARY.read_text()
     assert text.split(headlines.BEGIN)[1].split(headlines.END)[0].strip() == headlines.summary().strip()
-    assert len(text.splitlines()) <= 135
+    assert len(text.splitlines()) <= 150
     assert all((f"(benchmarks/{name}.md)") in text for name in BENCHMARKS)
 
 

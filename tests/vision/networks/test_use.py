@@ -121,8 +121,8 @@ def test_a_network_of_another_robot_or_training_is_refused(smoke: Path, trained:
     ):
         evaluate(trained, [other], poses=0, device="cpu")
     network, data = load(trained, device="cpu"), open_dataset(smoke)
-    assert network.about["learnt"]["tilt"] == [0.0, 90.0]
-    assert network.about["learnt"]["wavelength"] == [0.55, 0.55]
+    assert network.about["learnt"]["tilt"] == (0.0, 90.0)
+    assert network.about["learnt"]["wavelength"] == (0.55, 0.55)
     assert exceeded(network.about, {"tilt": (5.0, 90.5), "depth": (-3.0, 3.0)}) == []
     found = exceeded(network.about, {"tilt": (-30.0, 5.0), "wavelength": (0.6, 0.6), "yaw": (40.0, 50.0)})
     assert found == ["tilt -30 to 5° (learnt: 0 to 90°)", "wavelength 0.6 µm (learnt: 0.55 µm)",
