@@ -162,7 +162,7 @@ def check_same(folder: Folder, asked: dict[str, Any]) -> None:
 
 def run_study(
     study: Computed,
-    path: Path,
+    path: str | Path,
     *,
     device: str | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -179,6 +179,7 @@ def run_study(
         InputError: As `create`; or another process works in the folder.
         OSError: The disk is full.
     """
+    path = Path(path)
     folder = create(path, study)
     with claimed(path, "runs this study; allowed: one at a time"):
         for chunk in range(study.chunks):
