@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from otwarp.analysis.tracks import xarray
 from otwarp.analysis.trajectory import open_run
 from otwarp.errors import InputError
-from otwarp.studies.intervals import rate_interval, survival
+from otwarp.studies.stopping.intervals import rate_interval, survival
 
 
 def escapes(path: str | Path, *, world: int | None = None, level: float = 0.95) -> Any:
@@ -41,7 +41,7 @@ def escape_survival(path: str | Path, *, world: int | None = None, level: float 
         level: Of the intervals, such as 0.95.
 
     Returns:
-        Dataset over time [s]: `survival` by the product limit (`otwarp.studies.intervals.survival`), _low and _high.
+        Dataset over time [s]: `survival` by the product limit (`otwarp.studies.survival`), _low and _high.
 
     Raises:
         InputError: As `escapes`.
@@ -124,7 +124,7 @@ def _sampled(store: Any) -> Any:
 
 
 def escape_rates(events: ArrayLike, exposure: ArrayLike, *, names: list[str] | None = None, level: float = 0.95) -> Any:
-    """Rates of a constant hazard, events over exposure, with exact intervals (`otwarp.studies.intervals`).
+    """Rates of a constant hazard, events over exposure, with exact intervals (`otwarp.studies.stopping.intervals`).
 
     Args:
         events: (n,) escapes seen.

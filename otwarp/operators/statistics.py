@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from otwarp.errors import InputError
-from otwarp.studies.intervals import check_level, interval
+from otwarp.studies.stopping.intervals import check_level, interval
 
 
 @dataclass(frozen=True)

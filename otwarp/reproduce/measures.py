@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from otwarp.studies.intervals import interval
+from otwarp.studies.stopping.intervals import interval
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@
 | `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |
 | `named`, `functions` | observables as files name them, those of a user's own file; functions of users |
 | `runner`, `rerun` | trials on a device, a world each; one of them run again, with frames |
-| `stopping`, `search` | how many trials a point gets; the largest value along an axis that still does |
-| `intervals` | intervals of rates, survival |
+| `stopping` | how many trials a point gets, and the intervals that decide it |
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
 | `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |
 | `engines` | who computes what is missing, and where: this process, shards, Ray |
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from otwarp.studies.contours import contour_lines
     from otwarp.studies.engines.run import run_study
     from otwarp.studies.file import load_study
-    from otwarp.studies.intervals import interval, survival
     from otwarp.studies.observables import (
         Observable,
         contact_dose,
@@ -49,8 +47,10 @@ if TYPE_CHECKING:
     from otwarp.studies.rare.orders import Order, distance, energy, order
     from otwarp.studies.rare.study import EscapePlan, EscapeStudy
     from otwarp.studies.results import table
-    from otwarp.studies.search import largest, largest_in
-    from otwarp.studies.stopping import Stop, budget, contour, half_width, trials
+    from otwarp.studies.stopping.contour import contour
+    from otwarp.studies.stopping.intervals import interval, survival
+    from otwarp.studies.stopping.rules import Stop, budget, half_width, trials
+    from otwarp.studies.stopping.search import largest, largest_in
     from otwarp.studies.store import Store, open_store
     from otwarp.studies.study import Study
 
@@ -58,7 +58,7 @@ _NAMES = {
     "axes": ("Axis", "Scatter", "grid", "normal", "random", "sobol", "values"),
     "contours": ("contour_lines",),
     "file": ("load_study",),
-    "intervals": ("interval", "survival"),
+    "stopping.intervals": ("interval", "survival"),
     "observables": (
         "Observable",
         "contact_dose",
@@ -73,8 +73,9 @@ _NAMES = {
     "engines.run": ("run_study",),
     "outcomes": ("first_lost", "left_behind", "outcome", "place"),
     "plan": ("Plan",),
-    "search": ("largest", "largest_in"),
-    "stopping": ("Stop", "budget", "contour", "half_width", "trials"),
+    "stopping.search": ("largest", "largest_in"),
+    "stopping.contour": ("contour",),
+    "stopping.rules": ("Stop", "budget", "half_width", "trials"),
     "store": ("Store", "open_store"),
     "study": ("Study",),
     "rare.orders": ("Order", "distance", "energy", "order"),

@@ -13,7 +13,7 @@ from otwarp.studies.axes import Scatter
 from otwarp.studies.design import Design
 from otwarp.studies.observables import Observable
 from otwarp.studies.runner import Runner
-from otwarp.studies.stopping import Stop
+from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target
 

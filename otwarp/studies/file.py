@@ -41,7 +41,7 @@ from otwarp.studies.plan import PER_POINT
 from otwarp.studies.quantity import quantity
 from otwarp.studies.rare.file import escape_arguments
 from otwarp.studies.rare.study import EscapeStudy
-from otwarp.studies.search import stop_of
+from otwarp.studies.stopping.search import stop_of
 from otwarp.studies.study import Study
 
 KEYS = ("scene", "seed", "horizon", "every", "time_step", "axis", "observable", "stop", "scatter", "options", "escape")

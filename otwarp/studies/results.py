@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.studies.intervals import Method, interval, rate_interval, survival
 from otwarp.studies.rare.results import escape_table
-from otwarp.studies.search import largest_in
+from otwarp.studies.stopping.intervals import interval, rate_interval, survival
+from otwarp.studies.stopping.looks import level_at
+from otwarp.studies.stopping.search import largest_in
 from otwarp.studies.store import Store
 
 
@@ -54,7 +55,7 @@ def table(store: Store) -> Any:
             came = good & (end == 1 + place_of(asked, o)) & (time <= (np.inf if o["until"] is None else o["until"]))
             if o["kind"] == "probability":
                 count = np.sum(came if o["happens"] else good & ~came, axis=-1)
-                _probability(out, o["name"], count, n, trials >= 0, level, asked["stop"]["method"])
+                _probability(out, o["name"], count, n, trials, asked["stop"])
             else:
                 _time(out, o["name"], came, time, good, dims, level)
         _by_end(out, raw, asked, good, dims)
@@ -71,11 +72,15 @@ def table(store: Store) -> Any:
 
 
 def _probability(
-    out: Any, name: str, count: np.ndarray, n: np.ndarray, computed: np.ndarray, level: float, method: Method
+    out: Any, name: str, count: np.ndarray, n: np.ndarray, trials: np.ndarray, rule: dict[str, Any]
 ) -> None:
     """A share of `n` trials with its interval and count, the interval NaN at points that are not computed."""
-    low, high = interval(count, n, level=level, method=method)
-    said = {"long_name": f"probability, {name}", "level": level, "method": method}
+    said = {"long_name": f"probability, {name}", "level": rule["level"], "method": rule["method"]}
+    computed, looks = trials >= 0, rule.get("looks")
+    if looks is None:
+        low, high = interval(count, n, level=rule["level"], method=rule["method"])
+    else:
+        low, high = interval(count, n, level=level_at(looks, rule["level"], trials))
     dims = out["trials"].dims
     out[name] = (dims, count / np.where(n > 0, n, np.nan), said)
     out[f"{name}_low"] = (dims, np.where(computed, low, np.nan), said)

@@ -22,7 +22,7 @@ from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
 from otwarp.studies.observables import check_observables, check_time, same_end
 from otwarp.studies.plan import PER_POINT, Plan, plan_of, steps_of_points
 from otwarp.studies.runner import Runner
-from otwarp.studies.stopping import Stop
+from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target, target_of
 

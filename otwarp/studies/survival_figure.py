@@ -10,8 +10,8 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.studies.axes import spoken
-from otwarp.studies.intervals import interval, rate_interval, survival
 from otwarp.studies.results import place_of, taken
+from otwarp.studies.stopping.intervals import interval, rate_interval, survival
 from otwarp.studies.store import Store
 
 CURVES = 6

@@ -19,8 +19,8 @@ from otwarp.studies.engines.run import run_study
 from otwarp.studies.observables import trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import table
-from otwarp.studies.search import largest
-from otwarp.studies.stopping import trials
+from otwarp.studies.stopping.rules import trials
+from otwarp.studies.stopping.search import largest
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 

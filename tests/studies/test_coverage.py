@@ -14,9 +14,9 @@ import xarray
 
 from otwarp.analysis import crooks, jarzynski
 from otwarp.analysis.lifetimes import escape_rates
-from otwarp.studies.intervals import rate_interval
 from otwarp.studies.rare.results import halved_rates, mean_of_runs
 from otwarp.studies.results import moments
+from otwarp.studies.stopping.intervals import rate_interval
 from otwarp.units import BOLTZMANN
 from tests.analysis.truth import check_coverage
 

@@ -13,7 +13,7 @@ from otwarp.studies.axes import values
 from otwarp.studies.engines import memory
 from otwarp.studies.observables import first_passage, trapped
 from otwarp.studies.rare.study import EscapeStudy
-from otwarp.studies.stopping import trials
+from otwarp.studies.stopping.rules import trials
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 

@@ -14,8 +14,8 @@ from otwarp.kernels.core.types import ReadoutData, StateData, WorldNow
 from otwarp.kernels.drivers.numbers import first_lost as first_lost_of
 from otwarp.studies.contours import contour_lines
 from otwarp.studies.file import load_study
-from otwarp.studies.intervals import interval
 from otwarp.studies.outcomes import left_behind, place
+from otwarp.studies.stopping.intervals import interval
 from otwarp.studies.store import open_store
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well

@@ -14,11 +14,11 @@ from otwarp.cli.main import main
 from otwarp.studies import figure
 from otwarp.studies.axes import values
 from otwarp.studies.engines.run import run_study
-from otwarp.studies.intervals import rate_interval
 from otwarp.studies.observables import first_passage, trapped
 from otwarp.studies.rare.figure import draw_escapes
 from otwarp.studies.results import table
-from otwarp.studies.stopping import trials
+from otwarp.studies.stopping.intervals import rate_interval
+from otwarp.studies.stopping.rules import trials
 from otwarp.studies.store import Store
 from otwarp.studies.study import Study
 from otwarp.studies.survival_figure import curves_of

@@ -29,7 +29,7 @@ from otwarp.studies.file import load_study
 from otwarp.studies.observables import trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import progress, table
-from otwarp.studies.stopping import budget, trials
+from otwarp.studies.stopping.rules import budget, trials
 from otwarp.studies.store import Store, open_store, versions
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well

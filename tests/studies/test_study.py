@@ -24,7 +24,7 @@ from otwarp.studies.axes import Scatter, grid, sobol, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.observables import contact_force, delivered, first_passage, trapped
 from otwarp.studies.results import table
-from otwarp.studies.stopping import half_width, trials
+from otwarp.studies.stopping.rules import half_width, trials
 from otwarp.studies.store import open_store
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN

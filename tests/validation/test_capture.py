@@ -19,7 +19,7 @@ from otwarp.bench.integrators.wells import SplinedForce, Well
 from otwarp.bench.rungs import TrappedBead
 from otwarp.optics import Beam, Particle
 from otwarp.studies.observables import trapped
-from otwarp.studies.stopping import trials
+from otwarp.studies.stopping.rules import trials
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN
 

@@ -16,7 +16,7 @@ import otwarp as ot
 from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.hydrodynamics.bispherical import wall_resistance
 from otwarp.studies.observables import trapped
-from otwarp.studies.search import largest
+from otwarp.studies.stopping.search import largest
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN
 from tests.studies.scenes import bead_in_a_well

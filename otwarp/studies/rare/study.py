@@ -21,7 +21,7 @@ from otwarp.studies.rare.compute import Found, own_step_counts, rates_at
 from otwarp.studies.rare.layout import PILOT, SLOTS
 from otwarp.studies.rare.orders import Order, distance, order_of
 from otwarp.studies.rare.placement import MOST, rounded
-from otwarp.studies.stopping import trials
+from otwarp.studies.stopping.rules import trials
 from otwarp.studies.store import Variable
 from otwarp.studies.study import Study
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.studies.axes import Dimension, spoken
-from otwarp.studies.intervals import interval
-from otwarp.studies.stopping import Stop, budget, contour, half_width, trials
+from otwarp.studies.stopping.contour import contour
+from otwarp.studies.stopping.rules import Stop, budget, half_width, trials
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class Largest(Stop):
 
     def wanted(self, successes: np.ndarray, trials: np.ndarray, row: int = 1) -> np.ndarray:
         """(n) trials that points should have, in rows of `row`: all of them or none; see `Stop.wanted`."""
-        low, high = interval(successes[0], trials, level=self.level, method=self.method)
+        low, high = (end[0] for end in self.interval(successes[:1], trials))
         seen = np.where(trials > 0, successes[0] / np.maximum(trials, 1), np.nan)
         out = trials.reshape(-1, row).copy()
         known = out > 0

@@ -1,4 +1,4 @@
-"""How many trials a point gets: a number, or until its interval is narrow enough, everywhere or where a contour may be.
+"""How many trials a point gets: a number, until its interval is narrow enough, or as many as a budget has for it.
 
 Whether a point goes on follows from its own trials alone (in `search`, from those of its row, which one task computes;
 with a budget, from those of all points after each round), so that results do not depend on where and in which order
@@ -11,16 +11,16 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.studies.axes import Dimension
-from otwarp.studies.intervals import METHODS, Method, check_level, interval
+from otwarp.studies.stopping.intervals import METHODS, Method, check_level, interval
 
 GROWTH = 1.5
-"""A point that goes on for a contour or a budget gets half as many trials again."""
+"""A point that goes on without a guess of what that takes gets half as many trials again."""
 
 LEAST_MORE, MOST_MORE = 1.25, 4.0
 """How many times its trials a point gets at least and at most that goes on until its interval is narrow: what a small
@@ -34,10 +34,11 @@ class Stop:
     Attributes:
         half_width: Of the interval of every probability; None: all points get `at_most`.
         level: Of the interval.
-        method: How it is computed, a name of `METHODS`.
+        method: How it is computed, a name of `methods`.
         at_least, at_most: Trials of a point.
         of: The probability that decides; empty: each of them.
         budget: Trials of all points together, spent where they are wanted most; None: each point has its own.
+        methods: Names of the methods that this kind of rule may decide by.
 
     Raises:
         InputError: One of them out of range, or more trials at least than at most.
@@ -45,16 +46,17 @@ class Stop:
 
     half_width: float | None = None
     level: float = 0.95
-    method: Method = "clopper-pearson"
+    method: str = "clopper-pearson"
     at_least: int = 64
     at_most: int = 1024
     of: str = ""
     budget: int | None = None
+    methods: ClassVar[tuple[str, ...]] = METHODS
 
     def __post_init__(self) -> None:
         check_level(self.level)
-        if self.method not in METHODS:
-            raise InputError(f"method is {self.method!r}; allowed: {', '.join(METHODS)}")
+        if self.method not in self.methods:
+            raise InputError(f"method is {self.method!r}; allowed: {', '.join(self.methods)}")
         if self.half_width is not None and not 0.0 < self.half_width < 0.5:
             raise InputError(f"half width is {self.half_width!r}; allowed: above 0 and below 0.5")
         for name in ("at_least", "at_most", *(() if self.budget is None else ("budget",))):
@@ -66,6 +68,15 @@ class Stop:
         if self.at_least > self.at_most:
             raise InputError(f"at least {self.at_least} trials and at most {self.at_most}; allowed: no more at least")
 
+    def interval(self, successes: np.ndarray, trials: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(k, n) ends of the intervals by which this rule decides.
+
+        Args:
+            successes: (k, n) of each probability that is looked at.
+            trials: (n) done so far.
+        """
+        return interval(successes, trials, level=self.level, method=self.method)
+
     def wanted(self, successes: np.ndarray, trials: np.ndarray, row: int = 1) -> np.ndarray:
         """(n) trials that points should have, no more than they have where they have enough.
 
@@ -76,17 +87,23 @@ class Stop:
         """
         if self.half_width is None or not len(successes):
             return np.full(len(trials), self.at_most)
-        low, high = interval(successes, trials, level=self.level, method=self.method)
+        low, high = self.interval(successes, trials)
         wide = np.any(0.5 * (high - low) > self.half_width, axis=0)
         # what a normal interval of the present estimate would take, drawn into the middle as a small count is
         # uncertain; exact intervals are wider by about half a trial to either side
         share = (successes + 1.0) / (trials + 2.0)
         guess = np.max(share * (1.0 - share), axis=0) * (_quantile(self.level) / self.half_width) ** 2
         guess = np.ceil(guess + 1.0 / self.half_width)
-        return self._more(wide, np.clip(guess, np.ceil(LEAST_MORE * trials), MOST_MORE * trials), trials)
+        return self.going_on(wide, np.clip(guess, np.ceil(LEAST_MORE * trials), MOST_MORE * trials), trials)
 
-    def _more(self, on: np.ndarray, to: np.ndarray, trials: np.ndarray) -> np.ndarray:
-        """(n) trials: `to` for points that go on, `at_least` for all, and before anything is known."""
+    def going_on(self, on: np.ndarray, to: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """(n) trials that points should have: at least `at_least`, and no more than `at_most`.
+
+        Args:
+            on: (n) whether a point goes on.
+            to: (n) trials of those that do.
+            trials: (n) done so far.
+        """
         first = np.minimum(np.maximum(to * on, self.at_least), self.at_most)
         return np.where(on | (trials < self.at_least), first, trials).astype(int)
 
@@ -105,7 +122,7 @@ class Stop:
         assert self.budget is not None
         if not np.any(trials):
             return np.full(len(trials), self.at_least)
-        wide = self.width(*interval(successes, trials, level=self.level, method=self.method))
+        wide = self.width(*self.interval(successes, trials))
         on = np.flatnonzero((wide > (self.half_width or 0.0)) & (trials < self.at_most))
         on = on[np.argsort(-wide[on], kind="stable")]
         left = self.budget - int(trials.sum())
@@ -176,46 +193,6 @@ class Stop:
         return said if self.budget is not None else {name: v for name, v in said.items() if name != "budget"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Contour(Stop):
-    """Trials where a contour may be: a point goes on while its interval holds a level and is wider than wanted.
-
-    Attributes:
-        levels: Probabilities, above 0 and below 1.
-
-    Raises:
-        InputError: One of them out of range.
-    """
-
-    levels: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.levels or not all(isinstance(p, int | float) and 0.0 < p < 1.0 for p in self.levels):
-            raise InputError(f"contour is {self.levels}; allowed: one or more probabilities above 0 and below 1")
-
-    def check(self, probabilities: Sequence[str], points: int) -> None:
-        """As `Stop.check`; a contour needs a probability.
-
-        Raises:
-            InputError: There is none.
-        """
-        super().check(probabilities, points)
-        if not probabilities:
-            raise InputError("contour needs a probability; allowed: trapped, lost, delivered, … among the observables")
-
-    def wanted(self, successes: np.ndarray, trials: np.ndarray, row: int = 1) -> np.ndarray:
-        """(n) trials that points should have; see `Stop.wanted`."""
-        wide = self.width(*interval(successes, trials, level=self.level, method=self.method))
-        on = (wide > (self.half_width or 0.0)) & (trials < self.at_most)
-        return self._more(on, np.ceil(GROWTH * trials), trials)
-
-    def width(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(n) as of any rule; 0 for intervals `low` … `high` that hold none of the levels."""
-        holds = np.any([(low <= p) & (p <= high) for p in self.levels], axis=0)
-        return np.max(np.where(holds, 0.5 * (high - low), 0.0), axis=0)
-
-
 def half_width(
     width: float,
     *,
@@ -231,7 +208,7 @@ def half_width(
     Args:
         width: Half the length of an interval that is narrow enough, above 0 and below 0.5.
         level: Of the intervals, such as 0.95.
-        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
+        method: How they are computed, a name of `otwarp.studies.stopping.intervals.METHODS`.
         at_least, at_most: Trials of a point.
         of: Name of the probability that decides; empty: each of them.
         budget: Trials of all points together, those with the widest intervals first; None: each point has its own.
@@ -257,7 +234,7 @@ def budget(
     Args:
         count: Trials of all points together.
         level: Of the intervals, such as 0.95.
-        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
+        method: How they are computed, a name of `otwarp.studies.stopping.intervals.METHODS`.
         at_least, at_most: Trials of a point.
         of: Name of the probability that decides; empty: each of them.
 
@@ -280,38 +257,6 @@ def trials(count: int, *, level: float = 0.95) -> Stop:
     if not isinstance(count, int) or isinstance(count, bool) or count < 1:
         raise InputError(f"trials is {count!r}; allowed: a whole number of trials, 1 or more")
     return Stop(level=level, at_least=1, at_most=count)
-
-
-def contour(
-    *levels: float,
-    half_width: float = 0.02,
-    level: float = 0.95,
-    method: Method = "sequence",
-    at_least: int = 64,
-    at_most: int = 16_384,
-    of: str = "",
-    budget: int | None = None,
-) -> Contour:
-    """Trials where the contours P = `levels` may be, until intervals there reach `half_width` to either side.
-
-    A point that is surely above or below stops at once. It is looked at until then, so the interval is a confidence
-    sequence: those of Clopper and Pearson would miss more often than they say.
-
-    Args:
-        levels: Probabilities, above 0 and below 1.
-        half_width: Half the length of an interval that is narrow enough, above 0 and below 0.5.
-        level: Of the intervals, such as 0.95.
-        method: How they are computed, a name of `otwarp.studies.intervals.METHODS`.
-        at_least, at_most: Trials of a point.
-        of: Name of the probability that decides; empty: each of them.
-        budget: Trials of all points together, those of the contour with the widest intervals first; None: each point
-            has its own.
-
-    Raises:
-        InputError: One of them out of range.
-    """
-    how = {"level": level, "method": method, "at_least": at_least, "at_most": at_most, "of": of, "budget": budget}
-    return Contour(levels=levels, half_width=half_width, **how)  # type: ignore[arg-type]
 
 
 def _quantile(level: float) -> float:

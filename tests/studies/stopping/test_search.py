@@ -11,10 +11,11 @@ from otwarp.errors import InputError
 from otwarp.hydrodynamics.bispherical import wall_resistance
 from otwarp.studies.axes import grid, values
 from otwarp.studies.file import load_study
-from otwarp.studies.intervals import interval
 from otwarp.studies.observables import first_passage, trapped
-from otwarp.studies.search import largest, stop_of
-from otwarp.studies.stopping import contour
+from otwarp.studies.stopping.contour import contour
+from otwarp.studies.stopping.intervals import interval
+from otwarp.studies.stopping.rules import half_width
+from otwarp.studies.stopping.search import largest, stop_of
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN
 from tests.studies.scenes import bead_in_a_well
@@ -58,17 +59,31 @@ def test_the_largest_value_is_covered(common):
     assert np.median(never - sure) < 0.6
 
 
+@pytest.mark.parametrize("method", ["looks", "sequence"])
 @pytest.mark.parametrize("apart", [0.0, 0.01, 0.05, 0.2])
-def test_a_contour_is_covered(apart):
+def test_a_contour_is_covered(apart, method):
     """Points that stop when they are surely off the contour hold their chance in 95 % of 1,000 cases, within 5σ."""
     count = 1_000
-    rule = contour(0.5, half_width=0.06, at_least=16, at_most=4_096)
+    rule = contour(0.5, half_width=0.06, at_least=16, at_most=4_096, method=method)
     k, n = filled(rule, np.full((count, 1), 0.5 + apart), np.random.Generator(np.random.Philox(7)), common=False)
-    low, high = interval(k, n, level=0.95, method=rule.method)
+    low, high = (end[0].reshape(n.shape) for end in rule.interval(k.reshape(1, -1), n.ravel()))
     held = np.mean((low <= 0.5 + apart) & (0.5 + apart <= high))
     assert held >= 0.95 - 5.0 * np.sqrt(0.95 * 0.05 / count)
     assert np.all((0.5 * (high - low) <= 0.06) | (low > 0.5) | (high < 0.5))
     assert apart < 0.2 or np.median(n) < 120
+
+
+@pytest.mark.parametrize("points", [8, 32])
+def test_a_contour_costs_less_than_the_same_width_everywhere(points):
+    """On a map whose P falls from 0.9 to 0.1 over a quarter of its side: less than half of the trials."""
+    x = np.linspace(-0.5, 0.5, points)
+    chances = expit((np.hypot(x[:, None], x) - 0.3) / 0.06)
+    random = np.random.Generator(np.random.Philox(9))
+    rules = half_width(0.05), contour(0.5, half_width=0.05)
+    taken = [filled(rule, chances, random, common=False)[1] for rule in rules]
+    assert 2 * taken[1].sum() < taken[0].sum()
+    beside = np.abs(chances - 0.5) < 0.02
+    assert not beside.any() or taken[1][beside].mean() > 0.9 * taken[0][beside].mean()
 
 
 @pytest.mark.thorough

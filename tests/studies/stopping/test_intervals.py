@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from otwarp.errors import InputError
-from otwarp.studies.intervals import interval, survival
-from otwarp.studies.stopping import half_width
+from otwarp.studies.stopping.intervals import interval, survival
+from otwarp.studies.stopping.rules import half_width
 
 
 def test_clopper_pearson_is_exact():

@@ -1,10 +1,11 @@
 """Confidence intervals of probabilities and times, from counts of trials.
 
 Clopper and Pearson (1934, doi:10.1093/biomet/26.4.404) is exact for a number of trials that was fixed beforehand, and
-stays at or above its level where trials go on until the interval is narrow enough, as `tests/studies/test_intervals.py`
-simulates. Who looks after every trial for any reason whatever takes the confidence sequence: the likelihood of a beta
-mixture over that of the true probability is a martingale, which by Ville's inequality exceeds 1/α with probability α at
-most, ever (Robbins 1970, doi:10.1214/aoms/1177696786; Howard et al. 2021, doi:10.1214/20-AOS1991).
+stays at or above its level where trials go on until the interval is narrow enough, which
+`tests/studies/stopping/test_intervals.py` simulates. Who looks after every trial for any reason whatever takes the
+confidence sequence: the likelihood of a beta mixture over that of the true probability is a martingale, which by
+Ville's inequality exceeds 1/α with probability α at most, ever (Robbins 1970, doi:10.1214/aoms/1177696786; Howard et
+al. 2021, doi:10.1214/20-AOS1991).
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ METHODS: tuple[Method, ...] = ("clopper-pearson", "sequence")
 
 
 def interval(
-    successes: ArrayLike, trials: ArrayLike, *, level: float = 0.95, method: Method = "clopper-pearson"
+    successes: ArrayLike, trials: ArrayLike, *, level: ArrayLike = 0.95, method: str = "clopper-pearson"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper ends of the intervals of probabilities, [0, 1] where there was no trial.
 
     Args:
         successes, trials: Counts, arrays that broadcast.
-        level: Probability with which an interval holds the truth, at least.
+        level: Probability with which an interval holds the truth, at least; an array that broadcasts beside them.
         method: A name of `METHODS`.
 
     Raises:
@@ -35,24 +36,26 @@ def interval(
     """
     k, n = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(trials, dtype=float))
     check_level(level)
+    of = np.asarray(level, dtype=float)
     if method not in METHODS:
         raise InputError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
     if np.any((k < 0) | (k > n)):
         raise InputError("successes are fewer than none or more than the trials; allowed: 0 to the number of trials")
-    return _clopper_pearson(k, n, level) if method == "clopper-pearson" else _sequence(k, n, level)
+    return _clopper_pearson(k, n, of) if method == "clopper-pearson" else _sequence(k, n, of)
 
 
-def check_level(level: float) -> None:
+def check_level(level: ArrayLike) -> None:
     """Refuse a level that is no probability between 0 and 1.
 
     Raises:
         InputError: One line.
     """
-    if not 0.0 < level < 1.0:
+    of = np.asarray(level)
+    if not np.all((of > 0.0) & (of < 1.0)):
         raise InputError(f"level is {level!r}; allowed: above 0 and below 1")
 
 
-def _clopper_pearson(k: np.ndarray, n: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+def _clopper_pearson(k: np.ndarray, n: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     from scipy.special import betaincinv
 
     tail = 0.5 * (1.0 - level)
@@ -87,7 +90,7 @@ def rate_interval(events: ArrayLike, exposure: ArrayLike, *, level: float = 0.95
     return np.where(t > 0.0, low, 0.0), np.where(t > 0.0, high, np.inf)
 
 
-def _sequence(k: np.ndarray, n: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+def _sequence(k: np.ndarray, n: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All p whose likelihood is at least α times that of the beta(1/2, 1/2) mixture, found by bisection."""
     from scipy.special import betaln, xlog1py, xlogy
 
